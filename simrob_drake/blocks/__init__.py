@@ -1,0 +1,1 @@
+"""The blocks of a station, one concept a file: Drake's primitives wired together, and a few LeafSystems."""

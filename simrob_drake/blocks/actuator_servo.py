@@ -1,0 +1,73 @@
+"""Joint servos inside the plant's own actuators, which discrete and convex solvers treat implicitly.
+
+The law is that of :mod:`simrob_drake.blocks.servo`; PD and torque limit are set in the plant's actuators before it is
+finalized. Integral part and feedforward enter through the actuation port, and the sum is clamped at the limit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+
+from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_integral
+from simrob_drake.blocks.wiring import joined, mapped, summed
+from simrob_drake.frames import Vector
+
+
+def set_actuator_gains(plant: MultibodyPlant, joints: list[JointIndex], gains: ServoGains) -> None:
+    """Put PD gains and torque limits into the actuators of ``joints``, before the plant is finalized."""
+    for index in range(plant.num_actuators()):  # the indices of a model instance are known after Finalize() only
+        actuator = plant.get_joint_actuator(JointActuatorIndex(index))
+        if actuator.joint().index() not in joints:
+            continue
+        axis = joints.index(actuator.joint().index())
+        actuator.set_effort_limit(float(gains.torque_limit[axis]))
+        actuator.set_controller_gains(PdControllerGains(p=float(gains.kp[axis]), d=float(gains.kd[axis])))
+
+
+def add_actuator_servos(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    signals: ServoSignals,
+    gains: ServoGains,
+    *,
+    actuation_map: Vector,
+    prefix: str = "",
+    velocity_sense: int = 1,
+) -> OutputPort:
+    """Wire the desired state of a model instance whose actuators hold the PD gains.
+
+    Args:
+        builder: the diagram under construction.
+        plant: finalized, with gains set.
+        instance: the robot.
+        signals: the ports to read, in axis order.
+        gains: the figures, in axis order; of them only the integral part is used here.
+        actuation_map: matrix (actuators, n) from axis torques to actuator torques.
+        prefix: stands before the names of all blocks.
+        velocity_sense: -1 for the scheme ``cenic`` of Drake 1.51, which takes the desired velocity with the wrong sign.
+
+    Returns:
+        the torques that the actuators apply, size n [N·m], in axis order.
+    """
+    nothing = np.zeros_like(actuation_map)
+    desired = np.vstack([actuation_map, nothing])
+    source = signals.reference
+    if signals.reference_velocity is not None:
+        desired = np.hstack([desired, np.vstack([nothing, velocity_sense * actuation_map])])
+        source = joined(builder, f"{prefix}desired", signals.reference, signals.reference_velocity)
+    builder.Connect(
+        mapped(builder, f"{prefix}desired_state", desired, source), plant.get_desired_state_input_port(instance)
+    )
+    extra = [port for port in (signals.feedforward,) if port is not None]
+    if (gains.ki > 0).any():
+        bus = joined(builder, f"{prefix}servo.bus", signals.reference, signals.state)
+        extra.append(add_integral(builder, bus, gains, list(range(len(gains.kp))), f"{prefix}servo"))
+    if extra:
+        total = mapped(builder, f"{prefix}actuation", actuation_map, summed(builder, f"{prefix}feedforward_sum", *extra))
+        builder.Connect(total, plant.get_actuation_input_port(instance))
+    applied = plant.get_net_actuation_output_port(instance)
+    return mapped(builder, f"{prefix}applied_torque", actuation_map.T, applied)

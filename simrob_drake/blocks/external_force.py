@@ -1,0 +1,39 @@
+"""An external force at the tool centre point, from C++ blocks alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant, Propeller, PropellerInfo
+from pydrake.multibody.tree import Frame
+from pydrake.systems.framework import DiagramBuilder
+
+
+def add_external_force(builder: DiagramBuilder, plant: MultibodyPlant, frame: Frame, *, name: str) -> Propeller:
+    """Add a force along the three axes of a frame, as three propellers without drag.
+
+    Drake's Propeller pushes along the z axis of a frame fixed to a body; three of them, turned, make a force vector.
+
+    Args:
+        builder: the diagram under construction.
+        plant: the finalized plant of the frame.
+        frame: where the force acts, and whose axes it is given in.
+        name: of the block.
+
+    Returns:
+        the block: its ``command`` input (3) is the force [N]; its ``spatial_forces`` output goes to the plant.
+    """
+    body = frame.body()
+    pose = frame.GetFixedPoseInBodyFrame()
+    along_z = {
+        "x": RotationMatrix.MakeYRotation(np.pi / 2),
+        "y": RotationMatrix.MakeXRotation(-np.pi / 2),
+        "z": RotationMatrix.Identity(),
+    }
+    propellers = [
+        PropellerInfo(body.index(), RigidTransform(pose.rotation() @ turn, pose.translation()), 1.0, 0.0)
+        for turn in along_z.values()
+    ]
+    block = builder.AddNamedSystem(name, Propeller(propellers))
+    builder.Connect(plant.get_body_poses_output_port(), block.get_body_poses_input_port())
+    return block

@@ -1,0 +1,59 @@
+r"""Elastic end stops, for the schemes that know no joint limits.
+
+A stop is a spring and a damper that only push: with :math:`w = q + (d/k)\,v`,
+
+.. math:: \tau = -k\,\bigl(w - \mathrm{clip}(w, q_{lower}, q_{upper})\bigr).
+
+Inside its range a joint feels nothing, but that the damper already acts d/k (1 ms) before the limit is reached.
+Figures: the joints of the Simulink models, 1e4 N·m/deg and 10 N·m·s/deg, whose transition of 0.1 deg takes the same
+place. Only C++ primitives are used.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JointIndex
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import MatrixGain, Multiplexer, Saturation
+
+
+def add_joint_stops(builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: float, damping: float) -> None:
+    """Add stops at every finite limit of a plant's one-axis joints.
+
+    Args:
+        builder: the diagram under construction, with the plant in it.
+        plant: finalized; its input ``applied_generalized_force`` is used up.
+        stiffness: k [N·m/rad], positive.
+        damping: d [N·m·s/rad], not negative.
+    """
+    joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
+    limited = [
+        joint
+        for joint in joints
+        if joint.num_velocities() == 1
+        and np.isfinite([joint.position_lower_limit(), joint.position_upper_limit()]).any()
+    ]
+    if not limited:
+        return
+    count, rows = len(limited), np.arange(len(limited))
+    velocities = [joint.velocity_start() for joint in limited]
+    pick = np.zeros((count, plant.num_multibody_states()))
+    pick[rows, [joint.position_start() for joint in limited]] = 1.0
+    pick[rows, [plant.num_positions() + velocity for velocity in velocities]] = damping / stiffness
+    push = np.zeros((plant.num_velocities(), 2 * count))
+    push[velocities, rows] = -stiffness
+    push[velocities, count + rows] = stiffness
+
+    ahead = builder.AddNamedSystem("stops.position_ahead", MatrixGain(pick))
+    lower = np.array([joint.position_lower_limit() for joint in limited])
+    upper = np.array([joint.position_upper_limit() for joint in limited])
+    clip = builder.AddNamedSystem("stops.range", Saturation(lower, upper))
+    both = builder.AddNamedSystem("stops.penetration", Multiplexer([count, count]))
+    force = builder.AddNamedSystem("stops.force", MatrixGain(push))
+    builder.Connect(plant.get_state_output_port(), ahead.get_input_port())
+    builder.Connect(ahead.get_output_port(), clip.get_input_port())
+    builder.Connect(ahead.get_output_port(), both.get_input_port(0))
+    builder.Connect(clip.get_output_port(), both.get_input_port(1))
+    builder.Connect(both.get_output_port(), force.get_input_port())
+    builder.Connect(force.get_output_port(), plant.get_applied_generalized_force_input_port())

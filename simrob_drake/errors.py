@@ -1,0 +1,66 @@
+"""The errors that users meet: each message says what is wrong, where, and what would be right, in one line."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class SimrobError(ValueError):
+    """Base of every error that a user's input can cause."""
+
+
+class InvalidParameter(SimrobError):
+    """A value that a block, a function or a station cannot take."""
+
+    def __init__(self, name: str, value: object, expected: str) -> None:
+        """Say that parameter ``name`` has ``value`` where ``expected`` would be right."""
+        shown = value if isinstance(value, str) else repr(value)
+        super().__init__(f"{name} is {_shortened(shown)}; it must be {expected}")
+
+
+class UnknownName(SimrobError):
+    """A name that stands for nothing here; the message proposes the nearest known one."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        """Say that no ``kind`` is called ``name``, with what is known."""
+        super().__init__(f"there is no {kind} '{name}'{nearest(name, known)}")
+
+
+class InvalidConfig(SimrobError):
+    """A station's or a robot's configuration with an entry that cannot be."""
+
+    def __init__(self, where: Path | str, key: str, problem: str) -> None:
+        """Say in which file (or override) and under which key the problem lies."""
+        super().__init__(f"{where}: {key}: {problem}" if key else f"{where}: {problem}")
+
+
+class InvalidModel(SimrobError):
+    """A URDF that cannot be simulated as it is; the message names the file and the element."""
+
+    def __init__(self, where: Path | str, element: str, problem: str) -> None:
+        """Say in which file and element the problem lies."""
+        super().__init__(f"{where}: {element}: {problem}" if element else f"{where}: {problem}")
+
+
+class UnsupportedSolver(SimrobError):
+    """A solver setting that this station, or the place where it stands, cannot take."""
+
+
+class OutputError(SimrobError):
+    """Results that cannot be written where the user asked."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean 'x'?" or the list of known names, ready to be appended to a message."""
+    names = sorted(set(known))
+    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.6)
+    if close:
+        return f"; did you mean '{close[0]}'?"
+    return f"; known: {', '.join(names)}" if names else ""
+
+
+def _shortened(value: str, length: int = 80) -> str:
+    text = " ".join(value.split())
+    return text if len(text) <= length else text[: length - 1] + "…"

@@ -1,0 +1,158 @@
+"""The states of a run at its accepted steps, and between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, EventStatus
+
+from simrob_drake.frames import Vector
+
+
+class Recorder:
+    """Keep time, continuous state and every discrete group at each accepted step, whatever the solver.
+
+    It is the simulator's monitor, which Drake calls after each step: it forces no steps and costs a few microseconds.
+    """
+
+    def __init__(self, simulator: Simulator, watcher: Callable[[Context], None] | None = None) -> None:
+        """Begin to record, with the state that the simulator starts from.
+
+        Args:
+            simulator: whose monitor this becomes.
+            watcher: called after each accepted step.
+        """
+        self.times: list[float] = []
+        self._continuous: list[Vector] = []
+        self._discrete: list[list[Vector]] = []
+        context = simulator.get_context()
+        self._has_continuous = context.num_continuous_states() > 0
+        self._groups = range(context.num_discrete_state_groups())
+        self._watcher = watcher
+        self._keep(context)
+        simulator.set_monitor(self._keep)
+
+    def _keep(self, context: Context) -> EventStatus:
+        time = context.get_time()
+        if self.times and time == self.times[-1]:  # an event at a step's end: what it left counts
+            for kept in (self.times, self._continuous, self._discrete):
+                del kept[-1:]
+        self.times.append(time)
+        if self._has_continuous:
+            self._continuous.append(context.get_continuous_state_vector().CopyToVector())
+        if self._groups:
+            self._discrete.append([context.get_discrete_state(group).value().copy() for group in self._groups])
+        if self._watcher is not None:
+            self._watcher(context)
+        return EventStatus.DidNothing()
+
+    def is_finite(self) -> bool:
+        """Tell whether the last recorded state is made of numbers."""
+        last = [*self._continuous[-1:], *(self._discrete[-1] if self._discrete else [])]
+        return not any(np.isnan(values).any() for values in last)
+
+    def history(self) -> History:
+        """Return what was recorded so far, up to the last state that is finite."""
+        count = len(self.times)
+        continuous = np.array(self._continuous) if self._has_continuous else np.zeros((count, 0))
+        discrete = [np.array([groups[group] for groups in self._discrete]) for group in self._groups]
+        finite = np.isfinite(continuous).all(axis=1)
+        for group in discrete:
+            finite &= ~np.isnan(group).any(axis=1)  # infinite is a value: "not yet"
+        kept = count if finite.all() else max(int(np.argmin(finite)), 1)
+        return History(np.array(self.times[:kept]), continuous[:kept], [group[:kept] for group in discrete])
+
+
+@dataclass(frozen=True)
+class PlantSlice:
+    """Where a continuous plant's positions and velocities lie in the state of its diagram."""
+
+    start: int
+    num_positions: int
+    num_velocities: int
+
+    @property
+    def positions(self) -> slice:
+        """The places of the positions."""
+        return slice(self.start, self.start + self.num_positions)
+
+    @property
+    def velocities(self) -> slice:
+        """The places of the velocities."""
+        return slice(self.positions.stop, self.positions.stop + self.num_velocities)
+
+
+def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> PlantSlice | None:
+    """Return where the plant's state lies in a diagram's continuous state; None if it has none there."""
+    start = 0
+    for system in diagram.GetSystems():
+        size = system.GetMyContextFromRoot(context).num_continuous_states()
+        if system is plant:
+            return PlantSlice(start, plant.num_positions(), plant.num_velocities()) if size else None
+        start += size
+    return None
+
+
+@dataclass(frozen=True)
+class History:
+    """States at the accepted steps of a run.
+
+    Attributes:
+        times: of the steps' ends, shape (m,) [s], rising.
+        continuous: continuous states, shape (m, nx).
+        discrete: for every discrete group its values, shape (m, size).
+    """
+
+    times: Vector
+    continuous: Vector
+    discrete: list[Vector] = field(default_factory=list)
+
+    @property
+    def end(self) -> float:
+        """The time of the last state [s]."""
+        return float(self.times[-1])
+
+    def at(self, times: Vector, plant: PlantSlice | None, rates: Vector | None) -> History:
+        """Return the states at ``times``, exact at step ends.
+
+        Positions of the plant follow a cubic Hermite spline on the joint rates, the rest of the continuous state a
+        straight line; discrete values are those held over the step that ended there.
+
+        Args:
+            times: within the run, shape (k,) [s].
+            plant: where the plant's state lies.
+            rates: time derivatives of the plant's positions at the steps, shape (m, nq).
+        """
+        after = np.clip(np.searchsorted(self.times, times, side="left"), 0, len(self.times) - 1)
+        before = np.maximum(after - 1, 0)
+        width = self.times[after] - self.times[before]
+        part = np.divide(times - self.times[before], width, out=np.ones_like(times), where=width > 0)[:, np.newaxis]
+        low, high = self.continuous[before], self.continuous[after]
+        states = np.where(part == 1, high, low + part * (high - low))
+        if plant is not None and rates is not None:
+            knots = slice(None), plant.positions
+            slopes = rates[before] * width[:, np.newaxis], rates[after] * width[:, np.newaxis]
+            states[knots] = _hermite(part, low[knots], high[knots], *slopes)
+        return History(times, states, [group[after] for group in self.discrete])
+
+    def until(self, time: float, plant: PlantSlice | None, rates: Vector | None) -> History:
+        """Return the states up to ``time``, which is the last one's."""
+        kept = self.times < time
+        last = self.at(np.array([time]), plant, rates)
+        return History(
+            np.append(self.times[kept], time),
+            np.vstack([self.continuous[kept], last.continuous]),
+            [np.vstack([group[kept], end]) for group, end in zip(self.discrete, last.discrete, strict=True)],
+        )
+
+
+def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:
+    """Return the cubic between two values with two slopes (per interval), at ``part`` from 0 to 1."""
+    left = 1 - part
+    return np.asarray(
+        left**2 * ((1 + 2 * part) * low + part * low_slope) + part**2 * ((3 - 2 * part) * high - left * high_slope)
+    )

@@ -1,0 +1,145 @@
+"""What a simulation returns, and the folder it can be saved to."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from typing import Any, Literal
+
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+import simrob_drake
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.plant import StationPlant
+from simrob_drake.stations.references import Samples
+
+Ending = Literal["completed", "monitor", "diverged"]
+DIVERGED = "diverged"
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """A run: its signals, how it ended and how fast it was. One exists however the run ended.
+
+    Attributes:
+        config: the station as it was run.
+        plant: the station's plant, for its robots' figures.
+        ending: ``completed``, ``monitor`` or ``diverged``.
+        stopped_by: the name of the monitor that ended the run, "diverged", or None.
+        message: how the run ended, in words.
+        names: the columns of ``values``.
+        times: of the samples, shape (m,) [s]; evenly spaced, with the end of the run last.
+        values: the signals, shape (m, k), SI units and radians.
+        step_times: ends of the accepted steps [s].
+        positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq).
+        stepping_time, signal_time: wall-clock seconds spent on each.
+        references: what was given to simulate() in place of the configuration's references, by robot.
+    """
+
+    config: StationConfig
+    plant: StationPlant
+    ending: Ending
+    stopped_by: str | None
+    message: str
+    names: list[str]
+    times: Vector
+    values: Vector
+    step_times: Vector
+    positions_at: Callable[[Vector], Vector]
+    stepping_time: float
+    signal_time: float
+    references: dict[str, Trajectory | Samples] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Vector:
+        """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
+        from simrob_drake.errors import UnknownName
+
+        if name not in self.names:
+            raise UnknownName("signal", name, self.names)
+        return self.values[:, self.names.index(name)]
+
+    def axes(self, signal: str, robot: str | None = None) -> Vector:
+        """Return a signal of all axes of a robot, shape (m, n): ``q_ref``, ``q``, ``v`` or ``tau``.
+
+        Args:
+            signal: the column's name before the axis.
+            robot: needed where the station has several.
+        """
+        station_robot = self.plant.robots[robot or next(iter(self.plant.robots))]
+        return np.column_stack([self[f"{station_robot.prefix}{signal}.{axis}"] for axis in station_robot.axes])
+
+    def pose(self, signal: str, robot: str | None = None) -> Vector:
+        """Return a pose signal, ``base`` or ``tcp``, shape (m, 7): x y z qw qx qy qz."""
+        station_robot = self.plant.robots[robot or next(iter(self.plant.robots))]
+        return np.column_stack([self[f"{station_robot.prefix}{signal}.{part}"] for part in XYZ_QUATERNION_NAMES])
+
+    @property
+    def stop_time(self) -> float:
+        """When the run ended, in simulated time [s]."""
+        return float(self.times[-1])
+
+    @property
+    def wall_time(self) -> float:
+        """Wall-clock seconds of stepping and signals."""
+        return self.stepping_time + self.signal_time
+
+    @property
+    def realtime_rate(self) -> float:
+        """Simulated over wall-clock time of stepping and signals."""
+        return self.stop_time / self.wall_time if self.wall_time > 0 else 0.0
+
+    def summary(self) -> dict[str, Any]:
+        """Return what ``summary.json`` holds."""
+        robots = self.plant.robots
+        only = self.config.only_robot
+        return {
+            "station": self.config.name,
+            "robot": robots[only].model.name if only else {name: robot.model.name for name, robot in robots.items()},
+            "duration": self.config.duration,
+            "stopped_by": self.stopped_by,
+            "stop_time": self.stop_time,
+            "message": self.message,
+            "solver": self.config.solver.model_dump() if self.config.mode == "dynamic" else None,
+            "steps": len(self.step_times) - 1,
+            "wall_time": self.wall_time,
+            "realtime_rate": self.realtime_rate,
+            "final": {
+                "joint_position": self._by_axis("q", -1),
+                "joint_torque": self._by_axis("tau", -1),
+                "base_pose": self._final_pose("base"),
+                "tcp_pose": self._final_pose("tcp"),
+            },
+            "peak": {"joint_torque": self._peaks("tau")},
+            "versions": {
+                "simrob_drake": simrob_drake.__version__,
+                "drake": version("drake"),
+                "numpy": version("numpy"),
+                "python": platform.python_version(),
+            },
+        }
+
+    def _columns(self, signal: str) -> dict[str, Vector]:
+        return {
+            f"{robot.prefix}{axis}": self[f"{robot.prefix}{signal}.{axis}"]
+            for robot in self.plant.robots.values()
+            for axis in robot.axes
+        }
+
+    def _by_axis(self, signal: str, row: int) -> dict[str, float]:
+        return {axis: float(values[row]) for axis, values in self._columns(signal).items()}
+
+    def _peaks(self, signal: str) -> dict[str, float]:
+        """Return the value of largest size of a signal, with its sign, by axis."""
+        return {axis: float(values[np.argmax(np.abs(values))]) for axis, values in self._columns(signal).items()}
+
+    def _final_pose(self, signal: str) -> Any:
+        poses = {
+            name: [float(value) for value in pose_from_transform(transform_from_xyz_quaternion(self.pose(signal, name)[-1]))]
+            for name, robot in self.plant.robots.items()
+            if f"{robot.prefix}{signal}.x" in self.names
+        }
+        return poses.get(self.config.only_robot) if self.config.only_robot else poses

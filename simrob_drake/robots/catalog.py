@@ -1,0 +1,190 @@
+"""The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, or any clean URDF by path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.paths import models_root
+from simrob_drake.robots.urdf import (
+    check_urdf,
+    joint_effort,
+    joint_limits,
+    last_link,
+    links_without_inertia,
+    movable_joints,
+    read_urdf,
+    root_link,
+)
+from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
+
+ROBOT_FILE = "robot.yaml"
+
+AxisValues = Number | list[Number] | dict[str, Number]
+"""One number for all axes, a list in axis order, or a mapping by axis name or alias."""
+
+
+class Axis(Strict):
+    """One axis of a robot: a joint of its URDF and the sense that counts as positive."""
+
+    joint: str
+    sign: Literal[-1, 1] = 1
+    aliases: tuple[str, ...] = ()
+
+
+class Gains(Strict):
+    """Servo gains that a robot brings along; a station may set others."""
+
+    kp: AxisValues | None = None
+    ki: AxisValues | None = None
+    kd: AxisValues | None = None
+    torque_limit: AxisValues | None = None
+
+
+def _axes_by_name(axes: Any) -> Any:
+    """Let a plain list of joints stand for axes of the same names."""
+    return {name: {"joint": name} for name in axes} if isinstance(axes, list) else axes
+
+
+class RobotModel(Strict):
+    """A robot as its ``robot.yaml`` describes it.
+
+    The order of ``axes`` is the order of every vector of this robot, and each axis is positive in the sense that
+    its ``sign`` gives to the URDF's joint.
+    """
+
+    name: str
+    folder: Path
+    description: str = ""
+    source: str = ""
+    urdf: str
+    base: Literal["fixed", "floating"] = "fixed"
+    root: str
+    axes: Annotated[dict[str, Axis], BeforeValidator(_axes_by_name), Field(min_length=1)]
+    tools: dict[str, str] = {}
+    home_deg: AxisValues = 0.0
+    servo: Gains = Gains()
+
+    @property
+    def urdf_path(self) -> Path:
+        """The URDF file."""
+        return self.folder / self.urdf
+
+    @cached_property
+    def element(self) -> Element:
+        """The checked ``robot`` element of the URDF.
+
+        Raises:
+            InvalidModel: the file cannot be read or has a defect.
+        """
+        root = read_urdf(self.urdf_path)
+        check_urdf(root, self.urdf_path)
+        return root
+
+    @property
+    def links_without_inertia(self) -> list[str]:
+        """Moving links that have no inertia, which only a kinematic station can take."""
+        return links_without_inertia(self.element)
+
+    @property
+    def axis_limits(self) -> tuple[Vector, Vector]:
+        """Lower and upper limit of every axis [rad], each of shape (n,), in the sense of the axes."""
+        pairs = np.array([joint_limits(self.element, axis.joint) for axis in self.axes.values()])
+        signs = np.array([axis.sign for axis in self.axes.values()])
+        lower, upper = np.sort(pairs * signs[:, np.newaxis], axis=1).T
+        return lower, upper
+
+    @property
+    def efforts(self) -> Vector:
+        """Largest torque of every axis' motor in the URDF, shape (n,) [N·m]."""
+        return np.array([joint_effort(self.element, axis.joint) for axis in self.axes.values()])
+
+    def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
+        """Spread a number, a list or a mapping over the axes.
+
+        Args:
+            values: what a user wrote.
+            name: the key it was written under, for the message.
+            default: the value, or values, of axes that a mapping leaves out.
+
+        Returns:
+            shape (n,), in axis order.
+
+        Raises:
+            InvalidParameter: a list of the wrong length.
+            UnknownName: a mapping with a key that is no axis.
+        """
+        count = len(self.axes)
+        if isinstance(values, Mapping):
+            vector = np.full(count, default, dtype=float)
+            for key, value in values.items():
+                vector[self.axis_index(key, name)] = value
+            return vector
+        vector = np.asarray(values, dtype=float)
+        if vector.ndim == 1 and vector.size != count:
+            raise InvalidParameter(name, values, f"one number, or {count} numbers, one an axis of {self.name}")
+        return np.broadcast_to(vector, (count,)).copy()
+
+    def axis_index(self, axis: str, where: str = "") -> int:
+        """Return the place of an axis given by its name or an alias."""
+        for index, (name, entry) in enumerate(self.axes.items()):
+            if axis == name or axis in entry.aliases:
+                return index
+        kind = f"axis of {self.name}" + (f" (under {where})" if where else "")
+        raise UnknownName(kind, axis, [*self.axes, *(alias for a in self.axes.values() for alias in a.aliases)])
+
+
+def robot_names() -> list[str]:
+    """Return the names of the robots that come with the package."""
+    return sorted(file.parent.name for file in models_root().glob(f"*/{ROBOT_FILE}"))
+
+
+def load_robot(name: str) -> RobotModel:
+    """Return a robot of the package by its name.
+
+    Raises:
+        UnknownName: no such robot.
+        InvalidConfig: its ``robot.yaml`` has a wrong entry.
+    """
+    if name not in robot_names():
+        raise UnknownName("robot", name, robot_names())
+    return _described_robot(models_root() / name)
+
+
+def load_robot_from_urdf(path: Path) -> RobotModel:
+    """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
+
+    Raises:
+        InvalidModel: the file cannot be read or has a defect.
+    """
+    beside = path.parent / ROBOT_FILE
+    if beside.is_file():
+        described = _described_robot(path.parent)
+        if described.urdf_path.resolve() == path.resolve():
+            return described
+    root = read_urdf(path)
+    check_urdf(root, path)
+    if not movable_joints(root):
+        raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
+    tool = last_link(root)
+    return RobotModel(
+        name=root.get("name", path.stem),
+        folder=path.resolve().parent,
+        urdf=path.name,
+        root=root_link(root),
+        axes={joint: Axis(joint=joint) for joint in movable_joints(root)},
+        tools={tool: tool},
+    )
+
+
+def _described_robot(folder: Path) -> RobotModel:
+    file = folder / ROBOT_FILE
+    return validated(RobotModel, {"name": folder.name, "folder": folder.resolve(), **read_yaml(file)}, file)

@@ -1,0 +1,202 @@
+"""Run a station: reference in, result out, however the run ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.analysis import Simulator, SimulatorStatus
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.trajectories import Trajectory
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.progress import progress_bar
+from simrob_drake.results.history import Recorder
+from simrob_drake.results.result import DIVERGED, Ending, SimulationResult
+from simrob_drake.results.signals import Sampler, SignalBus, add_signal_bus
+from simrob_drake.results.stop_time import refined_stop_time
+from simrob_drake.stations.checks import likely_cause
+from simrob_drake.stations.closed import add_closed_station, check_references
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.references import Samples
+from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.station import Station
+
+PIECE_OF_TIME = 0.5
+"""Simulated time between two looks at the progress [s]: a fixed grid, since a solver's steps end there."""
+
+Reference = Trajectory | npt.ArrayLike | Samples
+"""A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
+
+
+def simulate(
+    config_or_station: StationConfig | Station,
+    *,
+    reference: Reference | Mapping[str, Reference] | None = None,
+    duration: float | None = None,
+    progress: bool = True,
+    on_step: Callable[[float, Vector], None] | None = None,
+) -> SimulationResult:
+    """Run a station and return what happened.
+
+    Args:
+        config_or_station: a configuration, or a station made from one, which is built anew from it.
+        reference: in place of the configuration's: a trajectory of shape (n, 1), an array (m, 1 + n) whose first
+            column is the time, or a pair of times (m,) and positions (m, n); SI units and radians. With several
+            robots, a mapping by robot. Values are joined by straight lines, as Simulink joins them; in a kinematic
+            station by a smooth curve, since a corner has no acceleration.
+        duration: in place of the configuration's [s].
+        progress: show a bar on a terminal.
+        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,); it
+            cannot change the run.
+
+    Returns:
+        the result, also when a monitor ended the run or when the simulation diverged.
+
+    Raises:
+        SimrobError: input that cannot be run at all.
+    """
+    config = config_or_station if isinstance(config_or_station, StationConfig) else config_or_station.config
+    if duration is not None:
+        if not (np.isfinite(duration) and duration > 0):
+            raise InvalidParameter("duration", duration, "a positive time [s]")
+        config = config.model_copy(update={"duration": float(duration)})
+    given = _by_robot(config, reference)
+    run = _Run.assembled(config, given)
+    recorder = Recorder(run.simulator, _positions_watcher(run.ports, on_step))
+    began = perf_counter()
+    ending, stopped_by, message = _advance(run, recorder, progress)
+    stepping_time = perf_counter() - began
+    return _evaluated(run, recorder, ending, stopped_by, message, stepping_time, given)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A closed station, ready to be stepped."""
+
+    config: StationConfig
+    diagram: Diagram
+    ports: StationPorts
+    bus: SignalBus
+    simulator: Simulator
+
+    @classmethod
+    def assembled(cls, config: StationConfig, references: Mapping[str, Trajectory | Samples]) -> _Run:
+        builder = DiagramBuilder()
+        ports = add_closed_station(builder, config, references)
+        bus = add_signal_bus(builder, ports)
+        diagram = builder.Build()
+        check_references(diagram, ports)
+        simulator = Simulator(diagram)
+        apply_solver(simulator, config)
+        return cls(config, diagram, ports, bus, simulator)
+
+
+def _by_robot(config: StationConfig, reference: Any) -> dict[str, Trajectory | Samples]:
+    """Return references by robot, arrays split into times and positions."""
+    if reference is None:
+        return {}
+    if not isinstance(reference, Mapping):
+        if config.only_robot is None:
+            raise InvalidParameter("reference", "one for all", f"a mapping by robot: {', '.join(config.robots)}")
+        reference = {config.only_robot: reference}
+    for robot in reference:
+        if robot not in config.robots:
+            raise UnknownName("robot", robot, config.robots)
+    return {robot: _trajectory_or_samples(value) for robot, value in reference.items()}
+
+
+def _trajectory_or_samples(reference: Any) -> Trajectory | Samples:
+    if isinstance(reference, Trajectory):
+        return reference
+    if isinstance(reference, tuple) and len(reference) == 2:
+        return np.asarray(reference[0], dtype=float), np.asarray(reference[1], dtype=float)
+    rows = np.asarray(reference, dtype=float)
+    if rows.ndim != 2 or rows.shape[1] < 2:
+        raise InvalidParameter("reference", f"an array of shape {rows.shape}", "of shape (m, 1 + n), the time first")
+    return rows[:, 0], rows[:, 1:]
+
+
+def _positions_watcher(
+    ports: StationPorts, on_step: Callable[[float, Vector], None] | None
+) -> Callable[[Context], None] | None:
+    if on_step is None:
+        return None
+    system, count = ports.state.get_system(), ports.plant.plant.num_positions()
+
+    def watch(context: Context) -> None:
+        on_step(context.get_time(), ports.state.Eval(system.GetMyContextFromRoot(context))[:count])
+
+    return watch
+
+
+def _advance(run: _Run, recorder: Recorder, progress: bool) -> tuple[Ending, str | None, str]:
+    """Step to the end; return how the run ended, who ended it and why."""
+    duration = run.config.duration
+    grid = [*np.arange(PIECE_OF_TIME, duration, PIECE_OF_TIME), duration]
+    with progress_bar(f"simulating {run.config.name}", duration, shown=progress) as show:
+        try:
+            run.simulator.Initialize()
+            for time in grid:
+                status = run.simulator.AdvanceTo(time)
+                if status.reason() == SimulatorStatus.ReturnReason.kReachedTerminationCondition:
+                    return "monitor", status.system().get_name().removeprefix("monitor."), status.message()
+                if not recorder.is_finite():
+                    return "diverged", DIVERGED, _diverged(run, recorder, "a state is no number any more")
+                show(time)
+        except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
+            return "diverged", DIVERGED, _diverged(run, recorder, str(problem))
+    return "completed", None, f"ran to its end at {duration:g} s"
+
+
+def _diverged(run: _Run, recorder: Recorder, problem: str) -> str:
+    first_sentence = " ".join(problem.split()).split(". ")[0]
+    cause = likely_cause(run.config, run.ports.plant)
+    return f"diverged at {recorder.history().end:.4g} s: {first_sentence}; {cause}"
+
+
+def _evaluated(
+    run: _Run,
+    recorder: Recorder,
+    ending: Ending,
+    stopped_by: str | None,
+    message: str,
+    stepping_time: float,
+    given: Mapping[str, Trajectory | Samples],
+) -> SimulationResult:
+    """Sample the signals of a run that has been stepped."""
+    began = perf_counter()
+    sampler = Sampler(run.diagram, run.ports.plant.plant, recorder.history())
+    if stopped_by in run.ports.monitors:
+        sampler.cut(refined_stop_time(sampler, run.ports.monitors[stopped_by]))
+    times = _sample_times(sampler.history.end, run.config.sample_rate)
+    values = sampler.sample(run.bus.port, times)
+    count = len(run.bus.names)
+    positions = run.ports.plant.plant.num_positions()
+    return SimulationResult(
+        config=run.config,
+        plant=run.ports.plant,
+        ending=ending,
+        stopped_by=stopped_by,
+        message=message,
+        names=run.bus.names,
+        times=times,
+        values=values[:, :count],
+        step_times=sampler.history.times,
+        positions_at=lambda at: sampler.sample(run.ports.state, at)[:, :positions],
+        stepping_time=stepping_time,
+        signal_time=perf_counter() - began,
+        references=dict(given),
+    )
+
+
+def _sample_times(end: float, rate: float) -> Vector:
+    """Return evenly spaced times; the end of the run is the last one, wherever it lies."""
+    times = np.arange(int(np.floor(end * rate + 1e-9)) + 1) / rate
+    return times if times[-1] >= end else np.append(times, end)

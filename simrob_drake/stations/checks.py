@@ -1,0 +1,146 @@
+"""What can be said of a station before it runs: torques, steps, contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from simrob_drake.frames import Vector
+from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.plant import StationPlant, StationRobot, add_plant
+from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
+
+_EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
+_STABLE = 2.0
+"""An explicit damper on a mass is stable while kd·h / M stays below this (forward Euler on v' = -(kd/M) v)."""
+
+Level = Literal["ok", "warning"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a check found."""
+
+    level: Level
+    subject: str
+    text: str
+
+
+def check_station(config: StationConfig) -> list[Finding]:
+    """Look at a station before it runs.
+
+    Raises:
+        SimrobError: what would keep it from running at all: a reference beyond the limits, an invalid inertia ...
+    """
+    builder = DiagramBuilder()
+    ports = add_closed_station(builder, config)
+    diagram = builder.Build()
+    check_references(diagram, ports)
+    findings = [Finding("ok", "references", "all within the joint limits")]
+    for robot in ports.plant.robots.values():
+        if config.mode == "kinematic" or robot.model.base == "fixed":
+            findings += _holding_findings(diagram, ports, robot)
+    if config.mode == "dynamic":
+        findings += _step_findings(config, ports.plant)
+        findings += _contact_findings(config)
+    return findings
+
+
+def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
+    """Return the torques (n,) [N·m] that hold a robot still at a posture (n,) [rad], by inverse dynamics."""
+    context = plant.plant.CreateDefaultContext()
+    for joint, sign, angle in zip(robot.joints, robot.signs, position, strict=True):
+        plant.plant.GetMutablePositions(context)[joint.position_start()] = sign * angle
+    gravity = plant.plant.CalcGravityGeneralizedForces(context)
+    return np.array([-s * gravity[joint.velocity_start()] for joint, s in zip(robot.joints, robot.signs, strict=True)])
+
+
+def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
+    """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
+    context = plant.plant.CreateDefaultContext()
+    inertia = np.diag(plant.plant.CalcMassMatrix(context))[[joint.velocity_start() for joint in robot.joints]]
+    with np.errstate(divide="ignore"):
+        return np.asarray(_STABLE * inertia / robot.gains.kd)
+
+
+def likely_cause(config: StationConfig, plant: StationPlant) -> str:
+    """Return the likely cause of a run that diverged, in words."""
+    warnings = [finding for finding in _step_findings(config, plant) if finding.level == "warning"]
+    if warnings:
+        return f"likely cause: {warnings[0].text}"
+    if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
+        return "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step"
+    key = "solver.time_step" if isinstance(config.solver, DiscreteSolver) else "solver.max_step or solver.accuracy"
+    return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
+
+
+def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot) -> list[Finding]:
+    _, positions = reference_samples(diagram, ports, robot.name)
+    torques = np.array([holding_torque(ports.plant, robot, position) for position in positions[:: len(positions) // 50]])
+    moments = {"start": torques[0], "end of the reference": torques[-1]}
+    findings = []
+    limit, kp = robot.gains.torque_limit, robot.gains.kp
+    for axis, name in enumerate(robot.axes):
+        label = f"{robot.prefix}{name}"
+        held = ", ".join(f"{moment} {torque[axis]:.2f}" for moment, torque in moments.items())
+        worst = torques[np.argmax(np.abs(torques[:, axis])), axis]
+        if ports.config.mode == "kinematic" or abs(worst) <= limit[axis]:
+            sag = f"; sags {np.rad2deg(abs(torques[-1, axis]) / kp[axis]):.2f} deg" if kp[axis] > 0 else ""
+            sag = "" if ports.config.mode == "kinematic" else f" of {limit[axis]:g} N·m{sag}"
+            findings.append(Finding("ok", f"torque of {label}", f"holding takes {held} N·m{sag}"))
+            continue
+        text = (
+            f"holding takes {held} N·m, at most {worst:.2f} N·m, and the limit is {limit[axis]:g} N·m: "
+            "the joint will fall; raise servo.torque_limit or lighten the load"
+        )
+        findings.append(Finding("warning", f"torque of {label}", text))
+    return findings
+
+
+def _step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
+    """Compare the servos' damping with the steps of a solver that steps it explicitly."""
+    findings = []
+    solver = config.solver
+    for robot in plant.robots.values():
+        if config.servo_of(robot.name).realization == "implicit":
+            continue
+        steps = largest_explicit_steps(plant, robot)
+        worst = int(np.argmin(steps))
+        joint, largest = f"{robot.prefix}{robot.axes[worst]}", steps[worst]
+        damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} N·m·s/rad)"
+        if isinstance(solver, DiscreteSolver):
+            if solver.time_step > largest:
+                remedy = "set servo.realization to implicit, lower servo.kd or solver.time_step"
+                text = f"{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is "
+                findings.append(Finding("warning", "steps", f"{text}{solver.time_step:g} s; {remedy}"))
+            else:
+                findings.append(Finding("ok", "steps", f"{damping} allows steps up to {largest:.2g} s"))
+        elif isinstance(solver, ContinuousSolver) and solver.scheme in _EXPLICIT_SCHEMES:
+            unstable = solver.scheme in FIXED_STEP_SCHEMES and solver.max_step > largest
+            text = f"{damping} keeps the explicit scheme {solver.scheme} below steps of {largest:.2g} s"
+            remedy = f", but solver.max_step is {solver.max_step:g} s; take an implicit scheme such as radau3"
+            findings.append(Finding("warning" if unstable else "ok", "steps", text + remedy * unstable))
+    return findings
+
+
+def _contact_findings(config: StationConfig) -> list[Finding]:
+    if config.contact is None:
+        return [Finding("ok", "contact", "the station has none")]
+    builder = DiagramBuilder()
+    plant = add_plant(builder, config)
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    query = plant.scene_graph.get_query_output_port().Eval(plant.scene_graph.GetMyContextFromRoot(context))
+    pairs = query.ComputePointPairPenetration()
+    if not pairs:
+        return [Finding("ok", "contact", "nothing penetrates at the start")]
+    inspector = query.inspector()
+    deepest = max(pairs, key=lambda pair: pair.depth)
+    names = " and ".join(inspector.GetName(geometry) for geometry in (deepest.id_A, deepest.id_B))
+    text = f"{names} penetrate by {deepest.depth * 1e3:.1f} mm at the start; move one of them"
+    return [Finding("warning", "contact", text)]

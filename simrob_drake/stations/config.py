@@ -1,0 +1,149 @@
+"""What a station file may say: the fields below are the YAML schema, their comments its documentation.
+
+All values are SI units and radians, except where a name ends in ``_deg``. A value "per axis" is one number for all
+axes, a list in axis order, or a mapping by axis name.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.pieces import ORIGIN, Colour, NotNegative, Pose, Positive, Triple
+from simrob_drake.stations.monitor_config import Monitors
+from simrob_drake.stations.reference_config import Hold, ReferenceConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
+from simrob_drake.yaml_files import Number, Strict
+
+Input = Literal["feedforward", "reference_velocity", "external_force"]
+Realization = Literal["per_joint", "vector", "implicit"]
+STANDARD_GRAVITY = 9.80665  # m/s², ISO 80000-3; the value of the Simulink library
+
+
+class ServoConfig(Strict):
+    """The joint servos: PID and saturation. What is not given comes from the robot's own file."""
+
+    realization: Realization = "per_joint"  # separate blocks a joint | one block for all | inside the plant's actuators
+    kp: AxisValues | None = None  # N·m/rad, per axis
+    ki: AxisValues | None = None  # N·m/(rad·s), per axis; 0 leaves the integrators out
+    kd: AxisValues | None = None  # N·m·s/rad, per axis
+    torque_limit: AxisValues | None = None  # N·m, per axis; the URDF's effort unless given
+    integral_limit: AxisValues | None = None  # N·m that the integral part may reach, per axis; torque_limit unless given
+
+    @field_validator("kp", "ki", "kd")
+    @classmethod
+    def _not_negative(cls, values: AxisValues | None) -> AxisValues | None:
+        return _each(values, lambda value: value >= 0, "a gain is not negative")
+
+    @field_validator("torque_limit", "integral_limit")
+    @classmethod
+    def _positive(cls, values: AxisValues | None) -> AxisValues | None:
+        return _each(values, lambda value: value > 0, "a torque limit is positive [N·m]")
+
+
+class RobotConfig(Strict):
+    """A robot of the station: one of the package by name, or any clean URDF by path."""
+
+    model: str | None = None  # a name of `simrob list`
+    urdf: Path | None = None  # or a file; relative paths start at the station's file
+    base: Pose = ORIGIN  # of the root link in the world, [x y z Rz Ry Rx]
+    initial_deg: AxisValues = 0.0  # joint positions at the start, per axis
+    tcp: str | None = None  # tool that `tcp_pose` follows; the last piece of the robot's chain unless given
+    servo: ServoConfig | None = None  # in place of the station's, for this robot
+    reference: ReferenceConfig | None = None  # in place of the station's, for this robot
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> RobotConfig:
+        if (self.model is None) == (self.urdf is None):
+            raise ValueError("a robot has either a model or a urdf")
+        return self
+
+
+class PieceConfig(Strict):
+    """A piece of the station; every figure that is given replaces the one of the piece's own file."""
+
+    model: str | None = None  # a name of `simrob list`; the key's own name unless given
+    parent: str | None = None  # "world", a robot, or another piece (then its TCP); the only robot unless given
+    pose: Pose = ORIGIN  # in the parent's frame, [x y z Rz Ry Rx]
+    mass: NotNegative | None = None  # kg
+    com: Triple | None = None  # m, in the piece's frame
+    inertia: tuple[NotNegative, NotNegative, NotNegative] | None = None  # kg m², moments about the COM
+    tcp: Pose | None = None  # of the tool centre point in the piece's frame
+    colour: Colour | None = None  # red, green, blue, opacity
+
+
+class FloorConfig(Strict):
+    """A square floor around the world's origin, its top at z = 0."""
+
+    size: Positive = 3.0  # m, length of a side
+
+
+class ContactConfig(Strict):
+    """Contact between robots, pieces and floor. A station without this section has none."""
+
+    model: Literal["point", "hydroelastic", "hydroelastic_with_fallback"] = "point"
+    self_collision: bool = False  # contact between the links of one robot
+
+
+class JointStops(Strict):
+    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints."""
+
+    stiffness: Positive = 5.73e5  # N·m/rad (1e4 N·m/deg)
+    damping: NotNegative = 573.0  # N·m·s/rad (10 N·m·s/deg)
+
+
+class StationConfig(Strict):
+    """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
+
+    name: str
+    description: str = ""
+    mode: Literal["dynamic", "kinematic"] = "dynamic"  # moved by torque | motion is the input, torque is computed
+    robots: Annotated[dict[str, RobotConfig], Field(min_length=1)]
+    pieces: dict[str, PieceConfig] = {}
+    servo: ServoConfig = ServoConfig()
+    reference: ReferenceConfig = Hold(kind="hold")
+    inputs: tuple[Input, ...] = ()  # input ports to add to `reference`
+    floor: FloorConfig | None = None
+    contact: ContactConfig | None = None
+    joint_stops: JointStops = JointStops()
+    gravity: Number = STANDARD_GRAVITY  # m/s², along -z
+    solver: SolverConfig = ContinuousSolver(kind="continuous")
+    monitors: Monitors = {}
+    duration: Positive = 3.0  # s
+    sample_rate: Positive = 100.0  # Hz, of the signals
+
+    @field_validator("robots", "pieces", "monitors")
+    @classmethod
+    def _plain_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
+        for name in entries:
+            if not name.isidentifier():
+                raise ValueError(f"'{name}' is no plain name (letters, digits and _, no digit first)")
+        return entries
+
+    @property
+    def only_robot(self) -> str | None:
+        """The name of the station's robot if it has one only; then ports and columns carry no prefix."""
+        return next(iter(self.robots)) if len(self.robots) == 1 else None
+
+    def prefix(self, robot: str) -> str:
+        """Return what stands before the names of a robot's ports, blocks and columns."""
+        return "" if self.only_robot else f"{robot}."
+
+    def servo_of(self, robot: str) -> ServoConfig:
+        """Return a robot's own servo section, or the station's."""
+        return self.robots[robot].servo or self.servo
+
+    def reference_of(self, robot: str) -> ReferenceConfig:
+        """Return a robot's own reference section, or the station's."""
+        return self.robots[robot].reference or self.reference
+
+
+def _each(values: AxisValues | None, accepts: Any, meaning: str) -> AxisValues | None:
+    """Return per-axis values if every number in them is accepted."""
+    listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
+    if values is not None and not all(accepts(value) for value in listed):
+        raise ValueError(meaning)
+    return values

@@ -1,0 +1,87 @@
+"""Wire a dynamic station: every robot is moved by the torques of its servos."""
+
+from __future__ import annotations
+
+from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Demultiplexer
+
+from simrob_drake.blocks.actuator_servo import add_actuator_servos
+from simrob_drake.blocks.external_force import add_external_force
+from simrob_drake.blocks.joint_stops import add_joint_stops
+from simrob_drake.blocks.servo import ServoSignals, add_servos
+from simrob_drake.blocks.wiring import mapped
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.plant import StationPlant, StationRobot
+from simrob_drake.stations.ports import StationPorts, add_input
+from simrob_drake.stations.solver_config import ContinuousSolver
+
+
+def add_dynamic_robots(builder: DiagramBuilder, plant: StationPlant, config: StationConfig) -> StationPorts:
+    """Add inputs, state, servos and joint stops for every robot of a plant that stands in the diagram."""
+    ports = StationPorts(config, plant, plant.plant.get_state_output_port())
+    for robot in plant.robots.values():
+        signals = _add_signals(builder, ports, robot)
+        ports.outputs[f"{robot.prefix}torque"] = _add_servos(builder, ports, robot, signals)
+    if not config.solver.holds_joint_limits:
+        stops = config.joint_stops
+        add_joint_stops(builder, plant.plant, stiffness=stops.stiffness, damping=stops.damping)
+    if "external_force" in config.inputs:
+        _add_external_forces(builder, ports)
+    return ports
+
+
+def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> ServoSignals:
+    """Add what a robot's servos read, and the outputs for it."""
+    prefix, count, listed = robot.prefix, len(robot.joints), ports.config.inputs
+    state = mapped(builder, f"{prefix}axes", ports.plant.state_map(robot), ports.state)
+    split = builder.AddNamedSystem(f"{prefix}state", Demultiplexer([count, count]))
+    builder.Connect(state, split.get_input_port())
+    reference = add_input(builder, ports.inputs, robot, "reference")
+    ports.outputs[f"{prefix}reference"] = reference
+    ports.outputs[f"{prefix}position"] = split.get_output_port(0)
+    ports.outputs[f"{prefix}velocity"] = split.get_output_port(1)
+    velocity = add_input(builder, ports.inputs, robot, "reference_velocity") if "reference_velocity" in listed else None
+    feedforward = add_input(builder, ports.inputs, robot, "feedforward") if "feedforward" in listed else None
+    return ServoSignals(reference, state, velocity, feedforward)
+
+
+def _add_servos(
+    builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
+) -> OutputPort:
+    realization, plant, solver = ports.config.servo_of(robot.name).realization, ports.plant, ports.config.solver
+    if realization == "implicit":
+        cenic = isinstance(solver, ContinuousSolver) and solver.scheme == "cenic"
+        return add_actuator_servos(
+            builder,
+            plant.plant,
+            robot.instance,
+            signals,
+            robot.gains,
+            actuation_map=plant.actuation_map(robot),
+            prefix=robot.prefix,
+            velocity_sense=-1 if cenic else 1,
+        )
+    torque = add_servos(
+        builder,
+        signals,
+        robot.gains,
+        names=robot.axes,
+        prefix=robot.prefix,
+        per_joint=realization == "per_joint",
+    )
+    actuation = mapped(builder, f"{robot.prefix}actuators", plant.actuation_map(robot), torque)
+    builder.Connect(actuation, plant.plant.get_actuation_input_port(robot.instance))
+    return torque
+
+
+def _add_external_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
+    robots = list(ports.plant.robots.values())
+    plant = ports.plant.plant
+    forces = builder.AddNamedSystem("external_forces", ExternallyAppliedSpatialForceMultiplexer(len(robots)))
+    for index, robot in enumerate(robots):
+        name = f"{robot.prefix}external_force"
+        block = add_external_force(builder, plant, robot.tools[robot.tcp], name=name)
+        ports.inputs[name] = block.get_command_input_port()
+        builder.Connect(block.get_spatial_forces_output_port(), forces.get_input_port(index))
+    builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())

@@ -1,0 +1,142 @@
+"""From a name or a YAML file, and what the user wants changed, to a checked :class:`StationConfig`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from pathlib import Path
+from typing import Any, get_args
+
+import yaml
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from simrob_drake.errors import InvalidConfig, SimrobError, UnknownName
+from simrob_drake.paths import diagrams_root
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.names import check_names
+from simrob_drake.stations.reference_config import ReferenceConfig
+from simrob_drake.stations.solver_config import SolverConfig
+from simrob_drake.yaml_files import read_yaml, validated
+
+STATION_SUFFIXES = (".yaml", ".yml")
+ONLY_ROBOT = "robot"
+"""The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
+
+_KINDS = {"reference": ReferenceConfig, "solver": SolverConfig}
+
+
+def station_names() -> list[str]:
+    """Return the names of the stations that come with the package."""
+    return sorted(file.stem for file in diagrams_root().glob("*.yaml"))
+
+
+def load_station(name_or_path: str | Path, overrides: Mapping[str, Any] | None = None) -> StationConfig:
+    """Return the configuration of a station.
+
+    Args:
+        name_or_path: a name of :func:`station_names`, or a YAML file.
+        overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. Changing
+            a ``kind`` keeps those keys of the file that the new kind knows.
+
+    Raises:
+        UnknownName: no such station, robot or piece.
+        InvalidConfig: an entry that cannot be; the message names file, key and what would be right.
+    """
+    path = _station_file(name_or_path)
+    content = _with_absolute_paths(read_yaml(path), path.parent)
+    for key, value in _flattened(overrides or {}):
+        _override(content, key.split("."), value, path)
+    content = _with_absolute_paths(content, Path.cwd())
+    content = {"name": path.stem, **_without_sugar(content, path)}
+    config = validated(StationConfig, content, path)
+    try:
+        check_names(config)
+    except InvalidConfig:
+        raise
+    except SimrobError as problem:
+        raise InvalidConfig(path, "", str(problem)) from problem
+    return config
+
+
+def station_yaml(config: StationConfig) -> str:
+    """Return the YAML text of a configuration; loading it gives an equal one."""
+    content = config.model_dump(mode="json", exclude_none=True, exclude_unset=False)
+    if list(config.robots) == [ONLY_ROBOT]:
+        content["robot"] = content.pop("robots")[ONLY_ROBOT]
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+
+
+def _station_file(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    if path.suffix in STATION_SUFFIXES:
+        if not path.is_file():
+            raise InvalidConfig(path, "", "there is no such file")
+        return path.resolve()
+    if str(name_or_path) not in station_names():
+        raise UnknownName("station", str(name_or_path), station_names())
+    return diagrams_root() / f"{name_or_path}.yaml"
+
+
+def _flattened(overrides: Mapping[str, Any], path: str = "") -> list[tuple[str, Any]]:
+    """Turn nested overrides into dotted ones, kinds first: what else is set then belongs to the new kind."""
+    flat: list[tuple[str, Any]] = []
+    for key, value in overrides.items():
+        nested = isinstance(value, Mapping) and value
+        flat += _flattened(value, f"{path}{key}.") if nested else [(f"{path}{key}", value)]
+    return sorted(flat, key=lambda entry: not entry[0].endswith(".kind"))
+
+
+def _override(content: dict[str, Any], key: list[str], value: Any, path: Path) -> None:
+    node = content
+    for depth, part in enumerate(key[:-1]):
+        child = node.get(part)
+        if child is None:
+            child = node[part] = {}
+        if not isinstance(child, dict):
+            raise InvalidConfig(path, ".".join(key[: depth + 1]), f"is {child!r}, so it has no key '{key[depth + 1]}'")
+        node = child
+    if key[-1] == "kind" and key[-2:-1] and key[-2] in _KINDS and node.get("kind") != value:
+        _change_kind(node, _KINDS[key[-2]], value)
+    node[key[-1]] = deepcopy(value)
+
+
+def _change_kind(section: dict[str, Any], union: Any, kind: Any) -> None:
+    """Drop the keys of a section that its new kind does not know, or whose values it does not take."""
+    models: tuple[type[BaseModel], ...] = get_args(get_args(union)[0])
+    for model in models:
+        if get_args(model.model_fields["kind"].annotation) == (kind,):
+            for key in [key for key in section if not _accepted(model, key, section[key])]:
+                del section[key]
+
+
+def _accepted(model: type[BaseModel], key: str, value: Any) -> bool:
+    if key not in model.model_fields:
+        return False
+    try:
+        TypeAdapter(model.model_fields[key].annotation).validate_python(value)
+    except ValidationError:
+        return False
+    return True
+
+
+def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Make the paths in a station's sections absolute, wherever a robot or a reference may stand."""
+    result = deepcopy(content)
+    robots = result.get("robots")
+    sections = [result, *(robots.values() if isinstance(robots, dict) else [])]
+    for section in [result.get("robot"), *sections]:
+        if not isinstance(section, dict):
+            continue
+        for owner, key in ((section, "urdf"), (section.get("reference"), "file")):
+            if isinstance(owner, dict) and isinstance(owner.get(key), str):
+                owner[key] = str(folder / owner[key])
+    return result
+
+
+def _without_sugar(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Write ``robot:`` as ``robots:`` with one entry."""
+    if "robot" not in content:
+        return content
+    if "robots" in content:
+        raise InvalidConfig(path, "robot", "a station has either robot: or robots:")
+    return {"robots" if key == "robot" else key: {ONLY_ROBOT: v} if key == "robot" else v for key, v in content.items()}

@@ -1,0 +1,78 @@
+"""What a robot is asked to do over time: the kinds of reference that a station file can name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.pieces import NotNegative, Positive
+from simrob_drake.yaml_files import Strict
+
+
+class Hold(Strict):
+    """Stay at one posture."""
+
+    kind: Literal["hold"]
+    target_deg: AxisValues | None = None  # per axis; the initial posture unless given
+
+
+class Ramp(Strict):
+    """Go to a posture at constant speed, as SimRob's interpolated moves do, and stay there."""
+
+    kind: Literal["ramp"]
+    target_deg: AxisValues = 0.0  # per axis
+    duration: Positive = 1.0  # s
+    start: NotNegative = 0.0  # s
+
+
+class Move(Strict):
+    """Go to a posture with continuous acceleration (a polynomial of degree five), and stay there."""
+
+    kind: Literal["move"]
+    target_deg: AxisValues = 0.0  # per axis
+    duration: Positive = 1.0  # s
+    start: NotNegative = 0.0  # s
+
+
+class Waypoint(Strict):
+    """A posture and the time to be there."""
+
+    time: Positive  # s
+    target_deg: AxisValues  # per axis; a mapping leaves the other axes where they were
+
+
+class Sequence(Strict):
+    """Go through postures, resting at each, with continuous acceleration."""
+
+    kind: Literal["sequence"]
+    targets: Annotated[tuple[Waypoint, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _sorted(self) -> Sequence:
+        times = [target.time for target in self.targets]
+        if any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)):
+            raise ValueError("the times of a sequence rise from target to target")
+        return self
+
+
+class SineWave(Strict):
+    """Swing about the initial posture."""
+
+    kind: Literal["sine"]
+    amplitude_deg: AxisValues = 10.0  # per axis
+    frequency: Positive = 0.5  # Hz
+    phase_deg: AxisValues = 0.0  # per axis; 0 starts in the middle
+
+
+class Table(Strict):
+    """Follow a CSV file: a column `time` [s] and one for each axis [rad], named as the axis."""
+
+    kind: Literal["table"]
+    file: Path  # relative paths start at the station's file
+    interpolation: Literal["cubic", "linear"] = "cubic"  # continuous acceleration | straight lines
+
+
+ReferenceConfig = Annotated[Hold | Ramp | Move | Sequence | SineWave | Table, Field(discriminator="kind")]

@@ -1,0 +1,138 @@
+"""Make the reference that a configuration, or a caller of simulate(), asks for."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.trajectories import Trajectory
+
+from simrob_drake.blocks.references import (
+    ReferenceSource,
+    add_sine,
+    add_trajectory,
+    hold,
+    move,
+    ramp,
+    sequence,
+    table,
+)
+from simrob_drake.errors import InvalidConfig, InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.stations.plant import StationRobot
+from simrob_drake.stations.reference_config import Hold, Move, Ramp, ReferenceConfig, Sequence, SineWave, Table
+
+TIME_COLUMN = "time"
+
+Samples = tuple[npt.ArrayLike, npt.ArrayLike]
+"""Times (m,) [s] and positions (m, n) [rad]."""
+
+
+def add_reference(
+    builder: DiagramBuilder,
+    wanted: ReferenceConfig | Trajectory | Samples,
+    robot: StationRobot,
+    *,
+    derivatives: bool = False,
+) -> ReferenceSource:
+    """Add the source of a robot's reference.
+
+    Args:
+        builder: the diagram under construction.
+        wanted: the reference section of a station, a trajectory of shape (n, 1) [rad], or samples. Samples are joined
+            by straight lines, as Simulink joins them, but by a smooth curve where derivatives are needed.
+        robot: whom it is for.
+        derivatives: whether velocity and acceleration are needed, too.
+
+    Raises:
+        SimrobError: a reference that does not fit the robot.
+    """
+    name = f"{robot.prefix}reference_source"
+    if isinstance(wanted, SineWave):
+        return add_sine(
+            builder,
+            robot.initial,
+            np.deg2rad(robot.model.axis_vector(wanted.amplitude_deg, "reference.amplitude_deg")),
+            frequency=wanted.frequency,
+            phase=np.deg2rad(robot.model.axis_vector(wanted.phase_deg, "reference.phase_deg")),
+            name=name,
+        )
+    if isinstance(wanted, tuple):
+        trajectory = _through(wanted, robot, linear=not derivatives)
+    else:
+        trajectory = wanted if isinstance(wanted, Trajectory) else _trajectory(wanted, robot)
+    if trajectory.rows() != len(robot.axes):
+        expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
+        raise InvalidParameter("reference", f"a trajectory of {trajectory.rows()} joints", expected)
+    return add_trajectory(builder, trajectory, name=name, derivatives=derivatives)
+
+
+def read_table(file: Path, axes: list[str]) -> Samples:
+    """Read a CSV file with a column ``time`` [s] and one for each axis [rad].
+
+    Raises:
+        InvalidConfig: the file cannot be read, lacks a column, or holds something that is no number.
+    """
+    try:
+        with file.open(newline="", encoding="utf-8") as lines:
+            rows = list(csv.reader(lines))
+    except (OSError, UnicodeDecodeError, csv.Error) as problem:
+        raise InvalidConfig(file, "", f"cannot be read ({problem})") from problem
+    header = [column.strip() for column in rows[0]] if rows else []
+    columns = [TIME_COLUMN, *axes]
+    missing = [column for column in columns if column not in header]
+    if missing:
+        raise InvalidConfig(file, "first line", f"lacks the columns {', '.join(missing)}; needed: {', '.join(columns)}")
+    places = [header.index(column) for column in columns]
+    values = np.array([_numbers(row, places, file, number) for number, row in enumerate(rows[1:], start=2) if row])
+    if len(values) < 2:
+        raise InvalidConfig(file, "", "holds fewer than two rows of values")
+    return values[:, 0], values[:, 1:]
+
+
+def _trajectory(config: ReferenceConfig, robot: StationRobot) -> Trajectory:
+    start = robot.initial
+    match config:
+        case Hold():
+            return hold(start if config.target_deg is None else _radians(config.target_deg, robot, start))
+        case Ramp():
+            target = _radians(config.target_deg, robot, start)
+            return ramp(start, target, duration=config.duration, start_time=config.start)
+        case Move():
+            target = _radians(config.target_deg, robot, start)
+            return move(start, target, duration=config.duration, start_time=config.start)
+        case Sequence():
+            targets = [start]
+            for waypoint in config.targets:
+                targets.append(_radians(waypoint.target_deg, robot, targets[-1]))
+            return sequence(start, [waypoint.time for waypoint in config.targets], targets[1:])
+        case Table():
+            samples = read_table(config.file, robot.axes)
+            return _through(samples, robot, linear=config.interpolation == "linear")
+        case SineWave():
+            raise TypeError("a sine is a block of its own, not a trajectory")
+
+
+def _through(samples: Samples, robot: StationRobot, *, linear: bool) -> Trajectory:
+    """Return the trajectory through samples."""
+    positions = np.asarray(samples[1], dtype=float)
+    if positions.ndim != 2 or positions.shape[1] != len(robot.axes):
+        shape = " x ".join(str(size) for size in positions.shape)
+        raise InvalidParameter("reference", f"an array of {shape}", f"of {len(robot.axes)} columns, one a joint [rad]")
+    return table(samples[0], positions, linear=linear)
+
+
+def _radians(values: AxisValues, robot: StationRobot, otherwise: Vector) -> Vector:
+    """Return degrees per axis in radians; axes that a mapping leaves out stay where they were."""
+    return np.deg2rad(robot.model.axis_vector(values, "reference.target_deg", np.rad2deg(otherwise)))
+
+
+def _numbers(row: list[str], places: list[int], file: Path, line: int) -> list[float]:
+    try:
+        return [float(row[place]) for place in places]
+    except (ValueError, IndexError) as problem:
+        raise InvalidConfig(file, f"line {line}", f"holds something that is no number: {','.join(row)}") from problem

@@ -1,0 +1,37 @@
+"""Give a simulator the solver of a station, and say before a run what the solver cannot take."""
+
+from __future__ import annotations
+
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Diagram
+
+from simrob_drake.errors import UnsupportedSolver
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver
+
+
+def apply_solver(simulator: Simulator, config: StationConfig) -> None:
+    """Give a simulator the solver settings of a station that is part of its diagram.
+
+    Args:
+        simulator: of a diagram that holds the station, in any depth.
+        config: the station.
+
+    Raises:
+        UnsupportedSolver: the scheme ``cenic`` with a station that is not a direct part of the root diagram.
+    """
+    if config.mode == "kinematic" or not isinstance(config.solver, ContinuousSolver):
+        return
+    system, solver = simulator.get_system(), config.solver
+    if solver.scheme == "cenic" and not (isinstance(system, Diagram) and system.HasSubsystemNamed("plant")):
+        raise UnsupportedSolver(
+            "solver.scheme is 'cenic', which needs the plant as a direct part of the simulated diagram: add the "
+            "station with add_station() to the root's builder, or choose another scheme such as 'radau3'"
+        )
+    settings = SimulatorConfig(
+        integration_scheme=solver.scheme,
+        max_step_size=solver.max_step,
+        accuracy=solver.accuracy,
+        use_error_control=solver.scheme not in FIXED_STEP_SCHEMES,
+    )
+    ApplySimulatorConfig(settings, simulator)

@@ -1,0 +1,67 @@
+"""How a station's time advances: an error-controlled continuous scheme, or fixed discrete steps."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field
+
+from simrob_drake.robots.pieces import Positive
+from simrob_drake.yaml_files import Strict
+
+TIGHTER = 10.0
+"""How much tighter `simrob run --converge` reruns."""
+
+ContinuousScheme = Literal[
+    "cenic",
+    "radau3",
+    "implicit_euler",
+    "runge_kutta3",
+    "runge_kutta5",
+    "bogacki_shampine3",
+    "velocity_implicit_euler",
+    "radau1",
+    "runge_kutta2",
+    "explicit_euler",
+    "semi_explicit_euler",
+]
+FIXED_STEP_SCHEMES = ("explicit_euler", "semi_explicit_euler", "runge_kutta2", "radau1")
+"""Continuous schemes of Drake without error control: they take steps of ``max_step``."""
+
+
+class ContinuousSolver(Strict):
+    """One of Drake's integrators of continuous time."""
+
+    kind: Literal["continuous"]
+    scheme: ContinuousScheme = "radau3"
+    accuracy: Positive = 1e-2  # relative, of one step
+    max_step: Positive = 0.1  # s
+
+    def tighter(self, factor: float = TIGHTER) -> Self:
+        """Return the same scheme with accuracy and step divided by ``factor``."""
+        return self.model_copy(update={"accuracy": self.accuracy / factor, "max_step": self.max_step / factor})
+
+    @property
+    def holds_joint_limits(self) -> bool:
+        """Whether the scheme itself keeps joints within their limits; the others need stop forces."""
+        return self.scheme == "cenic"
+
+
+class DiscreteSolver(Strict):
+    """Drake's discrete contact solvers with fixed steps."""
+
+    kind: Literal["discrete"]
+    scheme: Literal["sap", "lagged", "similar"] = "sap"
+    time_step: Positive = 1e-3  # s
+
+    def tighter(self, factor: float = TIGHTER) -> Self:
+        """Return the same solver with its step divided by ``factor``."""
+        return self.model_copy(update={"time_step": self.time_step / factor})
+
+    @property
+    def holds_joint_limits(self) -> bool:
+        """Discrete solvers keep joints within their limits."""
+        return True
+
+
+SolverConfig = Annotated[ContinuousSolver | DiscreteSolver, Field(discriminator="kind")]

@@ -1,0 +1,63 @@
+"""Compose a station: plant, servos, tool poses, monitors."""
+
+from __future__ import annotations
+
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.dynamic import add_dynamic_robots
+from simrob_drake.stations.kinematic import add_kinematic_robots
+from simrob_drake.stations.monitoring import add_monitors
+from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.poses import add_poses
+from simrob_drake.stations.ports import StationPorts
+
+
+def add_station(builder: DiagramBuilder, config: StationConfig) -> StationPorts:
+    """Add a station's systems to a diagram under construction, flat, with the plant named ``plant``.
+
+    This is the primitive, as ``AddMultibodyPlantSceneGraph`` is: it leaves the inputs open, so the caller connects or
+    exports each of them. The scheme ``cenic`` needs the plant to be a direct child of the root diagram, so a station
+    that uses it is added to the root's builder.
+
+    Args:
+        builder: the diagram under construction.
+        config: what :func:`load_station` gave.
+
+    Returns:
+        the station's ports, with its plant.
+    """
+    plant = add_plant(builder, config)
+    ports = add_kinematic_robots(builder, plant, config) if config.mode == "kinematic" else add_dynamic_robots(
+        builder, plant, config
+    )
+    add_poses(builder, ports)
+    add_monitors(builder, ports)
+    return ports
+
+
+class Station(Diagram):
+    """A station as one box: the systems of :func:`add_station` with every port exported under its name.
+
+    Attributes:
+        config: the station's configuration.
+        ports: the ports inside; the box exports each under the same name.
+    """
+
+    def __init__(self, config: StationConfig) -> None:
+        """Build the box."""
+        super().__init__()
+        self.config = config
+        builder = DiagramBuilder()
+        self.ports = add_station(builder, config)
+        for name, port in self.ports.inputs.items():
+            builder.ExportInput(port, name)
+        for name, output in self.ports.outputs.items():
+            builder.ExportOutput(output, name)
+        builder.BuildInto(self)
+        self.set_name(config.name)
+
+
+def build_station(config: StationConfig) -> Station:
+    """Return a station as one Diagram, its ports exported by name."""
+    return Station(config)

@@ -1,0 +1,132 @@
+"""Read YAML safely, and turn pydantic's findings into one line that names file, key and what would be right."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from simrob_drake.errors import InvalidConfig, nearest
+
+Model = TypeVar("Model", bound=BaseModel)
+Number = Annotated[float, Field(strict=True)]
+"""A number, and no text or truth value that could pass for one."""
+
+
+class Strict(BaseModel):
+    """Base of everything read from YAML: unknown keys are errors, and nothing changes after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class _Loader(yaml.SafeLoader):
+    """A safe loader for which a key that stands twice is an error, and 1e-3 a number as in YAML 1.2."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.constructor.ConstructorError(problem=f"'{key}' stands twice", problem_mark=node.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+)
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Return the mapping that a YAML file holds.
+
+    Raises:
+        InvalidConfig: the file cannot be read, is not YAML, or holds no mapping.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise InvalidConfig(path, "", f"cannot be read ({problem})") from problem
+    content = parse_yaml(text, path)
+    if not isinstance(content, dict):
+        raise InvalidConfig(path, "", "must hold a mapping of keys to values")
+    return content
+
+
+def parse_yaml(text: str, where: Path | str) -> Any:
+    """Return the value that a YAML text stands for.
+
+    Raises:
+        InvalidConfig: the text is not YAML.
+    """
+    try:
+        return yaml.load(text, Loader=_Loader)  # a child of SafeLoader: it makes plain data only
+    except yaml.YAMLError as problem:
+        raise InvalidConfig(where, "", f"is not YAML: {' '.join(str(problem).split())}") from problem
+
+
+def validated(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
+    """Return ``content`` as a ``model``.
+
+    Raises:
+        InvalidConfig: names ``where``, the first wrong key and what would be right.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as problem:
+        raise _first_finding(problem, model, where) from problem
+
+
+def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path | str) -> InvalidConfig:
+    findings = problem.errors()
+    finding = next((one for one in findings if one["type"] == "extra_forbidden"), findings[0])
+    path, known = _walk(model, finding["loc"])
+    key = ".".join(path)
+    if finding["type"] == "extra_forbidden":
+        return InvalidConfig(where, key, f"unknown key{nearest(path[-1], known)}")
+    if finding["type"] == "missing":
+        return InvalidConfig(where, key, "this key is needed")
+    if finding["type"] == "union_tag_invalid":
+        context = finding["ctx"]
+        kinds = re.findall(r"'([^']+)'", context["expected_tags"])
+        return InvalidConfig(where, f"{key}.kind", f"there is no kind '{context['tag']}'{nearest(context['tag'], kinds)}")
+    if finding["type"] == "union_tag_not_found":
+        return InvalidConfig(where, f"{key}.kind", "this key is needed")
+    message = finding["msg"].removeprefix("Value error, ")
+    return InvalidConfig(where, key, f"{message[:1].lower()}{message[1:]}, not {finding['input']!r}")
+
+
+def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str]]:
+    """Follow a location through the JSON Schema: the keys a user wrote, and the keys known beside the last one.
+
+    Pydantic puts the branches of unions that it tried into a location; these are no keys and are left out.
+    """
+    schema = model.model_json_schema()
+    nodes = _branches(schema, schema)
+    path: list[str] = []
+    known: set[str] = set()
+    for part in location:
+        tagged = [node for node in nodes if node.get("properties", {}).get("kind", {}).get("const") == part]
+        if tagged:
+            nodes = tagged
+            continue
+        children: list[dict[str, Any]] = []
+        for node in nodes:
+            child = node.get("properties", {}).get(part) or node.get("additionalProperties") or node.get("items")
+            if isinstance(child, dict):
+                children += _branches(child, schema)
+        if not children and any("type" in node and "properties" not in node for node in nodes):
+            continue
+        known = {key for node in nodes for key in node.get("properties", {})}
+        path.append(str(part))
+        nodes = children
+    return path, known
+
+
+def _branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the alternatives that a schema node allows, references followed."""
+    if "$ref" in node:
+        return _branches(schema["$defs"][node["$ref"].rsplit("/", 1)[-1]], schema)
+    alternatives = node.get("anyOf") or node.get("oneOf")
+    return [branch for one in alternatives for branch in _branches(one, schema)] if alternatives else [node]
