@@ -117,7 +117,7 @@ def add_plant(builder: DiagramBuilder, config: StationConfig, *, with_collision:
     scene_graph.set_name("scene_graph")
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
     if isinstance(config.solver, DiscreteSolver) and config.mode == "dynamic":
-        approximation = DiscreteContactApproximation[f"k{config.solver.scheme.capitalize()}"]
+        approximation = getattr(DiscreteContactApproximation, f"k{config.solver.scheme.capitalize()}")
         plant.set_discrete_contact_approximation(approximation)
         plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
     _set_contact_model(plant, config.contact)
