@@ -17,7 +17,7 @@ class InvalidParameter(SimrobError):
     def __init__(self, name: str, value: object, expected: str) -> None:
         """Say that parameter ``name`` has ``value`` where ``expected`` would be right."""
         shown = value if isinstance(value, str) else repr(value)
-        super().__init__(f"{name} is {_shortened(shown)}; it must be {expected}")
+        super().__init__(f"{name} is {shortened(shown)}; it must be {expected}")
 
 
 class UnknownName(SimrobError):
@@ -33,7 +33,7 @@ class InvalidConfig(SimrobError):
 
     def __init__(self, where: Path | str, key: str, problem: str) -> None:
         """Say in which file (or override) and under which key the problem lies."""
-        super().__init__(f"{where}: {key}: {problem}" if key else f"{where}: {problem}")
+        super().__init__(_located(where, key, problem))
 
 
 class InvalidModel(SimrobError):
@@ -41,7 +41,7 @@ class InvalidModel(SimrobError):
 
     def __init__(self, where: Path | str, element: str, problem: str) -> None:
         """Say in which file and element the problem lies."""
-        super().__init__(f"{where}: {element}: {problem}" if element else f"{where}: {problem}")
+        super().__init__(_located(where, element, problem))
 
 
 class UnsupportedSolver(SimrobError):
@@ -61,6 +61,11 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; known: {', '.join(names)}" if names else ""
 
 
-def _shortened(value: str, length: int = 80) -> str:
+def _located(*parts: object) -> str:
+    return ": ".join(str(part) for part in parts if str(part))
+
+
+def shortened(value: str, length: int = 80) -> str:
+    """Return a text on one line, cut where it is long."""
     text = " ".join(value.split())
     return text if len(text) <= length else text[: length - 1] + "…"

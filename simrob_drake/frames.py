@@ -6,6 +6,8 @@ metres and radians, with the rotation R = Rz(rz) Ry(ry) Rx(rx).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.eigen_geometry import Quaternion
@@ -17,7 +19,8 @@ POSE_SIZE = 6
 POSE_NAMES = ("x", "y", "z", "Rz", "Ry", "Rx")
 XYZ_QUATERNION_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
-Vector = npt.NDArray[np.float64]
+Vector = np.ndarray[Any, np.dtype[np.float64]]
+"""An array of floats of any shape; the shape is in the docstrings."""
 
 
 def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:

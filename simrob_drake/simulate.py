@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ from simrob_drake.stations.station import Station
 PIECE_OF_TIME = 0.5
 """Simulated time between two looks at the progress [s]: a fixed grid, since a solver's steps end there."""
 
-Reference = Trajectory | npt.ArrayLike | Samples
+Reference: TypeAlias = Trajectory | npt.ArrayLike | Samples
 """A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
 
 

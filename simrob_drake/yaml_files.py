@@ -9,11 +9,15 @@ from typing import Annotated, Any, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from simrob_drake.errors import InvalidConfig, nearest
+from simrob_drake.errors import InvalidConfig, nearest, shortened
 
 Model = TypeVar("Model", bound=BaseModel)
 Number = Annotated[float, Field(strict=True)]
 """A number, and no text or truth value that could pass for one."""
+
+
+_QUOTED = re.compile(r"'([^']+)'")
+_UNION_BRANCH = re.compile(r"^(float|int|bool|str)$|^(list|dict|tuple|constrained)\b.*\[")
 
 
 class Strict(BaseModel):
@@ -79,26 +83,35 @@ def validated(model: type[Model], content: dict[str, Any], where: Path | str) ->
 
 
 def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path | str) -> InvalidConfig:
+    """Return the finding that tells most: an unknown key, else the deepest one, which is of the union's right branch."""
     findings = problem.errors()
-    finding = next((one for one in findings if one["type"] == "extra_forbidden"), findings[0])
-    path, known = _walk(model, finding["loc"])
+    finding = next((f for f in findings if f["type"] == "extra_forbidden"), max(findings, key=lambda f: len(f["loc"])))
+    path, known, nodes = _walk(model, finding["loc"])
     key = ".".join(path)
-    if finding["type"] == "extra_forbidden":
-        return InvalidConfig(where, key, f"unknown key{nearest(path[-1], known)}")
-    if finding["type"] == "missing":
-        return InvalidConfig(where, key, "this key is needed")
-    if finding["type"] == "union_tag_invalid":
-        context = finding["ctx"]
-        kinds = re.findall(r"'([^']+)'", context["expected_tags"])
-        return InvalidConfig(where, f"{key}.kind", f"there is no kind '{context['tag']}'{nearest(context['tag'], kinds)}")
-    if finding["type"] == "union_tag_not_found":
-        return InvalidConfig(where, f"{key}.kind", "this key is needed")
-    message = finding["msg"].removeprefix("Value error, ")
-    return InvalidConfig(where, key, f"{message[:1].lower()}{message[1:]}, not {finding['input']!r}")
+    context, given = finding.get("ctx", {}), finding["input"]
+    match finding["type"]:
+        case "extra_forbidden":
+            return InvalidConfig(where, key, f"unknown key{nearest(path[-1], known)}")
+        case "missing" if isinstance(finding["loc"][-1], int):
+            sizes = [node["maxItems"] for node in nodes if "maxItems" in node]
+            return InvalidConfig(where, key, f"needs {sizes[0] if sizes else 'more'} values, not {list(given)!r}")
+        case "missing" | "union_tag_not_found":
+            return InvalidConfig(where, key if finding["type"] == "missing" else f"{key}.kind", "this key is needed")
+        case "union_tag_invalid":
+            return _no_such(where, f"{key}.kind", str(context["tag"]), context["expected_tags"])
+        case "literal_error":
+            return _no_such(where, key, str(given), context["expected"])
+    message = finding["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list")
+    return InvalidConfig(where, key, f"{message[:1].lower()}{message[1:]} (it is {shortened(repr(given))})")
 
 
-def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str]]:
-    """Follow a location through the JSON Schema: the keys a user wrote, and the keys known beside the last one.
+def _no_such(where: Path | str, key: str, given: str, expected: str) -> InvalidConfig:
+    """Say that a value is none of those that pydantic expected, listed in quotes."""
+    return InvalidConfig(where, key, f"there is no '{given}'{nearest(given, _QUOTED.findall(expected))}")
+
+
+def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str], list[dict[str, Any]]]:
+    """Follow a location through the JSON Schema: the keys a user wrote, the keys known beside the last one, its nodes.
 
     Pydantic puts the branches of unions that it tried into a location; these are no keys and are left out.
     """
@@ -108,20 +121,18 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list
     known: set[str] = set()
     for part in location:
         tagged = [node for node in nodes if node.get("properties", {}).get("kind", {}).get("const") == part]
-        if tagged:
-            nodes = tagged
+        if tagged or _UNION_BRANCH.match(str(part)) or isinstance(part, int):
+            nodes = tagged or nodes
             continue
         children: list[dict[str, Any]] = []
         for node in nodes:
-            child = node.get("properties", {}).get(part) or node.get("additionalProperties") or node.get("items")
+            child = node.get("properties", {}).get(part) or node.get("additionalProperties")
             if isinstance(child, dict):
                 children += _branches(child, schema)
-        if not children and any("type" in node and "properties" not in node for node in nodes):
-            continue
         known = {key for node in nodes for key in node.get("properties", {})}
         path.append(str(part))
         nodes = children
-    return path, known
+    return path, known, nodes
 
 
 def _branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:

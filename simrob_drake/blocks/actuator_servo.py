@@ -67,7 +67,9 @@ def add_actuator_servos(
         bus = joined(builder, f"{prefix}servo.bus", signals.reference, signals.state)
         extra.append(add_integral(builder, bus, gains, list(range(len(gains.kp))), f"{prefix}servo"))
     if extra:
-        total = mapped(builder, f"{prefix}actuation", actuation_map, summed(builder, f"{prefix}feedforward_sum", *extra))
+        total = mapped(
+            builder, f"{prefix}actuation", actuation_map, summed(builder, f"{prefix}feedforward_sum", *extra)
+        )
         builder.Connect(total, plant.get_actuation_input_port(instance))
     applied = plant.get_net_actuation_output_port(instance)
     return mapped(builder, f"{prefix}applied_torque", actuation_map.T, applied)

@@ -24,7 +24,14 @@ class JointLimitMonitor(Monitor):
     """
 
     def __init__(
-        self, *, axes: Sequence[str], lower: Vector, upper: Vector, margin: float = 0.0, hold: float = 0.0, after: float = 0.0
+        self,
+        *,
+        axes: Sequence[str],
+        lower: Vector,
+        upper: Vector,
+        margin: float = 0.0,
+        hold: float = 0.0,
+        after: float = 0.0,
     ) -> None:
         """Watch ``axes`` with limits ``lower`` and ``upper``, each (n,) [rad], from ``margin`` [rad] before them."""
         super().__init__(hold=hold, after=after)

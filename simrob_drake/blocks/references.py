@@ -77,7 +77,9 @@ def table(times: npt.ArrayLike, positions: npt.ArrayLike, *, linear: bool = Fals
     """
     breaks, samples = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
     if breaks.ndim != 1 or samples.ndim != 2 or len(breaks) != len(samples) or len(breaks) < 2:
-        raise InvalidParameter("reference", f"{breaks.shape} times, {samples.shape} positions", "(m,) and (m, n), m > 1")
+        raise InvalidParameter(
+            "reference", f"{breaks.shape} times, {samples.shape} positions", "(m,) and (m, n), m > 1"
+        )
     if not (np.isfinite(breaks).all() and np.isfinite(samples).all()):
         row = int(np.flatnonzero(~(np.isfinite(breaks) & np.isfinite(samples).all(axis=1)))[0])
         raise InvalidParameter("reference", f"row {row} with {breaks[row]}, {samples[row]}", "finite")

@@ -169,4 +169,3 @@ def add_integral(
     fed_back = joined(builder, f"{name}.integrator_input", bus, clip.get_output_port())
     builder.Connect(fed_back, integrator.get_input_port())
     return clip.get_output_port()
-

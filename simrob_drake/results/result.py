@@ -6,12 +6,14 @@ import platform
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from pydrake.trajectories import Trajectory
 
 import simrob_drake
+from simrob_drake.errors import UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant
@@ -56,8 +58,6 @@ class SimulationResult:
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
-        from simrob_drake.errors import UnknownName
-
         if name not in self.names:
             raise UnknownName("signal", name, self.names)
         return self.values[:, self.names.index(name)]
@@ -91,6 +91,18 @@ class SimulationResult:
     def realtime_rate(self) -> float:
         """Simulated over wall-clock time of stepping and signals."""
         return self.stop_time / self.wall_time if self.wall_time > 0 else 0.0
+
+    def save(
+        self, folder: Path | str | None = None, *, force: bool = False, recording: bool = True, video: bool = False
+    ) -> Path:
+        """Write the result to a folder, ``runs/<station>-<time>`` unless given, and return it.
+
+        See :func:`simrob_drake.results.files.save_result`.
+        """
+        from simrob_drake.results.files import default_folder, save_result  # files.py knows results, not the reverse
+
+        target = default_folder(self.config.name) if folder is None else Path(folder)
+        return save_result(self, target, force=force, recording=recording, video=video)
 
     def summary(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds."""
@@ -138,7 +150,10 @@ class SimulationResult:
 
     def _final_pose(self, signal: str) -> Any:
         poses = {
-            name: [float(value) for value in pose_from_transform(transform_from_xyz_quaternion(self.pose(signal, name)[-1]))]
+            name: [
+                float(value)
+                for value in pose_from_transform(transform_from_xyz_quaternion(self.pose(signal, name)[-1]))
+            ]
             for name, robot in self.plant.robots.items()
             if f"{robot.prefix}{signal}.x" in self.names
         }

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydrake.geometry import Box, Cylinder, Mesh, Shape, Sphere
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import (
@@ -75,12 +75,13 @@ class PieceModel(Strict):
     colour: Colour = (0.6, 0.6, 0.65, 1.0)
     shapes: tuple[PieceShape, ...] = ()
 
-    @model_validator(mode="after")
-    def _triangle_inequality(self) -> PieceModel:
-        small, middle, large = sorted(self.inertia)
+    @field_validator("inertia")
+    @classmethod
+    def _triangle_inequality(cls, moments: Triple) -> Triple:
+        small, middle, large = sorted(moments)
         if small + middle < large * (1 - 1e-9):
             raise ValueError("no body has these moments of inertia: the largest exceeds the sum of the others")
-        return self
+        return moments
 
 
 def piece_names() -> list[str]:

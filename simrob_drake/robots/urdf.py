@@ -128,7 +128,9 @@ def urdf_text(root: ET.Element, folder: Path, *, collision: bool) -> str:
 def _mesh_file(uri: str, folder: Path) -> Path:
     path = (folder / uri.removeprefix("file://")).resolve()
     if "://" in uri.removeprefix("file://"):
-        raise InvalidModel(folder, f"mesh '{uri}'", "packages are not resolved here; name the mesh relative to the URDF")
+        raise InvalidModel(
+            folder, f"mesh '{uri}'", "packages are not resolved here; name the mesh relative to the URDF"
+        )
     if not path.is_relative_to(folder.resolve()):
         raise InvalidModel(folder, f"mesh '{uri}'", "lies outside the robot's folder; copy it there")
     if not path.is_file():
@@ -196,7 +198,9 @@ def _check_inertial(link: ET.Element, path: Path) -> None:
     if moments[0] < -tolerance or moments[0] + moments[1] < moments[2] - tolerance:
         listed = ", ".join(f"{moment:.3g}" for moment in moments)
         raise InvalidModel(
-            path, where, f"no body has the principal moments {listed} kg m²: none is negative, none exceeds the others' sum"
+            path,
+            where,
+            f"no body has the principal moments {listed} kg m²: none is negative, none exceeds the others' sum",
         )
 
 

@@ -54,16 +54,18 @@ def check_station(config: StationConfig) -> list[Finding]:
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
     """Return the torques (n,) [N·m] that hold a robot still at a posture (n,) [rad], by inverse dynamics."""
     context = plant.plant.CreateDefaultContext()
-    for joint, sign, angle in zip(robot.joints, robot.signs, position, strict=True):
-        plant.plant.GetMutablePositions(context)[joint.position_start()] = sign * angle
+    positions = plant.plant.GetPositions(context)
+    positions[[joint.position_start() for joint in robot.joints]] = robot.signs * position
+    plant.plant.SetPositions(context, positions)
     gravity = plant.plant.CalcGravityGeneralizedForces(context)
-    return np.array([-s * gravity[joint.velocity_start()] for joint, s in zip(robot.joints, robot.signs, strict=True)])
+    return np.asarray(-robot.signs * gravity[[joint.velocity_start() for joint in robot.joints]])
 
 
 def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
     """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
     context = plant.plant.CreateDefaultContext()
-    inertia = np.diag(plant.plant.CalcMassMatrix(context))[[joint.velocity_start() for joint in robot.joints]]
+    mobility = np.diag(np.linalg.inv(plant.plant.CalcMassMatrix(context)))
+    inertia = 1 / mobility[[joint.velocity_start() for joint in robot.joints]]  # as felt with the other joints free
     with np.errstate(divide="ignore"):
         return np.asarray(_STABLE * inertia / robot.gains.kd)
 
@@ -81,24 +83,24 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
 
 def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot) -> list[Finding]:
     _, positions = reference_samples(diagram, ports, robot.name)
-    torques = np.array([holding_torque(ports.plant, robot, position) for position in positions[:: len(positions) // 50]])
-    moments = {"start": torques[0], "end of the reference": torques[-1]}
+    torques = np.array(
+        [holding_torque(ports.plant, robot, position) for position in positions[:: len(positions) // 50]]
+    )
     findings = []
-    limit, kp = robot.gains.torque_limit, robot.gains.kp
     for axis, name in enumerate(robot.axes):
-        label = f"{robot.prefix}{name}"
-        held = ", ".join(f"{moment} {torque[axis]:.2f}" for moment, torque in moments.items())
-        worst = torques[np.argmax(np.abs(torques[:, axis])), axis]
-        if ports.config.mode == "kinematic" or abs(worst) <= limit[axis]:
-            sag = f"; sags {np.rad2deg(abs(torques[-1, axis]) / kp[axis]):.2f} deg" if kp[axis] > 0 else ""
-            sag = "" if ports.config.mode == "kinematic" else f" of {limit[axis]:g} N·m{sag}"
-            findings.append(Finding("ok", f"torque of {label}", f"holding takes {held} N·m{sag}"))
+        torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
+        subject = f"torque of {robot.prefix}{name}"
+        text = f"holding takes {torque[0]:.2f} N·m at the start and {torque[-1]:.2f} N·m at the end of the reference"
+        if ports.config.mode == "kinematic":
+            findings.append(Finding("ok", subject, text))
             continue
-        text = (
-            f"holding takes {held} N·m, at most {worst:.2f} N·m, and the limit is {limit[axis]:g} N·m: "
-            "the joint will fall; raise servo.torque_limit or lighten the load"
-        )
-        findings.append(Finding("warning", f"torque of {label}", text))
+        worst = torque[np.argmax(np.abs(torque))]
+        if abs(worst) > limit:
+            text += f", at most {worst:.2f} N·m, and the limit is {limit:g} N·m: the joint will not hold; "
+            findings.append(Finding("warning", subject, f"{text}raise servo.torque_limit or lighten the load"))
+            continue
+        sag = f"; it sags by {np.rad2deg(abs(torque[-1]) / kp):.2f} deg there" if kp > 0 else ""
+        findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} N·m{sag}"))
     return findings
 
 

@@ -31,17 +31,19 @@ class ServoConfig(Strict):
     ki: AxisValues | None = None  # N·m/(rad·s), per axis; 0 leaves the integrators out
     kd: AxisValues | None = None  # N·m·s/rad, per axis
     torque_limit: AxisValues | None = None  # N·m, per axis; the URDF's effort unless given
-    integral_limit: AxisValues | None = None  # N·m that the integral part may reach, per axis; torque_limit unless given
+    integral_limit: AxisValues | None = (
+        None  # N·m that the integral part may reach, per axis; torque_limit unless given
+    )
 
     @field_validator("kp", "ki", "kd")
     @classmethod
     def _not_negative(cls, values: AxisValues | None) -> AxisValues | None:
-        return _each(values, lambda value: value >= 0, "a gain is not negative")
+        return _each(values, lambda value: value >= 0, "a gain must not be negative")
 
     @field_validator("torque_limit", "integral_limit")
     @classmethod
     def _positive(cls, values: AxisValues | None) -> AxisValues | None:
-        return _each(values, lambda value: value > 0, "a torque limit is positive [N·m]")
+        return _each(values, lambda value: value > 0, "a torque limit must be positive [N·m]")
 
 
 class RobotConfig(Strict):

@@ -46,9 +46,7 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
     return ServoSignals(reference, state, velocity, feedforward)
 
 
-def _add_servos(
-    builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
-) -> OutputPort:
+def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> OutputPort:
     realization, plant, solver = ports.config.servo_of(robot.name).realization, ports.plant, ports.config.solver
     if realization == "implicit":
         cenic = isinstance(solver, ContinuousSolver) and solver.scheme == "cenic"

@@ -62,7 +62,9 @@ def _add_torques(
     desired = mapped(builder, "accelerations", spread, joined(builder, "robot_accelerations", *accelerations))
     builder.Connect(desired, dynamics.get_input_port_desired_acceleration())
     for robot in plant.robots.values():
-        torque = mapped(builder, f"{robot.prefix}torque", pick[robot.name], dynamics.get_output_port_generalized_force())
+        torque = mapped(
+            builder, f"{robot.prefix}torque", pick[robot.name], dynamics.get_output_port_generalized_force()
+        )
         outputs[f"{robot.prefix}torque"] = torque
 
 

@@ -44,17 +44,17 @@ def load_station(name_or_path: str | Path, overrides: Mapping[str, Any] | None =
     """
     path = _station_file(name_or_path)
     content = _with_absolute_paths(read_yaml(path), path.parent)
-    for key, value in _flattened(overrides or {}):
+    for key, value in sorted((overrides or {}).items(), key=lambda entry: not entry[0].endswith(".kind")):
         _override(content, key.split("."), value, path)
     content = _with_absolute_paths(content, Path.cwd())
     content = {"name": path.stem, **_without_sugar(content, path)}
-    config = validated(StationConfig, content, path)
     try:
+        config = validated(StationConfig, content, path)
         check_names(config)
-    except InvalidConfig:
-        raise
+    except InvalidConfig as problem:
+        raise InvalidConfig("", "", str(problem).replace(f"robots.{ONLY_ROBOT}.", "robot.")) from problem
     except SimrobError as problem:
-        raise InvalidConfig(path, "", str(problem)) from problem
+        raise InvalidConfig(path, "", str(problem).replace(f"robots.{ONLY_ROBOT}.", "robot.")) from problem
     return config
 
 
@@ -77,16 +77,8 @@ def _station_file(name_or_path: str | Path) -> Path:
     return diagrams_root() / f"{name_or_path}.yaml"
 
 
-def _flattened(overrides: Mapping[str, Any], path: str = "") -> list[tuple[str, Any]]:
-    """Turn nested overrides into dotted ones, kinds first: what else is set then belongs to the new kind."""
-    flat: list[tuple[str, Any]] = []
-    for key, value in overrides.items():
-        nested = isinstance(value, Mapping) and value
-        flat += _flattened(value, f"{path}{key}.") if nested else [(f"{path}{key}", value)]
-    return sorted(flat, key=lambda entry: not entry[0].endswith(".kind"))
-
-
 def _override(content: dict[str, Any], key: list[str], value: Any, path: Path) -> None:
+    """Set the value under a dotted key, making sections on the way."""
     node = content
     for depth, part in enumerate(key[:-1]):
         child = node.get(part)
@@ -95,9 +87,14 @@ def _override(content: dict[str, Any], key: list[str], value: Any, path: Path) -
         if not isinstance(child, dict):
             raise InvalidConfig(path, ".".join(key[: depth + 1]), f"is {child!r}, so it has no key '{key[depth + 1]}'")
         node = child
-    if key[-1] == "kind" and key[-2:-1] and key[-2] in _KINDS and node.get("kind") != value:
-        _change_kind(node, _KINDS[key[-2]], value)
-    node[key[-1]] = deepcopy(value)
+    section = key[-2] if len(key) > 1 else ""
+    if key[-1] == "kind" and section in _KINDS and node.get("kind") != value:
+        _change_kind(node, _KINDS[section], value)
+    if isinstance(value, Mapping) and value and isinstance(node.get(key[-1]), dict):
+        for inner in sorted(value, key=lambda name: name != "kind"):  # what else is set belongs to the new kind
+            _override(content, [*key, inner], value[inner], path)
+    else:
+        node[key[-1]] = deepcopy(value)
 
 
 def _change_kind(section: dict[str, Any], union: Any, kind: Any) -> None:
@@ -113,7 +110,7 @@ def _accepted(model: type[BaseModel], key: str, value: Any) -> bool:
     if key not in model.model_fields:
         return False
     try:
-        TypeAdapter(model.model_fields[key].annotation).validate_python(value)
+        TypeAdapter[Any](model.model_fields[key].annotation).validate_python(value)
     except ValidationError:
         return False
     return True

@@ -5,8 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.geometry import Box, CollisionFilterDeclaration, HalfSpace, ProximityProperties, SceneGraph
-from pydrake.geometry import AddRigidHydroelasticProperties
+from pydrake.geometry import (
+    AddRigidHydroelasticProperties,
+    Box,
+    CollisionFilterDeclaration,
+    HalfSpace,
+    ProximityProperties,
+    SceneGraph,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
@@ -144,7 +150,9 @@ def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
         return base if given is None else robot.axis_vector(given, f"servo.{key}", base)
 
     limit = efforts if servo.torque_limit is None else robot.axis_vector(servo.torque_limit, "torque_limit", efforts)
-    integral = limit if servo.integral_limit is None else robot.axis_vector(servo.integral_limit, "integral_limit", limit)
+    integral = (
+        limit if servo.integral_limit is None else robot.axis_vector(servo.integral_limit, "integral_limit", limit)
+    )
     return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, integral)
 
 
@@ -152,7 +160,9 @@ def _add_robot(plant: MultibodyPlant, config: StationConfig, name: str, collisio
     entry, model, servo = config.robots[name], robot_model(config, name), config.servo_of(name)
     if config.mode == "dynamic" and model.links_without_inertia:
         listed = ", ".join(model.links_without_inertia)
-        raise InvalidModel(model.urdf_path, f"links {listed}", "have no inertia; only a kinematic station can take them")
+        raise InvalidModel(
+            model.urdf_path, f"links {listed}", "have no inertia; only a kinematic station can take them"
+        )
     instance = _parsed(plant, model, name, collision)
     root = plant.GetFrameByName(model.root, instance)
     if model.base == "fixed" or config.mode == "kinematic":
@@ -184,9 +194,7 @@ def _parsed(plant: MultibodyPlant, model: RobotModel, name: str, collision: bool
         raise InvalidModel(model.urdf_path, "", f"Drake cannot read it: {' '.join(str(problem).split())}") from problem
 
 
-def _add_pieces(
-    plant: MultibodyPlant, config: StationConfig, robots: dict[str, StationRobot], collision: bool
-) -> None:
+def _add_pieces(plant: MultibodyPlant, config: StationConfig, robots: dict[str, StationRobot], collision: bool) -> None:
     tips: dict[str, Frame] = {WORLD: plant.world_frame()}
     tips |= {name: next(iter(robot.tools.values()), robot.root) for name, robot in robots.items()}
     for piece in pieces_outward(config):

@@ -9,8 +9,8 @@ from simrob_drake.stations.dynamic import add_dynamic_robots
 from simrob_drake.stations.kinematic import add_kinematic_robots
 from simrob_drake.stations.monitoring import add_monitors
 from simrob_drake.stations.plant import add_plant
-from simrob_drake.stations.poses import add_poses
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.poses import add_poses
 
 
 def add_station(builder: DiagramBuilder, config: StationConfig) -> StationPorts:
@@ -28,8 +28,10 @@ def add_station(builder: DiagramBuilder, config: StationConfig) -> StationPorts:
         the station's ports, with its plant.
     """
     plant = add_plant(builder, config)
-    ports = add_kinematic_robots(builder, plant, config) if config.mode == "kinematic" else add_dynamic_robots(
-        builder, plant, config
+    ports = (
+        add_kinematic_robots(builder, plant, config)
+        if config.mode == "kinematic"
+        else add_dynamic_robots(builder, plant, config)
     )
     add_poses(builder, ports)
     add_monitors(builder, ports)

@@ -1,0 +1,186 @@
+"""The command line: ``simrob list | run | check | diagram``.
+
+Exit codes: 0 done, a monitor's stop included; 2 bad input, with one line on the error stream that says what, where and
+what would be right; 3 the simulation diverged, with the partial result saved.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from typer.exceptions import TyperException
+
+import simrob_drake
+from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.results.files import check_folder, default_folder
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import load_robot, load_robot_from_urdf, robot_names
+from simrob_drake.robots.pieces import load_piece, piece_names
+from simrob_drake.simulate import simulate
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station, station_names
+from simrob_drake.tables import convergence_table, findings_table, result_table, robot_table
+from simrob_drake.yaml_files import parse_yaml
+
+BAD_INPUT, DIVERGED = 2, 3
+
+app = typer.Typer(
+    help="Build, control, program and watch robot stations.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+console = Console(width=None if sys.stdout.isatty() else 160)
+
+StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY.PATH=VALUE", help="Change a key of the station; may be given several times."),
+]
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    sys.exit(run_command(sys.argv[1:]))
+
+
+def run_command(arguments: list[str]) -> int:
+    """Run a command and return its exit code; errors of the user go to the error stream in one line."""
+    try:
+        code = app(arguments, standalone_mode=False)
+    except (SimrobError, TyperException) as problem:
+        message = " ".join(str(problem).split())
+        print(f"simrob: {message or 'see simrob --help'}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("simrob: interrupted", file=sys.stderr)
+        return 130
+    return code if isinstance(code, int) else 0
+
+
+@app.callback(invoke_without_command=True)
+def version(
+    show: Annotated[bool, typer.Option("--version", help="Show the version and exit.", is_eager=True)] = False,
+) -> None:
+    """Say which version this is."""
+    if show:
+        console.print(simrob_drake.__version__)
+        raise typer.Exit
+
+
+@app.command("list")
+def list_all() -> None:
+    """List the stations, robots and pieces that come with the package."""
+    rows = [
+        ("station", {name: load_station(name).description for name in station_names()}),
+        ("robot", {name: load_robot(name).description for name in robot_names()}),
+        ("piece", {name: load_piece(name).description for name in piece_names()}),
+    ]
+    for kind, entries in rows:
+        table = Table(kind, "description", box=None, pad_edge=False)
+        for name, description in entries.items():
+            table.add_row(name, description)
+        console.print(table)
+        console.print()
+
+
+@app.command()
+def run(
+    station: StationArgument,
+    duration: Annotated[float | None, typer.Option(help="Simulated time [s], in place of the station's.")] = None,
+    set_: SetOption = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the result; runs/STATION-TIME unless given.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a result that is there.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the motion in the browser while it is computed.")] = False,
+    no_recording: Annotated[bool, typer.Option("--no-recording", help="No recording and no film strip.")] = False,
+    video: Annotated[bool, typer.Option("--video", help="Write an MP4, too (needs the extra `video`).")] = False,
+    converge: Annotated[
+        bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
+    ] = False,
+) -> int:
+    """Run a station, and save signals, plots and a recording."""
+    config = load_station(station, _overrides(set_, duration))
+    folder = out or default_folder(config.name)
+    check_folder(folder, force=force)
+    result = _simulated(config, live)
+    result.save(folder, force=force, recording=not no_recording, video=video)
+    console.print(result_table(result))
+    console.print(f"{config.name}: {result.message}", highlight=False)
+    console.print(f"{result.realtime_rate:.0f} × real time, {len(result.step_times) - 1} steps", highlight=False)
+    console.print(f"result    {folder}", soft_wrap=True, highlight=False)
+    if not no_recording:
+        console.print(f"recording {(folder / 'recording.html').resolve().as_uri()}", soft_wrap=True, highlight=False)
+    if converge:
+        _converge(result)
+    return DIVERGED if result.ending == "diverged" else 0
+
+
+@app.command()
+def check(
+    station: Annotated[str, typer.Argument(metavar="STATION|FILE.urdf", help="A station, or a robot's URDF.")],
+    set_: SetOption = None,
+) -> None:
+    """Say before any run what a station's robots need, and what will go wrong."""
+    if Path(station).suffix in (".urdf", ".xacro"):
+        robot = load_robot_from_urdf(Path(station))
+        console.print(robot_table(robot))
+        weightless = robot.links_without_inertia
+        console.print(f"links without inertia: {', '.join(weightless) or 'none'}", highlight=False)
+        return
+    findings = check_station(load_station(station, _overrides(set_)))
+    console.print(findings_table(findings))
+
+
+@app.command()
+def diagram(
+    station: StationArgument,
+    out: Annotated[Path | None, typer.Option(help="FILE.svg, .dot or .mmd; DOT on the screen unless given.")] = None,
+    set_: SetOption = None,
+) -> None:
+    """Draw the block structure of a station."""
+    from simrob_drake.results.block_picture import save_block_picture, station_dot
+
+    config = load_station(station, _overrides(set_))
+    if out is None:
+        print(station_dot(config))
+    else:
+        console.print(str(save_block_picture(config, out)), soft_wrap=True, highlight=False)
+
+
+def _overrides(settings: list[str] | None, duration: float | None = None) -> dict[str, Any]:
+    """Turn ``key.path=value`` texts into overrides."""
+    overrides: dict[str, Any] = {} if duration is None else {"duration": duration}
+    for setting in settings or []:
+        key, equals, value = setting.partition("=")
+        if not (key and equals):
+            raise InvalidParameter("--set", setting, "of the form key.path=value")
+        overrides[key.strip()] = parse_yaml(value, f"--set {setting}")
+    return overrides
+
+
+def _simulated(config: StationConfig, live: bool) -> SimulationResult:
+    if not live:
+        return simulate(config)
+    from simrob_drake.results.live import LiveView
+
+    view = LiveView(config)
+    console.print(f"watch it at {view.url}", highlight=False)
+    return simulate(config, progress=False, on_step=view.on_step)
+
+
+def _converge(result: SimulationResult) -> None:
+    if result.config.mode == "kinematic":
+        console.print("a kinematic station has no solver: nothing to converge")
+        return
+    tight = result.config.model_copy(update={"solver": result.config.solver.tighter()})
+    console.print(convergence_table(result, simulate(tight)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""A run's motion as one HTML file that any browser plays, and the Meshcat windows of the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
+
+from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.frames import Vector
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.scene import FIELD_OF_VIEW, Scene, View, look_times, view_of
+
+ASPECT = 1.4
+"""Width over height of a browser window that still shows all: most are wider."""
+
+_LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
+_TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
+_PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(0.10, 0.55, 0.30, 1.0)]
+_PATH_WIDTH = 4.0  # pixels
+
+
+def save_recording(result: SimulationResult, file: Path, *, frames_per_second: float = 32.0) -> Path:
+    """Write the motion of a run, with the paths of the tools, as a self-contained page that plays and loops.
+
+    Args:
+        result: the run.
+        file: where to, ``.html``.
+        frames_per_second: of simulated time [1/s], positive.
+
+    Returns:
+        the file.
+
+    Raises:
+        InvalidParameter: the rate is not positive.
+        OutputError: the file cannot be written.
+    """
+    if not (np.isfinite(frames_per_second) and frames_per_second > 0):
+        raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
+    meshcat = open_meshcat()
+    scene = Scene(result.config, meshcat=meshcat)
+    _record(scene, result, frames_per_second)
+    _draw_tool_paths(meshcat, result)
+    look(meshcat, view_of(scene.extents(result.positions_at(look_times(result.stop_time))), aspect=ASPECT))
+    try:
+        file.write_text(meshcat.StaticHtml(), encoding="utf-8")
+    except OSError as problem:
+        raise OutputError(f"{file}: cannot be written: {problem.strerror}") from problem
+    return file
+
+
+def open_meshcat() -> Meshcat:
+    """Return a Meshcat window that listens on this computer only, at the first free port."""
+    meshcat = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
+    meshcat.SetProperty("/Background", "top_color", _TOP)
+    meshcat.SetProperty("/Background", "bottom_color", _BOTTOM)
+    meshcat.SetProperty("/Grid", "visible", False)
+    meshcat.SetProperty("/Axes", "visible", False)
+    return meshcat
+
+
+def look(meshcat: Meshcat, view: View) -> None:
+    """Put the camera of a Meshcat window where a view says."""
+    meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
+    meshcat.SetCameraPose(view.eye, view.target)
+
+
+def _record(scene: Scene, result: SimulationResult, frames_per_second: float) -> None:
+    visualizer = scene.visualizer
+    assert visualizer is not None
+    animation = visualizer.StartRecording(set_transforms_while_recording=False)
+    times = np.append(np.arange(0.0, result.stop_time, 1 / frames_per_second), result.stop_time)
+    for frame, positions in enumerate(result.positions_at(times)):
+        # Meshcat rounds times down to frames, so halves of frames are safe from rounding.
+        scene.draw(positions, (frame + 0.5) / frames_per_second)
+    animation.set_autoplay(True)
+    animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
+    animation.set_repetitions(_LOOPS)
+    visualizer.StopRecording()
+    visualizer.PublishRecording()
+
+
+def _draw_tool_paths(meshcat: Meshcat, result: SimulationResult) -> None:
+    for index, robot in enumerate(result.plant.robots.values()):
+        if robot.tcp:
+            path: Vector = result.pose("tcp", robot.name)[:, :3].T
+            colour = _PATH_COLOURS[index % len(_PATH_COLOURS)]
+            meshcat.SetLine(f"tool_path/{robot.name}", np.asfortranarray(path), _PATH_WIDTH, colour)

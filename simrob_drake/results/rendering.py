@@ -1,0 +1,87 @@
+"""Images of a run's motion, rendered off-screen: no display and no browser is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.sensors import CameraInfo
+
+from simrob_drake.frames import Vector
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.scene import FIELD_OF_VIEW, RENDERER, Scene, View, aspect_of, look_times, view_of
+
+Image = npt.NDArray[np.uint8]
+
+_BACKGROUND = np.array([0.98, 0.98, 0.98])
+_SHADOW_MAP = 1024  # pixels a side
+
+
+class Studio:
+    """A station before a camera that stands still and has the whole motion of a run in its picture."""
+
+    def __init__(self, result: SimulationResult, *, height: int, width: int | None = None) -> None:
+        """Set the camera up.
+
+        Args:
+            result: the run.
+            height: of the images [pixels].
+            width: of the images [pixels]; chosen to suit the motion unless given.
+        """
+        self._result = result
+        self._scene = Scene(result.config, engine=MakeRenderEngineVtk(_engine_params()))
+        points = self._scene.extents(result.positions_at(look_times(result.stop_time)))
+        self.width = width or int(height * np.clip(aspect_of(points), 0.6, 1.6))
+        self.height = height
+        view = view_of(points, aspect=self.width / height)
+        self._pose = _camera_pose(view)
+        self._camera = _camera(self.width, height, float(np.linalg.norm(view.target - view.eye)))
+
+    def images(self, times: Vector) -> Iterator[Image]:
+        """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
+        for positions in self._result.positions_at(times):
+            self._scene.place(positions)
+            query = self._scene.query()
+            image = query.RenderColorImage(self._camera, query.inspector().world_frame_id(), self._pose)
+            yield np.array(image.data[:, :, :3])
+
+
+def _engine_params() -> RenderEngineVtkParams:
+    """Return the light of a studio.
+
+    Only the lamp straight above casts shadows: they show what is over what on the floor, and steep faces, where shadow
+    maps are speckled, get nothing of its light. The lamps by the camera are points far away, which cast none.
+    """
+    lights = [
+        LightParameter(type="directional", frame="world", direction=[0.0, 0.0, -1.0], intensity=0.4),
+        LightParameter(type="point", frame="camera", position=[-10.0, -10.0, -30.0], intensity=0.95),
+        LightParameter(type="point", frame="camera", position=[27.0, -3.0, -15.0], intensity=0.35),
+    ]
+    return RenderEngineVtkParams(
+        default_clear_color=_BACKGROUND, lights=lights, cast_shadows=True, shadow_map_size=_SHADOW_MAP
+    )
+
+
+def _camera(width: int, height: int, distance: float) -> ColorRenderCamera:
+    info = CameraInfo(width=width, height=height, fov_y=FIELD_OF_VIEW)
+    return ColorRenderCamera(
+        RenderCameraCore(RENDERER, info, ClippingRange(distance / 20, distance * 20), RigidTransform())
+    )
+
+
+def _camera_pose(view: View) -> RigidTransform:
+    """Return the pose of a camera body: z forward, x right and y down in the picture."""
+    forward = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    return RigidTransform(RotationMatrix(np.column_stack([right, np.cross(forward, right), forward])), view.eye)
