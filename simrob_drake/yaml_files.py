@@ -23,7 +23,7 @@ _UNION_BRANCH = re.compile(r"^(float|int|bool|str)$|^(list|dict|tuple|constraine
 class Strict(BaseModel):
     """Base of everything read from YAML: unknown keys are errors, and nothing changes after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
 
 class _Loader(yaml.SafeLoader):
@@ -83,7 +83,7 @@ def validated(model: type[Model], content: dict[str, Any], where: Path | str) ->
 
 
 def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path | str) -> InvalidConfig:
-    """Return the finding that tells most: an unknown key, else the deepest one, which is of the union's right branch."""
+    """Return the finding that tells most: an unknown key, else the deepest, which is of the right branch of a union."""
     findings = problem.errors()
     finding = next((f for f in findings if f["type"] == "extra_forbidden"), max(findings, key=lambda f: len(f["loc"])))
     path, known, nodes = _walk(model, finding["loc"])

@@ -13,8 +13,9 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_dot import dot_text
-from simrob_drake.results.block_graph import BlockGraph, block_graph
+from simrob_drake.results.block_graph import BlockGraph
 from simrob_drake.results.block_mermaid import mermaid_text
+from simrob_drake.results.block_reading import read_blocks
 from simrob_drake.stations.closed import add_closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
@@ -80,7 +81,7 @@ def main(folder: Path | None = None) -> None:
 def _graph(config: StationConfig) -> BlockGraph:
     builder = DiagramBuilder()
     ports = add_closed_station(builder, config)
-    return block_graph(builder.Build(), ports)
+    return read_blocks(builder.Build(), ports)
 
 
 def _drawn(text: str, kind: str) -> bytes:

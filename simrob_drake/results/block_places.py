@@ -34,10 +34,16 @@ from simrob_drake.stations.plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
 
 Role = Literal["reference", "servo", "robot", "sensor", "own"]
+ROLES: tuple[Role, ...] = ("reference", "servo", "robot", "sensor", "own")
+"""In the order of the signal flow."""
+
 Shape = Literal["block", "bar", "port", "sum"]
 
+GATHERS = "gathers"
+"""Mark of a bus bar that brings signals together; others hand them out."""
+
 _SOURCE, _STOPS, _ALL_JOINTS = "reference_source", "stops", "servo"
-_SILENT = (PassThrough, EventTimes, SteadySteps, ExternallyAppliedSpatialForceMultiplexer)
+_SILENT = (PassThrough, Demultiplexer, EventTimes, SteadySteps, ExternallyAppliedSpatialForceMultiplexer)
 
 
 @dataclass(frozen=True)
@@ -134,9 +140,9 @@ def _wiring_place(name: str, system: System, owner: str) -> Place | None:
     if isinstance(system, _SILENT) or (isinstance(system, MatrixGain) and captions.is_mapping(system)):
         return None
     if isinstance(system, Multiplexer):
-        return Place(name, "servo", "", owner, "bar") if system.num_input_ports() > 1 else None
-    if isinstance(system, Selector | Demultiplexer):
-        return Place(name, "servo", "", owner, "bar") if system.num_output_ports() > 1 else None
+        return Place(name, "servo", GATHERS, owner, "bar")
+    if isinstance(system, Selector):
+        return Place(name, "servo", "", owner, "bar")
     if isinstance(system, Adder):
         return Place(name, "servo", "+", owner, "sum")
     if isinstance(system, ConstantVectorSource) and name.endswith(".zero"):

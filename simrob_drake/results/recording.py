@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,7 @@ ASPECT = 1.4
 _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
 _TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
 _PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(0.10, 0.55, 0.30, 1.0)]
-_PATH_WIDTH = 4.0  # pixels
+_AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
 
 
 def save_recording(result: SimulationResult, file: Path, *, frames_per_second: float = 32.0) -> Path:
@@ -38,13 +40,10 @@ def save_recording(result: SimulationResult, file: Path, *, frames_per_second: f
     """
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
         raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
-    meshcat = open_meshcat()
-    scene = Scene(result.config, meshcat=meshcat)
-    _record(scene, result, frames_per_second)
-    _draw_tool_paths(meshcat, result)
-    look(meshcat, view_of(scene.extents(result.positions_at(look_times(result.stop_time))), aspect=ASPECT))
+    page = _page(result, frames_per_second)
+    gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
     try:
-        file.write_text(meshcat.StaticHtml(), encoding="utf-8")
+        file.write_text(page, encoding="utf-8")
     except OSError as problem:
         raise OutputError(f"{file}: cannot be written: {problem.strerror}") from problem
     return file
@@ -52,11 +51,18 @@ def save_recording(result: SimulationResult, file: Path, *, frames_per_second: f
 
 def open_meshcat() -> Meshcat:
     """Return a Meshcat window that listens on this computer only, at the first free port."""
-    meshcat = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
+    logger = logging.getLogger("drake")
+    level = logger.level
+    logger.setLevel(logging.WARNING)  # where Meshcat listens is for the caller to say
+    try:
+        meshcat = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
+    finally:
+        logger.setLevel(level)
     meshcat.SetProperty("/Background", "top_color", _TOP)
     meshcat.SetProperty("/Background", "bottom_color", _BOTTOM)
     meshcat.SetProperty("/Grid", "visible", False)
     meshcat.SetProperty("/Axes", "visible", False)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", _AMBIENT)
     return meshcat
 
 
@@ -64,6 +70,15 @@ def look(meshcat: Meshcat, view: View) -> None:
     """Put the camera of a Meshcat window where a view says."""
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
     meshcat.SetCameraPose(view.eye, view.target)
+
+
+def _page(result: SimulationResult, frames_per_second: float) -> str:
+    meshcat = open_meshcat()
+    scene = Scene(result.config, meshcat=meshcat)
+    _record(scene, result, frames_per_second)
+    _draw_tool_paths(meshcat, result)
+    look(meshcat, view_of(scene.extents(result.positions_at(look_times(result.stop_time))), aspect=ASPECT))
+    return meshcat.StaticHtml()
 
 
 def _record(scene: Scene, result: SimulationResult, frames_per_second: float) -> None:
@@ -86,4 +101,4 @@ def _draw_tool_paths(meshcat: Meshcat, result: SimulationResult) -> None:
         if robot.tcp:
             path: Vector = result.pose("tcp", robot.name)[:, :3].T
             colour = _PATH_COLOURS[index % len(_PATH_COLOURS)]
-            meshcat.SetLine(f"tool_path/{robot.name}", np.asfortranarray(path), _PATH_WIDTH, colour)
+            meshcat.SetLine(f"tool_path/{robot.name}", np.asfortranarray(path), rgba=colour)

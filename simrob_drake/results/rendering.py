@@ -24,6 +24,7 @@ from simrob_drake.results.scene import FIELD_OF_VIEW, RENDERER, Scene, View, asp
 Image = npt.NDArray[np.uint8]
 
 _BACKGROUND = np.array([0.98, 0.98, 0.98])
+_ASPECTS = 0.6, 1.6  # narrowest and widest picture
 _SHADOW_MAP = 1024  # pixels a side
 
 

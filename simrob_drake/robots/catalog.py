@@ -69,7 +69,7 @@ class RobotModel(Strict):
     base: Literal["fixed", "floating"] = "fixed"
     root: str
     axes: Annotated[dict[str, Axis], BeforeValidator(_axes_by_name), Field(min_length=1)]
-    tools: dict[str, str] = {}
+    tools: dict[str, str] = Field(default_factory=dict)
     home_deg: AxisValues = 0.0
     servo: Gains = Gains()
 

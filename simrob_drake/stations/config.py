@@ -26,14 +26,18 @@ STANDARD_GRAVITY = 9.80665  # m/s², ISO 80000-3; the value of the Simulink libr
 class ServoConfig(Strict):
     """The joint servos: PID and saturation. What is not given comes from the robot's own file."""
 
-    realization: Realization = "per_joint"  # separate blocks a joint | one block for all | inside the plant's actuators
-    kp: AxisValues | None = None  # N·m/rad, per axis
-    ki: AxisValues | None = None  # N·m/(rad·s), per axis; 0 leaves the integrators out
-    kd: AxisValues | None = None  # N·m·s/rad, per axis
-    torque_limit: AxisValues | None = None  # N·m, per axis; the URDF's effort unless given
-    integral_limit: AxisValues | None = (
-        None  # N·m that the integral part may reach, per axis; torque_limit unless given
-    )
+    realization: Realization = "per_joint"
+    """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
+    kp: AxisValues | None = None
+    """Proportional gain, per axis [N·m/rad]."""
+    ki: AxisValues | None = None
+    """Integral gain, per axis [N·m/(rad·s)]; 0 leaves the integrators out."""
+    kd: AxisValues | None = None
+    """Derivative gain, per axis [N·m·s/rad]."""
+    torque_limit: AxisValues | None = None
+    """Saturation, per axis [N·m]; the URDF's effort unless given."""
+    integral_limit: AxisValues | None = None
+    """What the integral part may reach, per axis [N·m]; torque_limit unless given."""
 
     @field_validator("kp", "ki", "kd")
     @classmethod
@@ -49,13 +53,20 @@ class ServoConfig(Strict):
 class RobotConfig(Strict):
     """A robot of the station: one of the package by name, or any clean URDF by path."""
 
-    model: str | None = None  # a name of `simrob list`
-    urdf: Path | None = None  # or a file; relative paths start at the station's file
-    base: Pose = ORIGIN  # of the root link in the world, [x y z Rz Ry Rx]
-    initial_deg: AxisValues = 0.0  # joint positions at the start, per axis
-    tcp: str | None = None  # tool that `tcp_pose` follows; the last piece of the robot's chain unless given
-    servo: ServoConfig | None = None  # in place of the station's, for this robot
-    reference: ReferenceConfig | None = None  # in place of the station's, for this robot
+    model: str | None = None
+    """A robot's name, of `simrob list`."""
+    urdf: Path | None = None
+    """A URDF file instead of a model; relative paths start at the station's file."""
+    base: Pose = ORIGIN
+    """Pose of the root link in the world, [x y z Rz Ry Rx]."""
+    initial_deg: AxisValues = 0.0
+    """Joint positions at the start, per axis."""
+    tcp: str | None = None
+    """Tool that `tcp_pose` follows; the last piece of the robot's chain unless given."""
+    servo: ServoConfig | None = None
+    """This robot's servos, in place of the station's."""
+    reference: ReferenceConfig | None = None
+    """This robot's reference, in place of the station's."""
 
     @model_validator(mode="after")
     def _one_origin(self) -> RobotConfig:
@@ -67,34 +78,46 @@ class RobotConfig(Strict):
 class PieceConfig(Strict):
     """A piece of the station; every figure that is given replaces the one of the piece's own file."""
 
-    model: str | None = None  # a name of `simrob list`; the key's own name unless given
-    parent: str | None = None  # "world", a robot, or another piece (then its TCP); the only robot unless given
-    pose: Pose = ORIGIN  # in the parent's frame, [x y z Rz Ry Rx]
-    mass: NotNegative | None = None  # kg
-    com: Triple | None = None  # m, in the piece's frame
-    inertia: tuple[NotNegative, NotNegative, NotNegative] | None = None  # kg m², moments about the COM
-    tcp: Pose | None = None  # of the tool centre point in the piece's frame
-    colour: Colour | None = None  # red, green, blue, opacity
+    model: str | None = None
+    """A piece's name, of `simrob list`; the key's own name unless given."""
+    parent: str | None = None
+    """What it hangs on: `world`, a robot, or another piece (then its TCP); the only robot unless given."""
+    pose: Pose = ORIGIN
+    """Pose in the parent's frame, [x y z Rz Ry Rx]."""
+    mass: NotNegative | None = None
+    """Mass [kg]."""
+    com: Triple | None = None
+    """Centre of mass in the piece's frame [m]."""
+    inertia: tuple[NotNegative, NotNegative, NotNegative] | None = None
+    """Moments of inertia about the centre of mass [kg m²]."""
+    tcp: Pose | None = None
+    """Pose of the tool centre point in the piece's frame, [x y z Rz Ry Rx]."""
+    colour: Colour | None = None
+    """Red, green, blue, opacity."""
 
 
 class FloorConfig(Strict):
     """A square floor around the world's origin, its top at z = 0."""
 
-    size: Positive = 3.0  # m, length of a side
+    size: Positive = 3.0
+    """Length of a side [m]."""
 
 
 class ContactConfig(Strict):
     """Contact between robots, pieces and floor. A station without this section has none."""
 
     model: Literal["point", "hydroelastic", "hydroelastic_with_fallback"] = "point"
-    self_collision: bool = False  # contact between the links of one robot
+    self_collision: bool = False
+    """Contact between the links of one robot."""
 
 
 class JointStops(Strict):
     """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints."""
 
-    stiffness: Positive = 5.73e5  # N·m/rad (1e4 N·m/deg)
-    damping: NotNegative = 573.0  # N·m·s/rad (10 N·m·s/deg)
+    stiffness: Positive = 5.73e5
+    """Spring of a stop [N·m/rad]; 1e4 N·m/deg."""
+    damping: NotNegative = 573.0
+    """Damper of a stop [N·m·s/rad]; 10 N·m·s/deg."""
 
 
 class StationConfig(Strict):
@@ -102,20 +125,25 @@ class StationConfig(Strict):
 
     name: str
     description: str = ""
-    mode: Literal["dynamic", "kinematic"] = "dynamic"  # moved by torque | motion is the input, torque is computed
+    mode: Literal["dynamic", "kinematic"] = "dynamic"
+    """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
     robots: Annotated[dict[str, RobotConfig], Field(min_length=1)]
-    pieces: dict[str, PieceConfig] = {}
+    pieces: dict[str, PieceConfig] = Field(default_factory=dict)
     servo: ServoConfig = ServoConfig()
     reference: ReferenceConfig = Hold(kind="hold")
-    inputs: tuple[Input, ...] = ()  # input ports to add to `reference`
+    inputs: tuple[Input, ...] = ()
+    """Input ports beside `reference`."""
     floor: FloorConfig | None = None
     contact: ContactConfig | None = None
     joint_stops: JointStops = JointStops()
-    gravity: Number = STANDARD_GRAVITY  # m/s², along -z
+    gravity: Number = STANDARD_GRAVITY
+    """Gravity along -z [m/s²]."""
     solver: SolverConfig = ContinuousSolver(kind="continuous")
-    monitors: Monitors = {}
-    duration: Positive = 3.0  # s
-    sample_rate: Positive = 100.0  # Hz, of the signals
+    monitors: Monitors = Field(default_factory=dict)
+    duration: Positive = 3.0
+    """Simulated time [s]."""
+    sample_rate: Positive = 100.0
+    """Samples a second of the signals [Hz]."""
 
     @field_validator("robots", "pieces", "monitors")
     @classmethod

@@ -13,16 +13,20 @@ from simrob_drake.yaml_files import Number, Strict
 class _Monitor(Strict):
     """What all monitors share."""
 
-    robot: str | None = None  # whom it watches; the only robot unless given
-    after: NotNegative = 0.0  # s, nothing before counts
-    hold: NotNegative = 0.0  # s, how long the condition must last
+    robot: str | None = None
+    """Whom it watches; the only robot unless given."""
+    after: NotNegative = 0.0
+    """When watching begins [s]."""
+    hold: NotNegative = 0.0
+    """How long the condition must last [s]."""
 
 
 class JointLimit(_Monitor):
     """End the run when a joint reaches a limit of its range."""
 
     kind: Literal["joint_limit"]
-    margin_deg: Number = 0.0  # how far before the limit; negative: beyond it
+    margin_deg: Number = 0.0
+    """How far before the limit the run ends; negative: beyond it."""
 
 
 class TorqueLimit(_Monitor):
@@ -37,15 +41,18 @@ class Settled(_Monitor):
 
     kind: Literal["settled"]
     hold: NotNegative = 0.2
-    speed_deg: Positive = 0.1  # deg/s, of the fastest joint
-    error_deg: Positive | None = None  # largest position error; unless given any error counts as settled
+    speed_deg: Positive = 0.1
+    """Speed of the fastest joint below which the robot stands still [deg/s]."""
+    error_deg: Positive | None = None
+    """Largest position error; unless given any error counts as settled."""
 
 
 class Divergence(_Monitor):
     """End the run when a joint runs away."""
 
     kind: Literal["divergence"]
-    speed_limit: Positive = 100.0  # rad/s
+    speed_limit: Positive = 100.0
+    """Speed that counts as running away [rad/s]."""
 
 
 MonitorConfig = Annotated[JointLimit | TorqueLimit | Settled | Divergence, Field(discriminator="kind")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,32 +17,41 @@ class Hold(Strict):
     """Stay at one posture."""
 
     kind: Literal["hold"]
-    target_deg: AxisValues | None = None  # per axis; the initial posture unless given
+    target_deg: AxisValues | None = None
+    """Posture, per axis; the initial one unless given."""
 
 
 class Ramp(Strict):
     """Go to a posture at constant speed, as SimRob's interpolated moves do, and stay there."""
 
     kind: Literal["ramp"]
-    target_deg: AxisValues = 0.0  # per axis
-    duration: Positive = 1.0  # s
-    start: NotNegative = 0.0  # s
+    target_deg: AxisValues = 0.0
+    """Posture at the end, per axis."""
+    duration: Positive = 1.0
+    """Time that the move takes [s]."""
+    start: NotNegative = 0.0
+    """When it begins [s]."""
 
 
 class Move(Strict):
     """Go to a posture with continuous acceleration (a polynomial of degree five), and stay there."""
 
     kind: Literal["move"]
-    target_deg: AxisValues = 0.0  # per axis
-    duration: Positive = 1.0  # s
-    start: NotNegative = 0.0  # s
+    target_deg: AxisValues = 0.0
+    """Posture at the end, per axis."""
+    duration: Positive = 1.0
+    """Time that the move takes [s]."""
+    start: NotNegative = 0.0
+    """When it begins [s]."""
 
 
 class Waypoint(Strict):
     """A posture and the time to be there."""
 
-    time: Positive  # s
-    target_deg: AxisValues  # per axis; a mapping leaves the other axes where they were
+    time: Positive
+    """When to be there [s]."""
+    target_deg: AxisValues
+    """Posture, per axis; a mapping leaves the other axes where they were."""
 
 
 class Sequence(Strict):
@@ -53,7 +63,7 @@ class Sequence(Strict):
     @model_validator(mode="after")
     def _sorted(self) -> Sequence:
         times = [target.time for target in self.targets]
-        if any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)):
+        if any(later <= earlier for earlier, later in pairwise(times)):
             raise ValueError("the times of a sequence rise from target to target")
         return self
 
@@ -62,17 +72,22 @@ class SineWave(Strict):
     """Swing about the initial posture."""
 
     kind: Literal["sine"]
-    amplitude_deg: AxisValues = 10.0  # per axis
-    frequency: Positive = 0.5  # Hz
-    phase_deg: AxisValues = 0.0  # per axis; 0 starts in the middle
+    amplitude_deg: AxisValues = 10.0
+    """Largest distance from the middle, per axis."""
+    frequency: Positive = 0.5
+    """Swings a second [Hz]."""
+    phase_deg: AxisValues = 0.0
+    """Angle at the start, per axis; 0 starts in the middle."""
 
 
 class Table(Strict):
     """Follow a CSV file: a column `time` [s] and one for each axis [rad], named as the axis."""
 
     kind: Literal["table"]
-    file: Path  # relative paths start at the station's file
-    interpolation: Literal["cubic", "linear"] = "cubic"  # continuous acceleration | straight lines
+    file: Path
+    """The CSV file; relative paths start at the station's file."""
+    interpolation: Literal["cubic", "linear"] = "cubic"
+    """Cubic: a spline with continuous acceleration. Linear: straight lines."""
 
 
 ReferenceConfig = Annotated[Hold | Ramp | Move | Sequence | SineWave | Table, Field(discriminator="kind")]

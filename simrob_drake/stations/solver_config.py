@@ -34,8 +34,10 @@ class ContinuousSolver(Strict):
 
     kind: Literal["continuous"]
     scheme: ContinuousScheme = "radau3"
-    accuracy: Positive = 1e-2  # relative, of one step
-    max_step: Positive = 0.1  # s
+    accuracy: Positive = 1e-2
+    """Relative error that one step may have."""
+    max_step: Positive = 0.1
+    """Longest step [s]."""
 
     def tighter(self, factor: float = TIGHTER) -> Self:
         """Return the same scheme with accuracy and step divided by ``factor``."""
@@ -52,7 +54,8 @@ class DiscreteSolver(Strict):
 
     kind: Literal["discrete"]
     scheme: Literal["sap", "lagged", "similar"] = "sap"
-    time_step: Positive = 1e-3  # s
+    time_step: Positive = 1e-3
+    """Length of a step [s]."""
 
     def tighter(self, factor: float = TIGHTER) -> Self:
         """Return the same solver with its step divided by ``factor``."""

@@ -1,0 +1,97 @@
+"""A run's motion in pictures: a strip of frames and a video."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.frames import Vector
+from simrob_drake.results.rendering import Image, Studio
+from simrob_drake.results.result import SimulationResult
+
+_DPI = 100
+_GAP = 6  # pixels between frames
+_CAPTION = 0.1  # height of the line under the frames, as a part of theirs
+_VIDEO_SIZE = 1280, 720  # pixels; multiples of 16, which every player takes
+
+
+def save_film_strip(result: SimulationResult, file: Path, *, frames: int = 7, height: int = 360) -> Path:
+    """Write frames at even times, side by side, with the time under each.
+
+    Args:
+        result: the run.
+        file: where to, ``.png``.
+        frames: how many, from the start to the end of the run.
+        height: of a frame [pixels].
+
+    Returns:
+        the file.
+
+    Raises:
+        InvalidParameter: fewer than two frames, or a height of less than 16 pixels.
+        OutputError: the file cannot be written.
+    """
+    if frames < 2:
+        raise InvalidParameter("frames", frames, "at least 2")
+    if height < 16:
+        raise InvalidParameter("height", height, "at least 16 [pixels]")
+    times = np.linspace(0.0, result.stop_time, frames)
+    figure = _strip(list(Studio(result, height=height).images(times)), times)
+    try:
+        figure.savefig(file, dpi=_DPI, format="png")
+    except OSError as problem:
+        raise OutputError(f"{file}: cannot be written: {problem.strerror}") from problem
+    return file
+
+
+def save_video(result: SimulationResult, file: Path, *, frames_per_second: float = 30.0) -> Path:
+    """Write the motion of a run as a video at the pace of the clock (H.264 in ``.mp4``).
+
+    Args:
+        result: the run.
+        file: where to, ``.mp4``.
+        frames_per_second: positive [1/s].
+
+    Returns:
+        the file.
+
+    Raises:
+        InvalidParameter: the rate is not positive.
+        SimrobError: the package that writes videos is not installed.
+        OutputError: the file cannot be written.
+    """
+    if not (np.isfinite(frames_per_second) and frames_per_second > 0):
+        raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
+    try:
+        from imageio_ffmpeg import write_frames
+    except ImportError as problem:
+        raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
+    width, height = _VIDEO_SIZE
+    times = np.append(np.arange(0.0, result.stop_time, 1 / frames_per_second), result.stop_time)
+    writer = write_frames(str(file), _VIDEO_SIZE, fps=frames_per_second, quality=8)
+    try:
+        writer.send(None)
+        for image in Studio(result, height=height, width=width).images(times):
+            writer.send(np.ascontiguousarray(image))
+    except OSError as problem:
+        raise OutputError(f"{file}: cannot be written: {problem}") from problem
+    finally:
+        writer.close()
+    return file
+
+
+def _strip(images: list[Image], times: Vector) -> Figure:
+    height, width = images[0].shape[:2]
+    caption = max(round(_CAPTION * height), 14)
+    total = len(images) * (width + _GAP) - _GAP, height + caption
+    figure = Figure(figsize=(total[0] / _DPI, total[1] / _DPI), dpi=_DPI)
+    for column, (image, time) in enumerate(zip(images, times, strict=True)):
+        left = column * (width + _GAP)
+        figure.figimage(image, left, caption)
+        middle = (left + width / 2) / total[0], caption / 2 / total[1]
+        points = 0.6 * caption * 72 / _DPI
+        figure.text(*middle, f"{time:.2f} s", ha="center", va="center", fontsize=points, color="0.25")
+    return figure

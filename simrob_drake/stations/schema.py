@@ -1,0 +1,34 @@
+"""The JSON Schema of station files, for editors that complete and check YAML."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from simrob_drake.paths import diagrams_root
+from simrob_drake.stations.config import RobotConfig, StationConfig
+
+SCHEMA_FILE = "station.schema.json"
+
+
+def station_schema() -> dict[str, Any]:
+    """Return the schema of a station file: that of a configuration, with ``robot:`` for a single robot."""
+    schema = StationConfig.model_json_schema()
+    schema["properties"]["robot"] = {"$ref": "#/$defs/RobotConfig", "description": RobotConfig.__doc__}
+    schema["required"] = [key for key in schema["required"] if key not in ("name", "robots")]
+    schema["oneOf"] = [{"required": ["robot"]}, {"required": ["robots"]}]
+    for monitor in ("JointLimit", "TorqueLimit", "Settled", "Divergence"):
+        schema["$defs"][monitor]["required"].remove("kind")  # a monitor's name can be its kind
+    return schema
+
+
+def write_schema(folder: Path) -> Path:
+    """Write the schema into a folder and return the file."""
+    file = folder / SCHEMA_FILE
+    file.write_text(json.dumps(station_schema(), indent=1) + "\n", encoding="utf-8")
+    return file
+
+
+if __name__ == "__main__":
+    print(write_schema(diagrams_root()))
