@@ -37,6 +37,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 console = Console(width=None if sys.stdout.isatty() else 160)
+errors = Console(stderr=True, soft_wrap=True)
 
 StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
 SetOption = Annotated[
@@ -108,6 +109,7 @@ def run(
     config = load_station(station, _overrides(set_, duration))
     folder = out or default_folder(config.name)
     check_folder(folder, force=force)
+    _warn(config)
     result = _simulated(config, live)
     result.save(folder, force=force, recording=not no_recording, video=video)
     console.print(result_table(result))
@@ -162,6 +164,13 @@ def _overrides(settings: list[str] | None, duration: float | None = None) -> dic
             raise InvalidParameter("--set", setting, "of the form key.path=value")
         overrides[key.strip()] = parse_yaml(value, f"--set {setting}")
     return overrides
+
+
+def _warn(config: StationConfig) -> None:
+    """Say beforehand what the run will show."""
+    for finding in check_station(config):
+        if finding.level == "warning":
+            errors.print(f"[yellow]warning[/] {finding.subject}: {finding.text}", highlight=False)
 
 
 def _simulated(config: StationConfig, live: bool) -> SimulationResult:

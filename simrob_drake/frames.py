@@ -50,7 +50,7 @@ def xyz_quaternion_from_transform(transform: RigidTransform) -> Vector:
 def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
     """Turn [x y z qw qx qy qz], shape (7,), into a transform; the quaternion need not be normalised."""
     xyz_wxyz = np.asarray(values, dtype=float)
-    if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not np.isfinite(xyz_wxyz).all():
-        raise InvalidParameter("pose", values, "seven finite numbers [x y z qw qx qy qz]")
+    if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not np.isfinite(xyz_wxyz).all() or not xyz_wxyz[3:].any():
+        raise InvalidParameter("pose", values, "seven finite numbers [x y z qw qx qy qz], the last four not all zero")
     wxyz = xyz_wxyz[3:] / np.linalg.norm(xyz_wxyz[3:])
     return RigidTransform(Quaternion(wxyz), xyz_wxyz[:3])

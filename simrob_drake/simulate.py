@@ -20,7 +20,7 @@ from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import DIVERGED, Ending, SimulationResult
 from simrob_drake.results.signals import Sampler, SignalBus, add_signal_bus
 from simrob_drake.results.stop_time import refined_stop_time
-from simrob_drake.stations.checks import likely_cause
+from simrob_drake.stations.checks import likely_cause, step_findings
 from simrob_drake.stations.closed import add_closed_station, check_references
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -147,8 +147,8 @@ def _advance(run: _Run, recorder: Recorder, progress: bool) -> tuple[Ending, str
                 status = run.simulator.AdvanceTo(time)
                 if status.reason() == SimulatorStatus.ReturnReason.kReachedTerminationCondition:
                     return "monitor", status.system().get_name().removeprefix("monitor."), status.message()
-                if not recorder.is_finite():
-                    return "diverged", DIVERGED, _diverged(run, recorder, "a state is no number any more")
+                if not recorder.is_sane():
+                    return "diverged", DIVERGED, _diverged(run, recorder, "a state ran away to infinity")
                 show(time)
         except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
             return "diverged", DIVERGED, _diverged(run, recorder, str(problem))
@@ -156,7 +156,7 @@ def _advance(run: _Run, recorder: Recorder, progress: bool) -> tuple[Ending, str
 
 
 def _diverged(run: _Run, recorder: Recorder, problem: str) -> str:
-    first_sentence = " ".join(problem.split()).split(". ")[0]
+    first_sentence = " ".join(problem.split()).split(". ")[0].rstrip(".")
     cause = likely_cause(run.config, run.ports.plant)
     return f"diverged at {recorder.history().end:.4g} s: {first_sentence}; {cause}"
 
@@ -193,7 +193,16 @@ def _evaluated(
         stepping_time=stepping_time,
         signal_time=perf_counter() - began,
         references=dict(given),
+        warnings=_warnings(run),
     )
+
+
+def _warnings(run: _Run) -> list[str]:
+    """Return why the result may be wrong though the run went to its end."""
+    if run.config.mode == "kinematic":
+        return []
+    findings = step_findings(run.config, run.ports.plant)
+    return [finding.text for finding in findings if finding.level == "warning"]
 
 
 def _sample_times(end: float, rate: float) -> Vector:

@@ -50,7 +50,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
+    except (OSError, ValueError) as problem:
         raise InvalidConfig(path, "", f"cannot be read ({problem})") from problem
     content = parse_yaml(text, path)
     if not isinstance(content, dict):
@@ -66,7 +66,7 @@ def parse_yaml(text: str, where: Path | str) -> Any:
     """
     try:
         return yaml.load(text, Loader=_Loader)  # a child of SafeLoader: it makes plain data only
-    except yaml.YAMLError as problem:
+    except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as problem:  # of yaml too: !!int x, 2001-99-99
         raise InvalidConfig(where, "", f"is not YAML: {' '.join(str(problem).split())}") from problem
 
 

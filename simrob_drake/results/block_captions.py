@@ -84,9 +84,11 @@ def reference_text(wanted: ReferenceConfig) -> str:
 
 
 def robot_text(robot: StationRobot) -> str:
-    """Return a robot's name and size."""
-    name = robot.model.description.split(",")[0] or robot.model.name
-    return f"{wrapped(name)}\n{len(robot.axes)} axes"
+    """Return a robot's name, where there are several, its kind, and its size."""
+    kind = robot.model.description.split(",")[0]
+    kind = kind if 0 < len(kind) <= _WIDTH else robot.model.name
+    title = f"{robot.name}: {kind}" if robot.prefix else kind
+    return wrapped(f"{title}, {len(robot.axes)} axes")
 
 
 def actuators_text(plant: MultibodyPlant, robot: StationRobot) -> list[str]:

@@ -33,14 +33,14 @@ from simrob_drake.results import block_captions as captions
 from simrob_drake.stations.plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
 
-Role = Literal["reference", "servo", "robot", "sensor", "own"]
-ROLES: tuple[Role, ...] = ("reference", "servo", "robot", "sensor", "own")
+Role = Literal["reference", "servo", "robot", "scene", "sensor", "own"]
+ROLES: tuple[Role, ...] = ("reference", "servo", "robot", "scene", "sensor", "own")
 """In the order of the signal flow."""
 
-Shape = Literal["block", "bar", "port", "sum"]
+Shape = Literal["block", "mux", "bus", "port", "sum"]
+"""Of them two are thin bars: a mux brings signals together, a bus hands them out."""
 
-GATHERS = "gathers"
-"""Mark of a bus bar that brings signals together; others hand them out."""
+BARS: tuple[Shape, ...] = ("mux", "bus")
 
 _SOURCE, _STOPS, _ALL_JOINTS = "reference_source", "stops", "servo"
 _SILENT = (PassThrough, Demultiplexer, EventTimes, SteadySteps, ExternallyAppliedSpatialForceMultiplexer)
@@ -118,12 +118,12 @@ def _shared_place(name: str, system: System, ports: StationPorts) -> Place | Non
     config, robots = ports.config, list(ports.plant.robots.values())
     if name.startswith(f"{_STOPS}."):
         stops = config.joint_stops
-        return Place(_STOPS, "robot", f"Joint stops\nk {stops.stiffness:g}, d {stops.damping:g}")
+        return Place(_STOPS, "robot", f"Joint stops\n{stops.stiffness:g} N·m/rad\n{stops.damping:g} N·m·s/rad")
     match system:
         case MultibodyPlant():
             return Place(name, "robot", captions.plant_text(system, config, robots))
         case SceneGraph():
-            return Place(name, "robot", "Scene graph")
+            return Place(name, "scene", "Scene graph\nall geometry")
         case InverseDynamics():
             return Place(name, "robot", "\n".join(["Inverse dynamics", *map(captions.robot_text, robots)]))
         case MultibodyPositionToGeometryPose():
@@ -140,9 +140,9 @@ def _wiring_place(name: str, system: System, owner: str) -> Place | None:
     if isinstance(system, _SILENT) or (isinstance(system, MatrixGain) and captions.is_mapping(system)):
         return None
     if isinstance(system, Multiplexer):
-        return Place(name, "servo", GATHERS, owner, "bar")
+        return Place(name, "servo", "", owner, "mux")
     if isinstance(system, Selector):
-        return Place(name, "servo", "", owner, "bar")
+        return Place(name, "servo", "", owner, "bus")
     if isinstance(system, Adder):
         return Place(name, "servo", "+", owner, "sum")
     if isinstance(system, ConstantVectorSource) and name.endswith(".zero"):

@@ -20,8 +20,9 @@ _SYMBOLS = {  # of a station's ports; the first that a signal has is its name
     "feedforward": "τ_ff",
     "external_force": "F",
 }
-_PORT_SYMBOLS = {"geometry_pose": "poses", "query": "contacts", "applied_generalized_force": "τ"}
+_PORT_SYMBOLS = {"geometry_pose": "poses", "query": "queries", "applied_generalized_force": "τ"}
 _STATE = ("q", "v")
+_ORDER = list(_SYMBOLS.values())
 
 Signals = tuple[str, ...]
 Side = Literal["in", "out"]
@@ -59,15 +60,18 @@ class _Reader:
             self._connect(name)
         self._draw_outputs()
         self.graph.tidy()
+        for signals in self.graph.arrows.values():
+            signals.sort(key=lambda signal: _ORDER.index(signal) if signal in _ORDER else len(_ORDER))
 
     def _draw(self, name: str) -> None:
         place = self._places[name]
         if place is None:
             return
-        block = self.graph.blocks.setdefault(place.key, Block(place.key, place.role, place.robot, shape=place.shape))
+        new = Block(place.key, place.role, place.robot, shape=place.shape)
+        block = self.graph.blocks.setdefault(place.key, new)
         block.systems.append(name)
-        if place.label and place.label not in block.label:
-            block.label = f"{block.label}\n{place.label}".strip()
+        if place.label not in block.label:
+            block.label = f"{block.label}, {place.label}" if block.label else place.label
 
     def _connect(self, name: str) -> None:
         place = self._places[name]
@@ -124,11 +128,10 @@ class _Reader:
 def _port_symbols(ports: StationPorts) -> dict[tuple[str, Side, int], Signals]:
     """Return what the signals at ports are called."""
     symbols: dict[tuple[str, Side, int], Signals] = {_identity(ports.state): _STATE}
-    known: dict[str, OutputPort | InputPort] = {}
     for robot in ports.plant.robots.values():
         for name, symbol in _SYMBOLS.items():
-            for known in (ports.outputs, ports.inputs):
-                port = known.get(f"{robot.prefix}{name}")
+            key = f"{robot.prefix}{name}"
+            for port in (ports.outputs.get(key), ports.inputs.get(key)):
                 if port is not None:
                     symbols.setdefault(_identity(port), (symbol,))
     return symbols

@@ -47,9 +47,9 @@ def check_folder(folder: Path, *, force: bool) -> None:
             raise OutputError(f"{folder} holds something else than a result; it is not replaced, choose another folder")
         if not force:
             raise OutputError(f"{folder} exists already; choose another folder or replace it with --force")
+    ancestor = next(parent for parent in folder.absolute().parents if parent.exists())
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent):
+        with tempfile.TemporaryDirectory(dir=ancestor):  # trying tells more than asking for permissions
             pass
     except OSError as problem:
         raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
@@ -99,6 +99,7 @@ def save_result(
 def _filled_at_once(folder: Path) -> Iterator[Path]:
     """Give a temporary folder that takes the name of ``folder`` once it is filled."""
     try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
         try:
             yield work

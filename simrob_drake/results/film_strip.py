@@ -11,11 +11,12 @@ from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.results.rendering import Image, Studio
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.scene import frame_times
 
 _DPI = 100
 _GAP = 6  # pixels between frames
 _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
-_VIDEO_SIZE = 1280, 720  # pixels; multiples of 16, which every player takes
+_VIDEO_SIZE = 960, 540  # pixels; even, as H.264 needs them
 
 
 def save_film_strip(result: SimulationResult, file: Path, *, frames: int = 7, height: int = 360) -> Path:
@@ -39,7 +40,7 @@ def save_film_strip(result: SimulationResult, file: Path, *, frames: int = 7, he
     if height < 16:
         raise InvalidParameter("height", height, "at least 16 [pixels]")
     times = np.linspace(0.0, result.stop_time, frames)
-    figure = _strip(list(Studio(result, height=height).images(times)), times)
+    figure = _strip(list(Studio(result, height=height, oversampling=2).images(times)), times)
     try:
         figure.savefig(file, dpi=_DPI, format="png")
     except OSError as problem:
@@ -70,14 +71,17 @@ def save_video(result: SimulationResult, file: Path, *, frames_per_second: float
     except ImportError as problem:
         raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
     width, height = _VIDEO_SIZE
-    times = np.append(np.arange(0.0, result.stop_time, 1 / frames_per_second), result.stop_time)
-    writer = write_frames(str(file), _VIDEO_SIZE, fps=frames_per_second, quality=8)
+    times = frame_times(result.stop_time, frames_per_second)
+    if not file.parent.is_dir():
+        raise OutputError(f"{file}: cannot be written: there is no folder {file.parent}")
+    encoding = {"quality": 8, "macro_block_size": 2, "output_params": ["-preset", "veryfast"]}
+    writer = write_frames(str(file), _VIDEO_SIZE, fps=frames_per_second, **encoding)
     try:
         writer.send(None)
         for image in Studio(result, height=height, width=width).images(times):
             writer.send(np.ascontiguousarray(image))
     except OSError as problem:
-        raise OutputError(f"{file}: cannot be written: {problem}") from problem
+        raise OutputError(f"{file}: cannot be written: {str(problem).splitlines()[0]}") from problem
     finally:
         writer.close()
     return file

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from simrob_drake.frames import Vector
+
+
+RUNAWAY = 1e8
+"""A position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged."""
 
 
 class Recorder:
@@ -50,21 +54,25 @@ class Recorder:
             self._watcher(context)
         return EventStatus.DidNothing()
 
-    def is_finite(self) -> bool:
-        """Tell whether the last recorded state is made of numbers."""
+    def is_sane(self) -> bool:
+        """Tell whether the last recorded state is made of numbers of a size that a robot can have."""
         last = [*self._continuous[-1:], *(self._discrete[-1] if self._discrete else [])]
-        return not any(np.isnan(values).any() for values in last)
+        return all(_sane(values) for values in last)
 
     def history(self) -> History:
-        """Return what was recorded so far, up to the last state that is finite."""
+        """Return what was recorded so far, up to the last sane state."""
         count = len(self.times)
         continuous = np.array(self._continuous) if self._has_continuous else np.zeros((count, 0))
         discrete = [np.array([groups[group] for groups in self._discrete]) for group in self._groups]
-        finite = np.isfinite(continuous).all(axis=1)
-        for group in discrete:
-            finite &= ~np.isnan(group).any(axis=1)  # infinite is a value: "not yet"
-        kept = count if finite.all() else max(int(np.argmin(finite)), 1)
+        sane = np.array([_sane(row) for row in zip(continuous, *discrete, strict=True)])
+        kept = count if sane.all() else max(int(np.argmin(sane)), 1)
         return History(np.array(self.times[:kept]), continuous[:kept], [group[:kept] for group in discrete])
+
+
+def _sane(values: Iterable[Vector] | Vector) -> bool:
+    """Tell whether a state's values are numbers below RUNAWAY; infinite is a monitor's "not yet"."""
+    flat = np.concatenate([np.ravel(part) for part in values]) if isinstance(values, tuple) else np.asarray(values)
+    return not np.isnan(flat).any() and bool((np.abs(flat[np.isfinite(flat)]) < RUNAWAY).all())
 
 
 @dataclass(frozen=True)

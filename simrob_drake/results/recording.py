@@ -12,7 +12,7 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.scene import FIELD_OF_VIEW, Scene, View, look_times, view_of
+from simrob_drake.results.scene import FIELD_OF_VIEW, Scene, View, frame_times, view_of
 
 ASPECT = 1.4
 """Width over height of a browser window that still shows all: most are wider."""
@@ -77,15 +77,16 @@ def _page(result: SimulationResult, frames_per_second: float) -> str:
     scene = Scene(result.config, meshcat=meshcat)
     _record(scene, result, frames_per_second)
     _draw_tool_paths(meshcat, result)
-    look(meshcat, view_of(scene.extents(result.positions_at(look_times(result.stop_time))), aspect=ASPECT))
-    return meshcat.StaticHtml()
+    look(meshcat, view_of(scene.extents_of_run(result), aspect=ASPECT))
+    page: str = meshcat.StaticHtml()
+    return page
 
 
 def _record(scene: Scene, result: SimulationResult, frames_per_second: float) -> None:
     visualizer = scene.visualizer
     assert visualizer is not None
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
-    times = np.append(np.arange(0.0, result.stop_time, 1 / frames_per_second), result.stop_time)
+    times = frame_times(result.stop_time, frames_per_second)
     for frame, positions in enumerate(result.positions_at(times)):
         # Meshcat rounds times down to frames, so halves of frames are safe from rounding.
         scene.draw(positions, (frame + 0.5) / frames_per_second)

@@ -19,7 +19,7 @@ from pydrake.systems.sensors import CameraInfo
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.scene import FIELD_OF_VIEW, RENDERER, Scene, View, aspect_of, look_times, view_of
+from simrob_drake.results.scene import FIELD_OF_VIEW, RENDERER, Scene, View, aspect_of, view_of
 
 Image = npt.NDArray[np.uint8]
 
@@ -31,30 +31,43 @@ _SHADOW_MAP = 1024  # pixels a side
 class Studio:
     """A station before a camera that stands still and has the whole motion of a run in its picture."""
 
-    def __init__(self, result: SimulationResult, *, height: int, width: int | None = None) -> None:
+    def __init__(
+        self, result: SimulationResult, *, height: int, width: int | None = None, oversampling: int = 1
+    ) -> None:
         """Set the camera up.
 
         Args:
             result: the run.
             height: of the images [pixels].
             width: of the images [pixels]; chosen to suit the motion unless given.
+            oversampling: pixels a side that are rendered for one of the image: more make smoother edges.
+
+        Raises:
+            InvalidModel: a robot that cannot be built.
         """
         self._result = result
         self._scene = Scene(result.config, engine=MakeRenderEngineVtk(_engine_params()))
-        points = self._scene.extents(result.positions_at(look_times(result.stop_time)))
-        self.width = width or int(height * np.clip(aspect_of(points), 0.6, 1.6))
-        self.height = height
-        view = view_of(points, aspect=self.width / height)
+        points = self._scene.extents_of_run(result)
+        width = width or round(height * np.clip(aspect_of(points), *_ASPECTS))
+        view = view_of(points, aspect=width / height)
+        self._shape = height, oversampling, width, oversampling, 3
         self._pose = _camera_pose(view)
-        self._camera = _camera(self.width, height, float(np.linalg.norm(view.target - view.eye)))
+        self._camera = _camera(
+            width * oversampling, height * oversampling, float(np.linalg.norm(view.target - view.eye))
+        )
 
     def images(self, times: Vector) -> Iterator[Image]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
         for positions in self._result.positions_at(times):
             self._scene.place(positions)
             query = self._scene.query()
-            image = query.RenderColorImage(self._camera, query.inspector().world_frame_id(), self._pose)
-            yield np.array(image.data[:, :, :3])
+            rendered = query.RenderColorImage(self._camera, query.inspector().world_frame_id(), self._pose)
+            colours = rendered.data[:, :, :3]
+            yield (
+                colours.reshape(self._shape).mean(axis=(1, 3)).astype(np.uint8)
+                if self._shape[1] > 1
+                else colours.copy()
+            )
 
 
 def _engine_params() -> RenderEngineVtkParams:

@@ -39,6 +39,7 @@ class SimulationResult:
         step_times: ends of the accepted steps [s].
         positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq).
         stepping_time, signal_time: wall-clock seconds spent on each.
+        warnings: why the result may be wrong though the run went to its end, in words.
         references: what was given to simulate() in place of the configuration's references, by robot.
     """
 
@@ -55,6 +56,7 @@ class SimulationResult:
     stepping_time: float
     signal_time: float
     references: dict[str, Trajectory | Samples] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
@@ -115,6 +117,7 @@ class SimulationResult:
             "stopped_by": self.stopped_by,
             "stop_time": self.stop_time,
             "message": self.message,
+            "warnings": self.warnings,
             "solver": self.config.solver.model_dump() if self.config.mode == "dynamic" else None,
             "steps": len(self.step_times) - 1,
             "wall_time": self.wall_time,

@@ -18,6 +18,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.frames import Vector
+from simrob_drake.results.result import DIVERGED, SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant, add_plant
 
@@ -32,7 +33,9 @@ _AZIMUTH, _ELEVATION = (
     np.deg2rad(20.0),
 )  # of the eye: robots face x, so from the right of their front
 _MARGIN = 1.12  # how much wider than what moves the picture is
+_NEAREST = 0.1  # how near a camera goes [m]
 _LOOKS = 24  # configurations that stand for a motion
+_TRUSTED = 0.9  # the part of a diverging run that is framed: then the robot may fly off
 _BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
@@ -42,6 +45,7 @@ class Scene:
     It is built anew from the configuration, so that showing it cannot touch a simulation.
 
     Attributes:
+        initial: the configuration at the start, shape (nq,).
         visualizer: what draws into Meshcat, where there is one.
     """
 
@@ -64,12 +68,11 @@ class Scene:
         self._scene_graph = station.scene_graph
         if engine is not None:
             station.scene_graph.AddRenderer(RENDERER, engine)
-        poses = _add_geometry_poses(builder, station) if config.mode == "kinematic" else None
+        self._positions_port = _add_geometry_poses(builder, station) if config.mode == "kinematic" else None
         self.visualizer = None if meshcat is None else _add_visualizer(builder, station.scene_graph, meshcat)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
-        self._positions_port = poses
-        self.initial: Vector = self._plant.GetPositions(self._plant.CreateDefaultContext())
+        self.initial: Vector = station.plant.GetPositions(station.plant.CreateDefaultContext())
         self.place(self.initial)
 
     def place(self, positions: Vector) -> None:
@@ -95,20 +98,28 @@ class Scene:
     def extents(self, positions: Vector) -> Vector:
         """Return points, shape (m, 3) [m], around all that stands or moves in the configurations, shape (k, nq).
 
-        They are the corners of the shapes' boxes; the floor is left out.
+        They are the origins of the links and the corners of their shapes' boxes; the floor is left out.
         """
         inspector = self._scene_graph.model_inspector()
-        corners = {}
+        world = inspector.world_frame_id()
+        links = [frame for frame in inspector.GetAllFrameIds() if frame != world]
+        boxes = {}
         for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
             box = inspector.GetObbInGeometryFrame(geometry)
-            if box is not None and inspector.GetFrameId(geometry) != inspector.world_frame_id():
-                corners[geometry] = box.pose() @ (_BOX_SIGNS * box.half_width()).T
-        points = []
+            if box is not None and inspector.GetFrameId(geometry) != world:
+                boxes[geometry] = box.pose() @ (_BOX_SIGNS * box.half_width()).T
+        points: list[Vector] = []
         for row in positions:
             self.place(row)
             query = self.query()
-            points += [(query.GetPoseInWorld(geometry) @ local).T for geometry, local in corners.items()]
+            points += [query.GetPoseInWorld(link).translation() for link in links]
+            points += [(query.GetPoseInWorld(geometry) @ corners).T for geometry, corners in boxes.items()]
         return np.vstack(points)
+
+    def extents_of_run(self, result: SimulationResult) -> Vector:
+        """Return points, shape (m, 3) [m], around the motion of a run."""
+        end = result.stop_time * (_TRUSTED if result.stopped_by == DIVERGED else 1.0)
+        return self.extents(result.positions_at(np.linspace(0.0, end, _LOOKS)))
 
 
 @dataclass(frozen=True)
@@ -132,7 +143,7 @@ def view_of(points: Vector, *, aspect: float) -> View:
     # An edge of the picture is a plane through the eye; these are the planes that just touch the points.
     low = (across + half * along[:, np.newaxis]).min(axis=0)
     high = (across - half * along[:, np.newaxis]).max(axis=0)
-    depth = ((low - high) / (2 * half)).min()
+    depth = min(((low - high) / (2 * half)).min(), along.min() - _NEAREST)
     eye = np.append((low + high) / 2, depth)
     target = np.append(eye[:2], (along.min() + along.max()) / 2)
     return View(eye @ axes, target @ axes)
@@ -144,9 +155,10 @@ def aspect_of(points: Vector) -> float:
     return float(width / height)
 
 
-def look_times(end: float) -> Vector:
-    """Return the times [s] whose configurations stand for a motion up to ``end``."""
-    return np.linspace(0.0, end, _LOOKS)
+def frame_times(end: float, frames_per_second: float) -> Vector:
+    """Return the times [s] of the frames of a motion; its end is the last one, wherever it lies."""
+    count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)
+    return np.append(np.arange(count) / frames_per_second, end)
 
 
 def _camera_axes() -> Vector:

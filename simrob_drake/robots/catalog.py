@@ -51,7 +51,8 @@ class Gains(Strict):
 
 def _axes_by_name(axes: Any) -> Any:
     """Let a plain list of joints stand for axes of the same names."""
-    return {name: {"joint": name} for name in axes} if isinstance(axes, list) else axes
+    plain = isinstance(axes, list) and all(isinstance(name, str) for name in axes)
+    return {name: {"joint": name} for name in axes} if plain else axes
 
 
 class RobotModel(Strict):

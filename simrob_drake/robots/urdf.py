@@ -9,6 +9,7 @@ from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
+from pydrake.multibody.tree import RotationalInertia
 
 from simrob_drake.errors import InvalidModel, UnknownName
 
@@ -25,7 +26,7 @@ def read_urdf(path: Path) -> ET.Element:
     """
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
+    except (OSError, ValueError) as problem:
         raise InvalidModel(path, "", f"cannot be read as a text file ({problem})") from problem
     if path.suffix == ".xacro" or "xmlns:xacro" in text:
         raise InvalidModel(path, "", "is a xacro file; expand it first: xacro FILE.xacro > FILE.urdf")
@@ -121,7 +122,7 @@ def urdf_text(root: ET.Element, folder: Path, *, collision: bool) -> str:
             for element in link.findall("collision"):
                 link.remove(element)
     for mesh in robot.iter("mesh"):
-        mesh.set("filename", _mesh_file(mesh.get("filename", ""), folder).as_uri())
+        mesh.set("filename", f"file://{_mesh_file(mesh.get('filename', ''), folder)}")  # Drake decodes no %20
     return ET.tostring(robot, encoding="unicode")
 
 
@@ -193,10 +194,11 @@ def _check_inertial(link: ET.Element, path: Path) -> None:
     if _mass(link) < 0:
         raise InvalidModel(path, where, f"mass {mass.get('value')} kg is negative")
     xx, yy, zz, xy, xz, yz = (float(inertia.get(k, 0)) for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    tolerance = 1e-6 * max(abs(moments[-1]), 1e-12)
-    if moments[0] < -tolerance or moments[0] + moments[1] < moments[2] - tolerance:
-        listed = ", ".join(f"{moment:.3g}" for moment in moments)
+    if _mass(link) == 0 and any((xx, yy, zz)):
+        raise InvalidModel(path, where, "has moments of inertia but no mass; Drake would give it 1 kg in silence")
+    if not RotationalInertia(xx, yy, zz, xy, xz, yz).CouldBePhysicallyValid():  # Drake would put a sphere's in silence
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        listed = ", ".join(f"{moment:.9g}" for moment in moments)
         raise InvalidModel(
             path,
             where,

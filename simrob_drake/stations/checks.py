@@ -46,7 +46,7 @@ def check_station(config: StationConfig) -> list[Finding]:
         if config.mode == "kinematic" or robot.model.base == "fixed":
             findings += _holding_findings(diagram, ports, robot)
     if config.mode == "dynamic":
-        findings += _step_findings(config, ports.plant)
+        findings += step_findings(config, ports.plant)
         findings += _contact_findings(config)
     return findings
 
@@ -72,7 +72,7 @@ def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     """Return the likely cause of a run that diverged, in words."""
-    warnings = [finding for finding in _step_findings(config, plant) if finding.level == "warning"]
+    warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
     if warnings:
         return f"likely cause: {warnings[0].text}"
     if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
@@ -104,7 +104,7 @@ def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot
     return findings
 
 
-def _step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
+def step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
     """Compare the servos' damping with the steps of a solver that steps it explicitly."""
     findings = []
     solver = config.solver
@@ -123,7 +123,7 @@ def _step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
             else:
                 findings.append(Finding("ok", "steps", f"{damping} allows steps up to {largest:.2g} s"))
         elif isinstance(solver, ContinuousSolver) and solver.scheme in _EXPLICIT_SCHEMES:
-            unstable = solver.scheme in FIXED_STEP_SCHEMES and solver.max_step > largest
+            unstable = solver.scheme in FIXED_STEP_SCHEMES and bool(solver.max_step > largest)
             text = f"{damping} keeps the explicit scheme {solver.scheme} below steps of {largest:.2g} s"
             remedy = f", but solver.max_step is {solver.max_step:g} s; take an implicit scheme such as radau3"
             findings.append(Finding("warning" if unstable else "ok", "steps", text + remedy * unstable))

@@ -50,11 +50,12 @@ def load_station(name_or_path: str | Path, overrides: Mapping[str, Any] | None =
     content = {"name": path.stem, **_without_sugar(content, path)}
     try:
         config = validated(StationConfig, content, path)
-        check_names(config)
     except InvalidConfig as problem:
-        raise InvalidConfig("", "", str(problem).replace(f"robots.{ONLY_ROBOT}.", "robot.")) from problem
+        raise InvalidConfig("", "", _as_written(problem)) from problem
+    try:
+        check_names(config)
     except SimrobError as problem:
-        raise InvalidConfig(path, "", str(problem).replace(f"robots.{ONLY_ROBOT}.", "robot.")) from problem
+        raise InvalidConfig(path, "", _as_written(problem)) from problem
     return config
 
 
@@ -128,6 +129,11 @@ def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any
             if isinstance(owner, dict) and isinstance(owner.get(key), str):
                 owner[key] = str(folder / owner[key])
     return result
+
+
+def _as_written(problem: SimrobError) -> str:
+    """Return a message with the keys as the user wrote them."""
+    return str(problem).replace(f"robots.{ONLY_ROBOT}.", "robot.")
 
 
 def _without_sugar(content: dict[str, Any], path: Path) -> dict[str, Any]:

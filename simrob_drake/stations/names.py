@@ -87,11 +87,12 @@ def check_names(config: StationConfig) -> None:
     Raises:
         SimrobError: the first that does not, with the nearest known name.
     """
+    pieces = pieces_outward(config)  # first, so that nothing follows a circle of pieces
     for robot in config.robots:
         model = robot_model(config, robot)
         initial_position(config, robot, model)
         _check_axes(config, robot, model)
-    for piece in pieces_outward(config):
+    for piece in pieces:
         piece_model(config, piece)
         if piece in config.robots or piece == WORLD:
             raise InvalidParameter(f"pieces.{piece}", piece, "a name that no robot of the station has, nor the world")

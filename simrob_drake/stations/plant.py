@@ -160,9 +160,8 @@ def _add_robot(plant: MultibodyPlant, config: StationConfig, name: str, collisio
     entry, model, servo = config.robots[name], robot_model(config, name), config.servo_of(name)
     if config.mode == "dynamic" and model.links_without_inertia:
         listed = ", ".join(model.links_without_inertia)
-        raise InvalidModel(
-            model.urdf_path, f"links {listed}", "have no inertia; only a kinematic station can take them"
-        )
+        problem = f"the moving links {listed} have no inertia; only a kinematic station can take them"
+        raise InvalidModel(model.urdf_path, "", problem)
     instance = _parsed(plant, model, name, collision)
     root = plant.GetFrameByName(model.root, instance)
     if model.base == "fixed" or config.mode == "kinematic":

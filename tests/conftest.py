@@ -1,0 +1,101 @@
+"""What several tests share: a one-joint arm as a URDF text and as a plant, and the plant of the IRB120."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake.robots.catalog import load_robot
+from simrob_drake.robots.urdf import urdf_text
+
+ONE_JOINT_URDF = """<robot name="arm">
+  <link name="base">
+    <collision><geometry><box size="0.1 0.1 0.2"/></geometry></collision>
+  </link>
+  <link name="upper">
+    <inertial>
+      <origin xyz="0 0 0.1"/>
+      <mass value="1"/>
+      <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
+    </inertial>
+    <visual><geometry><cylinder radius="0.02" length="0.3"/></geometry></visual>
+  </link>
+  <link name="tip"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/>
+    <child link="upper"/>
+    <origin xyz="0 0 0.2" rpy="0 0 0"/>
+    <axis xyz="0 1 0"/>
+    <limit lower="-1" upper="2" effort="10" velocity="3"/>
+    <dynamics damping="0.1"/>
+  </joint>
+  <joint name="flange" type="fixed">
+    <parent link="upper"/>
+    <child link="tip"/>
+  </joint>
+  <transmission name="drive">
+    <type>transmission_interface/SimpleTransmission</type>
+    <joint name="shoulder"/>
+    <actuator name="motor"/>
+  </transmission>
+</robot>
+"""
+
+PENDULUM_MASS = 1.0  # kg, a point
+PENDULUM_LENGTH = 0.5  # m
+
+
+@pytest.fixture
+def one_joint_urdf() -> str:
+    return ONE_JOINT_URDF
+
+
+@pytest.fixture
+def write_urdf(tmp_path: Path) -> Callable[[str], Path]:
+    """Write a text into a robot's folder of its own and return the file."""
+
+    def write(text: str) -> Path:
+        path = tmp_path / "robot" / "arm.urdf"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def add_pendulum() -> Callable[..., MultibodyPlant]:
+    """Add a point mass on a rod, which hangs down at zero and turns about y; not finalized."""
+
+    def add(
+        builder: DiagramBuilder,
+        *,
+        time_step: float = 0.0,
+        gravity: float = 9.80665,
+        limits: tuple[float, float] = (-np.inf, np.inf),
+    ) -> MultibodyPlant:
+        plant = builder.AddNamedSystem("plant", MultibodyPlant(time_step))
+        plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -gravity]))
+        bob = SpatialInertia.PointMass(PENDULUM_MASS, np.array([0.0, 0.0, -PENDULUM_LENGTH]))
+        body = plant.AddRigidBody("bob", bob)
+        hinge = RevoluteJoint("hinge", plant.world_frame(), body.body_frame(), np.array([0.0, 1.0, 0.0]), *limits)
+        plant.AddJointActuator("hinge", plant.AddJoint(hinge))
+        return plant
+
+    return add
+
+
+@pytest.fixture
+def irb120() -> MultibodyPlant:
+    """The bare IRB120 on its foot; not finalized."""
+    model = load_robot("irb120")
+    plant = MultibodyPlant(0.0)
+    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -9.80665]))
+    Parser(plant).AddModelsFromString(urdf_text(model.element, model.folder, collision=False), "urdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(model.root))
+    return plant

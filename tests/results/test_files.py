@@ -1,0 +1,108 @@
+"""The result folder: what is in it, that it is whole, and that it can be run again."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from pydrake.trajectories import PiecewisePolynomial
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import OutputError
+
+
+@pytest.fixture(scope="module")
+def result():
+    return simulate(load_station("irb120_dynamic"), duration=0.25)
+
+
+@pytest.fixture(scope="module")
+def folder(result, tmp_path_factory):
+    return result.save(tmp_path_factory.mktemp("runs") / "first", recording=False)
+
+
+def test_the_summary_holds_what_the_contract_says(result, folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    assert {"station", "robot", "duration", "stopped_by", "stop_time", "message", "solver", "wall_time"} <= set(summary)
+    assert (summary["station"], summary["robot"], summary["stopped_by"]) == ("irb120_dynamic", "irb120", None)
+    assert summary["duration"] == summary["stop_time"] == 0.25
+    assert summary["final"]["joint_position"]["joint_2"] == result["q.joint_2"][-1]
+    assert summary["final"]["base_pose"] == [0, 0, 0, 0, 0, 0]
+    assert len(summary["final"]["tcp_pose"]) == 6
+    peaks = np.abs(result.axes("tau")).max(axis=0)
+    np.testing.assert_allclose(np.abs(list(summary["peak"]["joint_torque"].values())), peaks)
+    assert summary["realtime_rate"] > 1
+    assert set(summary["versions"]) == {"simrob_drake", "drake", "numpy", "python"}
+
+
+def test_the_signals_file_holds_the_same_bits(result, folder):
+    with (folder / "signals.csv").open() as lines:
+        header, *rows = csv.reader(lines)
+    assert header[:2] == ["time", "q_ref.joint_1"]
+    assert {"q.joint_6", "v.joint_1", "tau.joint_2", "base.x", "base.qz", "tcp.x", "tcp.qw"} <= set(header)
+    np.testing.assert_array_equal(np.array(rows, dtype=float), np.column_stack([result.times, result.values]))
+
+
+def test_the_saved_station_gives_the_same_result(result, folder):
+    again = simulate(load_station(folder / "station.yaml"))
+    np.testing.assert_array_equal(again.values, result.values)
+
+
+@pytest.mark.parametrize("station", ["irb120_dynamic", "irb120_kinematic"])
+def test_a_run_with_its_own_samples_can_be_run_again(station, tmp_path):
+    times = np.linspace(0, 0.2, 9)
+    positions = np.outer(np.sin(5 * times), np.full(6, 0.1))
+    result = simulate(load_station(station), reference=(times, positions), duration=0.2)
+    folder = result.save(tmp_path / "own", recording=False)
+    assert (folder / "reference.csv").is_file()
+    moved = folder.rename(tmp_path / "elsewhere")  # nothing in it names the old place
+    np.testing.assert_array_equal(simulate(load_station(moved / "station.yaml")).values, result.values)
+
+
+def test_a_trajectory_is_saved_as_a_fine_table(tmp_path):
+    trajectory = PiecewisePolynomial.CubicShapePreserving([0, 0.1, 0.2], np.full((6, 3), 0.1) * [0, 1, 1.5])
+    result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
+    again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
+    np.testing.assert_allclose(again.axes("q"), result.axes("q"), atol=1e-5)
+
+
+def test_columns_of_several_robots_carry_their_names(tmp_path):
+    result = simulate(load_station("two_irb120"), duration=0.05)
+    assert "left.q.joint_1" in result.names
+    assert "right.tcp.x" in result.names
+    summary = result.summary()
+    assert set(summary["robot"]) == {"left", "right"}
+    assert "right.joint_6" in summary["final"]["joint_torque"]
+    assert set(summary["final"]["tcp_pose"]) == {"left", "right"}
+
+
+def test_nothing_is_overwritten_without_force(result, folder):
+    before = sorted(folder.iterdir())
+    with pytest.raises(OutputError, match="exists already.*--force"):
+        result.save(folder)
+    assert sorted(folder.iterdir()) == before
+    result.save(folder, force=True, recording=False)
+    assert (folder / "summary.json").is_file()
+
+
+def test_a_folder_that_is_no_result_is_never_replaced(result, tmp_path):
+    (tmp_path / "thesis.txt").write_text("years of work")
+    with pytest.raises(OutputError, match="something else than a result"):
+        result.save(tmp_path, force=True)
+    assert (tmp_path / "thesis.txt").read_text() == "years of work"
+
+
+def test_a_folder_that_cannot_be_made_is_named(result, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match=r"file/result cannot be written: Not a directory"):
+        result.save(tmp_path / "file" / "result")
+
+
+def test_nothing_half_written_is_left(result, tmp_path, monkeypatch):
+    def full_disk(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("simrob_drake.results.files._write_signals", full_disk)
+    with pytest.raises(OutputError, match="No space left on device"):
+        result.save(tmp_path / "result", recording=False)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,49 @@
+"""States between steps: exact at step ends, cubic for positions, straight for velocities, held for discrete values."""
+
+import numpy as np
+import pytest
+
+from simrob_drake.results.history import History, PlantSlice
+
+TIMES = np.array([0.0, 0.1, 0.4, 1.0])
+PLANT = PlantSlice(start=1, num_positions=1, num_velocities=1)
+
+
+def cubic(t):
+    return 1 + 2 * t - 3 * t**2 + 0.5 * t**3, 2 - 6 * t + 1.5 * t**2
+
+
+@pytest.fixture
+def history():
+    """One other state (5 t), then a plant whose position follows a cubic."""
+    position, velocity = cubic(TIMES)
+    return History(TIMES, np.column_stack([5 * TIMES, position, velocity]), [np.array([[0.0], [1.0], [2.0], [3.0]])])
+
+
+def rates(history):
+    return history.continuous[:, [2]]
+
+
+def test_positions_follow_the_cubic_that_the_rates_give(history):
+    times = np.linspace(0, 1, 57)
+    states = history.at(times, PLANT, rates(history))
+    np.testing.assert_allclose(states.continuous[:, 1], cubic(times)[0], atol=1e-14)
+    np.testing.assert_allclose(states.continuous[:, 0], 5 * times, atol=1e-14)
+    np.testing.assert_allclose(states.continuous[:, 2], np.interp(times, TIMES, cubic(TIMES)[1]), atol=1e-14)
+
+
+def test_step_ends_are_exact(history):
+    np.testing.assert_array_equal(history.at(TIMES, PLANT, rates(history)).continuous, history.continuous)
+
+
+def test_discrete_values_are_those_held_over_the_step_that_ended_there(history):
+    states = history.at(np.array([0.0, 0.05, 0.1, 0.11, 0.4, 0.9]), PLANT, rates(history))
+    np.testing.assert_array_equal(states.discrete[0][:, 0], [0, 1, 1, 2, 2, 3])
+
+
+def test_a_cut_history_ends_at_its_time(history):
+    cut = history.until(0.25, PLANT, rates(history))
+    np.testing.assert_array_equal(cut.times, [0, 0.1, 0.25])
+    np.testing.assert_allclose(cut.continuous[-1, 1], cubic(0.25)[0])
+    assert cut.discrete[0].shape == (3, 1)
+    np.testing.assert_array_equal(history.until(0.4, PLANT, rates(history)).times, [0, 0.1, 0.4])

@@ -1,0 +1,69 @@
+"""What `simrob check` foretells, against what the runs then show."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import load_station
+from simrob_drake.errors import SimrobError
+from simrob_drake.stations.checks import check_station
+
+
+def findings(overrides=None, station="irb120_dynamic"):
+    return check_station(load_station(station, overrides))
+
+
+def text_of(found, subject):
+    return next(finding for finding in found if finding.subject == subject)
+
+
+def test_a_sound_station_has_no_warnings():
+    for station in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120"):
+        assert [finding for finding in findings(station=station) if finding.level != "ok"] == []
+
+
+def test_too_weak_a_motor_is_foretold_with_its_figures():
+    finding = text_of(findings({"servo.torque_limit": 10}), "torque of joint_2")
+    assert finding.level == "warning"
+    assert "-20.79 N·m at the end" in finding.text  # facts of the arm
+    assert "the limit is 10 N·m" in finding.text
+    assert text_of(findings({"servo.torque_limit": 10}), "torque of joint_1").level == "ok"
+
+
+def test_too_heavy_a_load_is_foretold():
+    finding = text_of(findings({"pieces.load.mass": 60}), "torque of joint_2")
+    assert finding.level == "warning"
+    assert "the limit is 150 N·m" in finding.text
+
+
+def test_the_sag_is_the_torque_over_the_gain():
+    finding = text_of(findings({"servo.kp": 500}), "torque of joint_2")
+    assert f"sags by {np.rad2deg(20.787 / 500):.2f} deg" in finding.text
+
+
+def test_explicit_servos_with_long_steps_are_foretold():
+    finding = text_of(findings({"solver.kind": "discrete", "solver.time_step": 0.01}), "steps")
+    assert finding.level == "warning"
+    assert "joint_6" in finding.text
+    assert text_of(findings({"solver.kind": "discrete", "solver.time_step": 1e-4}), "steps").level == "ok"
+
+
+def test_the_step_limit_is_where_an_explicit_damper_becomes_unstable():
+    """One joint, no spring, explicit Euler: v' = -(kd/M) v is stable up to h = 2 M/kd."""
+    finding = text_of(findings({"solver.scheme": "explicit_euler", "solver.max_step": 1e-5}), "steps")
+    limit = float(finding.text.split("steps of ")[1].split(" s")[0])
+    # facts of the arm: M66 = 0.001 kg m² bare; gripper and load add 1e-3 kg m² and their offsets
+    assert 2 * 0.001 / 10 < limit < 2 * 0.003 / 10
+
+
+def test_a_reference_beyond_a_limit_is_an_error():
+    with pytest.raises(SimrobError, match=r"reference of joint_3 is 7\d\.\d deg at .* -110\.0 to 70\.0 deg"):
+        findings({"reference.target_deg": {"joint_3": 80}})
+
+
+def test_bodies_that_penetrate_at_the_start_are_named():
+    close = {"contact": {"model": "point"}, "robots.right.base": [0.05, 0.45, 0, 0, 0, 0]}
+    finding = text_of(findings(close, "two_irb120"), "contact")
+    assert finding.level == "warning"
+    assert "mm at the start" in finding.text
+    apart = text_of(findings({"contact": {"model": "point"}}, "two_irb120"), "contact")
+    assert apart.level == "ok"

@@ -1,0 +1,140 @@
+"""Station files: what is accepted, what is refused, and in which words."""
+
+import pytest
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.stations.load import load_station, station_names, station_yaml
+from simrob_drake.stations.reference_config import Hold
+
+
+@pytest.mark.parametrize("name", station_names())
+def test_a_resolved_station_loads_to_an_equal_one(name, tmp_path):
+    config = load_station(name)
+    (tmp_path / "station.yaml").write_text(station_yaml(config))
+    assert load_station(tmp_path / "station.yaml") == config
+
+
+def test_overrides_change_what_they_name_and_nothing_else():
+    config = load_station("irb120_dynamic", {"servo.kp": 500, "pieces": {"load": {"mass": 2}}})
+    expected = load_station("irb120_dynamic").model_dump()
+    expected["servo"]["kp"], expected["pieces"]["load"]["mass"] = 500.0, 2.0
+    assert config.model_dump() == expected
+
+
+def test_an_empty_mapping_takes_everything_away():
+    assert load_station("irb120_dynamic", {"pieces": {}}).pieces == {}
+
+
+def test_a_new_kind_keeps_the_keys_that_it_knows():
+    config = load_station("irb120_dynamic", {"reference.kind": "hold"})
+    assert config.reference == Hold(kind="hold", target_deg=30)
+    config = load_station("irb120_dynamic", {"solver.time_step": 0.002, "solver.kind": "discrete"})
+    assert config.solver.model_dump() == {"kind": "discrete", "scheme": "sap", "time_step": 0.002}
+
+
+def test_gains_may_be_given_by_axis():
+    config = load_station("irb120_dynamic", {"servo": {"kd": None}})
+    assert config.servo.kd is None
+    config = load_station("irb120_dynamic", {"servo": {"kp": {"joint_2": 2000}}})
+    assert config.servo.kp == {"joint_2": 2000.0}
+
+
+def test_a_monitor_named_as_its_kind_needs_no_kind():
+    config = load_station("irb120_dynamic", {"monitors": {"settled": {"hold": 1}, "early": {"kind": "joint_limit"}}})
+    assert config.monitors["settled"].hold == 1
+    assert config.monitors["early"].kind == "joint_limit"
+
+
+def test_paths_start_at_the_file_that_names_them(tmp_path, monkeypatch):
+    (tmp_path / "own.yaml").write_text("robot: {model: irb120}\nreference: {kind: table, file: move.csv}\n")
+    monkeypatch.chdir(tmp_path.parent)
+    assert load_station(tmp_path / "own.yaml").reference.file == tmp_path / "move.csv"
+    config = load_station(tmp_path / "own.yaml", {"reference.file": "other.csv"})
+    assert config.reference.file == tmp_path.parent / "other.csv"
+
+
+WRONG = [
+    ({"servo.kpp": 4}, r"servo\.kpp: unknown key; did you mean 'kp'\?"),
+    ({"servo.kp": "abc"}, r"servo\.kp: .*number \(it is 'abc'\)"),
+    ({"servo.kp": True}, r"servo\.kp: .*number"),
+    ({"servo.kp": -1}, r"servo\.kp: a gain must not be negative"),
+    ({"servo.kp": float("nan")}, r"servo\.kp: .*finite"),
+    ({"servo.kp": {"joint_22": 1}}, r"servo\.kp"),
+    ({"servo.kd": [1, 2]}, r"servo\.kd is \[1\.0, 2\.0\]; it must be one number, or 6"),
+    ({"servo.torque_limit": 0}, r"servo\.torque_limit: a torque limit must be positive"),
+    ({"servo.torque_limit": [1, 2, 3, -4, 5, 6]}, r"torque limit must be positive"),
+    ({"servo.realization": "vectr"}, r"servo\.realization: there is no 'vectr'; did you mean 'vector'\?"),
+    ({"solver.scheme": "rada"}, r"solver\.scheme: there is no 'rada'; did you mean 'radau3'\?"),
+    ({"solver.kind": "discrete", "solver.accuracy": 1}, r"solver\.accuracy: unknown key"),
+    ({"solver.max_step": 0}, r"solver\.max_step: .*greater than 0"),
+    ({"reference.kind": "mov"}, r"reference\.kind: there is no 'mov'; did you mean 'move'\?"),
+    ({"reference.target_deg": {"joint_7": 1}}, r"no axis of irb120 .* 'joint_7'; did you mean"),
+    ({"reference.kind": "sequence"}, r"reference\.targets: this key is needed"),
+    (
+        {"reference": {"kind": "sequence", "targets": [{"time": 2, "target_deg": 1}, {"time": 1, "target_deg": 2}]}},
+        r"times of a sequence rise",
+    ),
+    ({"robot.model": "irb12"}, r"no robot 'irb12'; did you mean 'irb120'\?"),
+    ({"robot.modell": "x"}, r"robot\.modell: unknown key; did you mean 'model'\?"),
+    ({"robot.urdf": "x.urdf"}, r"robot.*either a model or a urdf"),
+    ({"robot.base": [0, 0, 0]}, r"robot\.base: needs 6 values"),
+    ({"robot.initial_deg": {"joint_2": 400}}, r"initial_deg of joint_2 is 400\.0; it must be within -110\.0 to 110\.0"),
+    ({"robot.tcp": "lod"}, r"no tool of robot 'lod'; did you mean 'load'\?"),
+    ({"pieces.load.mass": -1}, r"pieces\.load\.mass: .*greater than or equal to 0"),
+    ({"pieces.load.model": "pencl"}, r"no piece 'pencl'; did you mean 'pencil'\?"),
+    ({"pieces.load.parent": "griper"}, r"no parent for pieces\.load 'griper'; did you mean 'gripper'\?"),
+    ({"pieces.gripper.parent": "load"}, r"pieces\.gripper\.parent is load; .* hangs on"),
+    ({"pieces.load.inertia": [1, 0, 0]}, r"pieces\.load: inertia: no body has these moments"),
+    ({"monitors.a.kind": "settle"}, r"monitors\.a\.kind: there is no 'settle'; did you mean 'settled'\?"),
+    ({"monitors.settled.hld": 1}, r"monitors\.settled\.hld: unknown key; did you mean 'hold'\?"),
+    ({"monitors.settled.robot": "arm"}, r"no robot for monitors\.settled 'arm'"),
+    ({"inputs": ["feedforwrd"]}, r"inputs: there is no 'feedforwrd'; did you mean 'feedforward'\?"),
+    ({"duration": -1}, r"duration: .*greater than 0"),
+    ({"duraton": 1}, r"duraton: unknown key; did you mean 'duration'\?"),
+    ({"servo.kp.joint_2": 1}, r"servo\.kp: is 1000, so it has no key 'joint_2'"),
+    ({"robots": {"a": {"model": "irb120"}}}, r"either robot: or robots:"),
+]
+
+
+@pytest.mark.parametrize(("overrides", "message"), WRONG, ids=[str(next(iter(case[0]))) for case in WRONG])
+def test_wrong_entries_are_named_with_what_would_be_right(overrides, message):
+    with pytest.raises(SimrobError, match=message) as caught:
+        load_station("irb120_dynamic", overrides)
+    assert "irb120_dynamic.yaml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("robot: [", "is not YAML"),
+        ("- a\n- b", "must hold a mapping"),
+        ("robot: {model: irb120}\nduration: 1\nduration: 2", "'duration' stands twice"),
+        ("description: nothing else", "robots: this key is needed"),
+        ("robots: {}", "robots: .*at least 1 item"),
+        ("robots: {two words: {model: irb120}}", "no plain name"),
+        ("robot: {model: irb120}\nduration: !!python/object/apply:os.getcwd []", "is not YAML"),
+    ],
+)
+def test_files_that_are_no_stations_are_refused(tmp_path, text, message):
+    (tmp_path / "bad.yaml").write_text(text)
+    with pytest.raises(SimrobError, match=message):
+        load_station(tmp_path / "bad.yaml")
+
+
+def test_an_unknown_station_is_named_with_the_nearest():
+    with pytest.raises(SimrobError, match="did you mean 'irb120_dynamic'"):
+        load_station("irb120_dynamik")
+    with pytest.raises(SimrobError, match=r"nowhere\.yaml: there is no such file"):
+        load_station("nowhere.yaml")
+
+
+def test_a_station_of_two_robots_says_whom_a_piece_hangs_on():
+    with pytest.raises(SimrobError, match=r"pieces\.left_gripper\.parent is None; .*left, right"):
+        load_station("two_irb120", {"pieces": {"left_gripper": {"parent": None}}})
+
+
+def test_numbers_in_exponents_are_numbers(tmp_path):
+    (tmp_path / "own.yaml").write_text("robot: {model: irb120}\nduration: 1e-1\n")
+    assert load_station(tmp_path / "own.yaml").duration == pytest.approx(0.1)

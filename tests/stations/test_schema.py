@@ -1,0 +1,15 @@
+"""The schema beside the stations is the one of the code."""
+
+import json
+
+from simrob_drake.paths import diagrams_root
+from simrob_drake.stations.schema import SCHEMA_FILE, station_schema
+
+
+def test_the_schema_file_is_up_to_date():
+    assert json.loads((diagrams_root() / SCHEMA_FILE).read_text()) == station_schema(), "renew it: make pictures"
+
+
+def test_every_key_of_the_schema_is_explained():
+    servo = station_schema()["$defs"]["ServoConfig"]["properties"]
+    assert all("description" in entry for entry in servo.values())

@@ -1,0 +1,166 @@
+"""The command line from the outside: exit codes, files, and one line for every mistake."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from simrob_drake.cli import BAD_INPUT, DIVERGED, run_command
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_run_leaves_a_whole_result(tmp_path, capsys):
+    assert run_command(["run", "irb120_dynamic", "--duration", "0.3", "--out", "result"]) == 0
+    files = {str(file.relative_to(tmp_path / "result")) for file in (tmp_path / "result").rglob("*") if file.is_file()}
+    assert {"summary.json", "signals.csv", "station.yaml", "recording.html", "film_strip.png"} <= files
+    assert {"plots/position.png", "plots/torque.png"} <= files
+    out = capsys.readouterr().out
+    assert "ran to its end at 0.3 s" in out
+    assert (tmp_path / "result" / "recording.html").as_uri() in out
+
+
+def test_options_of_output_do_not_change_the_signals(tmp_path):
+    command = ["run", "irb120_dynamic", "--duration", "0.6"]
+    run_command([*command, "--out", "plain", "--no-recording"])
+    run_command([*command, "--out", "live", "--no-recording", "--live"])
+    run_command([*command, "--out", "recorded"])
+    plain, live, recorded = ((tmp_path / name / "signals.csv").read_bytes() for name in ("plain", "live", "recorded"))
+    assert plain == live == recorded
+
+
+def test_a_monitors_stop_is_a_success(tmp_path):
+    settings = ["--set", "servo.torque_limit=10", "--set", "monitors.torque_limit.hold=0.2"]
+    assert run_command(["run", "irb120_dynamic", "--out", "r", "--no-recording", *settings]) == 0
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["stopped_by"] == "torque_limit"
+
+
+def test_a_divergence_exits_with_3_and_keeps_what_there_is(tmp_path, capsys):
+    settings = ["servo.torque_limit=1e12", "solver.scheme=explicit_euler", "solver.max_step=0.01"]
+    arguments = [part for setting in settings for part in ("--set", setting)]
+    assert run_command(["run", "irb120_dynamic", "--out", "r", "--no-recording", *arguments]) == DIVERGED
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["stopped_by"] == "diverged"
+    assert len((tmp_path / "r" / "signals.csv").read_text().splitlines()) > 2
+    assert "likely cause" in capsys.readouterr().out
+
+
+def test_converge_prints_the_difference(capsys):
+    assert run_command(["run", "irb120_dynamic", "--duration", "0.2", "--no-recording", "--converge"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    row = next(line for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :] if "joint_2" in line)
+    assert 0 < float(row.split()[1]) < 3e-3
+
+
+def test_the_default_folder_is_under_runs(tmp_path):
+    run_command(["run", "double_pendulum", "--duration", "0.1", "--no-recording"])
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert folder.name.startswith("double_pendulum-")
+
+
+def test_list_names_everything(capsys):
+    assert run_command(["list"]) == 0
+    out = capsys.readouterr().out
+    for name in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120", "irb120", "gripper", "pencil"):
+        assert name in out
+
+
+def test_check_foretells_the_overload(capsys):
+    assert run_command(["check", "irb120_dynamic", "--set", "servo.torque_limit=10"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "warning torque of joint_2" in out
+    assert "-20.79" in out
+
+
+def test_check_shows_a_urdf(capsys):
+    from simrob_drake.paths import models_root
+
+    assert run_command(["check", str(models_root() / "irb120" / "irb120.urdf")]) == 0
+    assert "joint_6" in capsys.readouterr().out
+
+
+def test_diagram_writes_what_the_suffix_says(tmp_path, capsys):
+    assert run_command(["diagram", "double_pendulum"]) == 0
+    assert capsys.readouterr().out.startswith("digraph")
+    assert run_command(["diagram", "double_pendulum", "--out", "picture.mmd"]) == 0
+    assert (tmp_path / "picture.mmd").read_text().startswith("flowchart")
+
+
+MISTAKES = {
+    "an unknown station": (["run", "irb120_dinamic"], "did you mean 'irb120_dynamic'?"),
+    "an unknown key": (["run", "irb120_dynamic", "--set", "servo.kpp=1"], "servo.kpp: unknown key"),
+    "no value": (["run", "irb120_dynamic", "--set", "servo.kp"], "must be of the form key.path=value"),
+    "no YAML": (["run", "irb120_dynamic", "--set", "servo.kp=[1"], "is not YAML"),
+    "a negative mass": (["run", "irb120_dynamic", "--set", "pieces.load.mass=-1"], "pieces.load.mass"),
+    "a far reference": (["run", "irb120_dynamic", "--set", "reference.target_deg=120"], "within the joint's limits"),
+    "a missing table": (
+        ["run", "irb120_dynamic", "--set", "reference.kind=table", "--set", "reference.file=no.csv"],
+        "no.csv: cannot be read",
+    ),
+    "a missing URDF": (
+        ["run", "irb120_dynamic", "--set", "robot.model=null", "--set", "robot.urdf=no.urdf"],
+        "no.urdf: cannot be read",
+    ),
+    "a missing URDF to check": (["check", "no.urdf"], "no.urdf: cannot be read"),
+    "a duration of nothing": (["run", "irb120_dynamic", "--duration", "0"], "duration"),
+    "a word for a duration": (["run", "irb120_dynamic", "--duration", "long"], "long"),
+    "an unknown option": (["run", "irb120_dynamic", "--ot", "x"], "No such option: --ot"),
+    "an unknown command": (["rum"], "No such command 'rum'. Did you mean 'run'?"),
+    "no station": (["run"], "Missing"),
+    "a folder that cannot be": (["run", "irb120_dynamic", "--out", "/proc/nowhere/x"], "cannot be written"),
+    "an unknown picture format": (["diagram", "irb120_dynamic", "--out", "x.gif2"], ".svg"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_gets_one_clear_line_and_leaves_nothing(tmp_path, capfd, arguments, message):
+    assert run_command(arguments) == BAD_INPUT
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    lines = captured.err.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("simrob: ")
+    assert message in lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+TABLES = {
+    "a column is missing": ("time,joint_1\n0,0\n1,0\n", "lacks the columns joint_2"),
+    "a word": ("time,joint_1,joint_2\n0,0,0\n1,x,0\n", "line 3: holds something that is no number"),
+    "a short row": ("time,joint_1,joint_2\n0,0,0\n1,0\n", "line 3"),
+    "unsorted times": ("time,joint_1,joint_2\n1,0,0\n0,0,0\n", "must be rising"),
+    "nan": ("time,joint_1,joint_2\n0,0,0\n1,nan,0\n", "finite"),
+    "one row": ("time,joint_1,joint_2\n0,0,0\n", "fewer than two rows"),
+    "nothing": ("", "lacks the columns"),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), TABLES.values(), ids=TABLES)
+def test_a_bad_table_is_named_with_its_line(tmp_path, capsys, text, message):
+    (tmp_path / "move.csv").write_text(text)
+    settings = ["--set", "reference.kind=table", "--set", "reference.file=move.csv"]
+    assert run_command(["run", "double_pendulum", *settings]) == BAD_INPUT
+    assert message in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["move.csv"]
+
+
+def test_a_table_is_followed(tmp_path):
+    (tmp_path / "move.csv").write_text("time,joint_2,joint_1\n0,0.5236,0.6981\n1,0.6,0.7\n2,0.7,0.8\n3,0.8,0.9\n")
+    settings = ["--set", "reference.kind=table", "--set", "reference.file=move.csv"]
+    assert run_command(["run", "double_pendulum", *settings, "--out", "r", "--no-recording", "--duration", "1"]) == 0
+    header, *rows = (tmp_path / "r" / "signals.csv").read_text().splitlines()
+    names, last = header.split(","), np.array(rows[-1].split(","), dtype=float)
+    assert last[names.index("q_ref.joint_1")] == pytest.approx(0.7)
+    assert last[names.index("q_ref.joint_2")] == pytest.approx(0.6)
+
+
+def test_importing_the_package_is_quick_and_loads_nothing_heavy():
+    """Meshcat, matplotlib and pydrake.all stay out: they would make every command slow."""
+    code = "import sys, simrob_drake; print([m for m in ('matplotlib', 'pydrake.all', 'trimesh') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

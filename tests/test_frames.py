@@ -1,0 +1,86 @@
+"""Pose vectors and pose ports against their definition R = Rz Ry Rx."""
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import (
+    pose_from_transform,
+    transform_from_pose,
+    transform_from_xyz_quaternion,
+    xyz_quaternion_from_transform,
+)
+
+# At the gimbal lock Ry = ±90 deg the angles are not unique, so the random ones keep away from it.
+ANGLE_BOUNDS = np.array([np.pi, 1.5, np.pi])
+
+
+def random_poses(count: int) -> list[np.ndarray]:
+    random = np.random.default_rng(1)
+    return [np.concatenate([random.uniform(-2, 2, 3), random.uniform(-1, 1, 3) * ANGLE_BOUNDS]) for _ in range(count)]
+
+
+def test_a_pose_turns_about_z_then_the_new_y_then_the_new_x() -> None:
+    x, y, z, about_z, about_y, about_x = 0.1, -0.2, 0.3, 0.7, -0.4, 1.9
+    transform = transform_from_pose([x, y, z, about_z, about_y, about_x])
+    expected = (
+        RotationMatrix.MakeZRotation(about_z)
+        @ RotationMatrix.MakeYRotation(about_y)
+        @ RotationMatrix.MakeXRotation(about_x)
+    )
+    np.testing.assert_allclose(transform.rotation().matrix(), expected.matrix(), atol=1e-15)
+    np.testing.assert_array_equal(transform.translation(), [x, y, z])
+
+
+def test_the_tilted_table_has_its_published_axes() -> None:
+    # facts of the inclined table: Euler ZYX [-120, 0, 15] deg
+    matrix = transform_from_pose([0.4, 0.133, 0, *np.deg2rad([-120.0, 0.0, 15.0])]).rotation().matrix()
+    published = [[-0.5, -0.8660, 0], [0.8365, -0.4830, 0.2588], [-0.2241, 0.1294, 0.9659]]
+    np.testing.assert_allclose(matrix.T, published, atol=5e-5)  # printed with four decimals
+
+
+@pytest.mark.parametrize("pose", random_poses(20))
+def test_a_pose_survives_the_way_through_a_transform(pose: np.ndarray) -> None:
+    np.testing.assert_allclose(pose_from_transform(transform_from_pose(pose)), pose, atol=1e-13)
+
+
+@pytest.mark.parametrize("tilt", [np.pi / 2, -np.pi / 2])
+def test_at_the_gimbal_lock_the_rotation_survives(tilt: float) -> None:
+    transform = transform_from_pose([0, 0, 0, 0.3, tilt, 0.2])
+    again = transform_from_pose(pose_from_transform(transform))
+    np.testing.assert_allclose(again.GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-7)
+
+
+@pytest.mark.parametrize("pose", random_poses(20))
+def test_a_transform_survives_the_way_through_a_quaternion(pose: np.ndarray) -> None:
+    transform = transform_from_pose(pose)
+    values = xyz_quaternion_from_transform(transform)
+    assert values[3] >= 0
+    np.testing.assert_allclose(
+        transform_from_xyz_quaternion(values).GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-14
+    )
+
+
+def test_a_quarter_turn_about_z_is_the_known_quaternion() -> None:
+    values = xyz_quaternion_from_transform(RigidTransform(RotationMatrix.MakeZRotation(np.pi / 2), [1, 2, 3]))
+    np.testing.assert_allclose(values, [1, 2, 3, np.sqrt(0.5), 0, 0, np.sqrt(0.5)], atol=1e-15)
+
+
+@pytest.mark.parametrize("scale", [-3.0, 1e-3, 1.0])
+def test_length_and_sign_of_a_quaternion_do_not_matter(scale: float) -> None:
+    wxyz = np.array([0.5, -0.5, 0.5, 0.5])
+    turned = transform_from_xyz_quaternion([0, 0, 0, *(scale * wxyz)]).rotation().matrix()
+    np.testing.assert_allclose(turned, transform_from_xyz_quaternion([0, 0, 0, *wxyz]).rotation().matrix(), atol=1e-15)
+
+
+@pytest.mark.parametrize("pose", [[0] * 5, [0] * 7, [[0] * 6], [0, 0, np.nan, 0, 0, 0], [np.inf, 0, 0, 0, 0, 0]])
+def test_a_pose_needs_six_finite_numbers(pose: list[float]) -> None:
+    with pytest.raises(InvalidParameter, match="six finite numbers"):
+        transform_from_pose(pose)
+
+
+@pytest.mark.parametrize("values", [[0, 0, 0, 1, 0, 0], [0, 0, 0, np.nan, 0, 0, 0], [1, 2, 3, 0, 0, 0, 0]])
+def test_a_port_pose_needs_seven_finite_numbers(values: list[float]) -> None:
+    with pytest.raises(InvalidParameter, match="seven finite numbers"):
+        transform_from_xyz_quaternion(values)
