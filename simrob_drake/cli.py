@@ -56,8 +56,8 @@ def run_command(arguments: list[str]) -> int:
     try:
         code = app(arguments, standalone_mode=False)
     except (SimrobError, TyperException) as problem:
-        message = " ".join(str(problem).split())
-        print(f"simrob: {message or 'see simrob --help'}", file=sys.stderr)
+        tell = getattr(problem, "format_message", problem.__str__)  # usage errors name the option there
+        print(f"simrob: {' '.join(tell().split())}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("simrob: interrupted", file=sys.stderr)

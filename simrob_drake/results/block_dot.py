@@ -54,8 +54,8 @@ def _cluster(graph: BlockGraph, robot: str, role: Role) -> list[str]:
     title_at = "b" if role == "sensor" and _upper(graph, robot) else "t"  # away from where torques come in
     return [
         f"  subgraph {_quoted(f'cluster {label}')} {{",
-        f'    label={_quoted(label)}; fontsize=11; fontcolor="{line}"; labeljust=l; labelloc={title_at}; style="rounded,filled"; margin=10;',
-        f'    color="{fill}"; fillcolor="{fill}";',
+        f'    label={_quoted(label)}; fontsize=11; fontcolor="{line}"; labeljust=l; labelloc={title_at};',
+        f'    style="rounded,filled"; margin=10; color="{fill}"; fillcolor="{fill}";',
         *(f"    {_node(graph, block)}" for block in blocks),
         *(f"    {{rank=same; {'; '.join(_quoted(block.key) for block in column)}}}" for column in columns if column),
         "  }",
@@ -79,8 +79,7 @@ def _node(graph: BlockGraph, block: Block) -> str:
 
 
 def _slots(graph: BlockGraph, bar: str) -> list[str]:
-    """Return the blocks at the slots of a bus bar, on the side where it has many; feedback comes last,
-    but first in the lower half of the picture."""
+    """Return the blocks at the slots of a bar, on the side where it has many; feedback where the plant is nearer."""
     sources, block = graph.sources(bar), graph.blocks[bar]
     if block.shape == "mux":
         return sources

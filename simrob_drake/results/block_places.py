@@ -6,7 +6,8 @@ knows is a user's own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from pydrake.geometry import SceneGraph
@@ -59,92 +60,99 @@ class Place:
 
 def place_of(name: str, system: System, ports: StationPorts) -> Place | None:
     """Return where a system is drawn, or None for wiring that is part of the arrows."""
-    robot = next((r for r in ports.plant.robots.values() if r.prefix and name.startswith(r.prefix)), None)
-    owner = robot.name if robot else ""
-    robot = robot or (ports.plant.robots[ports.config.only_robot] if ports.config.only_robot else None)
-    if robot is not None:
-        place = _robot_place(name, system, robot, owner, ports)
-        if place is not None:
-            return place if place.key else None
-    return _shared_place(name, system, ports) or _wiring_place(name, system, owner)
+    robots = list(ports.plant.robots.values())
+    robot = next((r for r in robots if name.startswith(r.prefix)), None)  # a station's only robot has no prefix
+    owner = robot.name if robot is not None and robot.prefix else ""
+    local = name.removeprefix(robot.prefix) if robot is not None else name
+    rows = [*robot.axes, _ALL_JOINTS] if robot is not None else []
+    if _is_wire(local, system, rows):
+        return None
+    place = _robot_place(name, local, system, robot, ports) if robot is not None else None
+    place = place or _shared_place(name, system, ports) or _bar_place(name, system)
+    if place is None:
+        return Place(name, "own", captions.plain_text(name, system))
+    return replace(place, robot=place.robot or owner) if place.role in ("reference", "servo", "sensor") else place
 
 
-_WIRE = Place("", "own")
-"""Wiring of a robot."""
+def _is_wire(local: str, system: System, rows: Sequence[str]) -> bool:
+    """Tell whether a system only hands signals on; in a joint's row that includes what joins them."""
+    head, _, part = local.partition(".")
+    if isinstance(system, Multiplexer):
+        return bool(part) and head in rows
+    if isinstance(system, MatrixGain):
+        return part != "pd" and head != _STOPS and captions.is_mapping(system)
+    return isinstance(system, _SILENT)
 
 
-def _robot_place(name: str, system: System, robot: StationRobot, owner: str, ports: StationPorts) -> Place | None:
+def _robot_place(name: str, local: str, system: System, robot: StationRobot, ports: StationPorts) -> Place | None:
     """Return the place of a system that belongs to one robot: its reference, servos and poses."""
-    local = name.removeprefix(robot.prefix)
     head, _, part = local.partition(".")
     if head == _SOURCE:
         label = "" if part else captions.reference_text(ports.config.reference_of(robot.name))
-        return Place(f"{robot.prefix}{_SOURCE}", "reference", label, owner)
+        return Place(f"{robot.prefix}{_SOURCE}", "reference", label)
     if part and (head in robot.axes or head == _ALL_JOINTS):
-        return _servo_place(name, head, system, robot, owner)
-    if isinstance(system, FramePose):
-        of_base = head == "base_pose"
-        return Place(name, "sensor", "Base pose" if of_base else f"TCP pose\n{part}", owner)
-    if local == "base_pose":
-        return Place(name, "sensor", "Base pose\nfixed", owner)
+        return _servo_place(name, head, system, robot)
     if isinstance(system, Propeller):
         return Place(name, "robot", f"External force\nat {robot.prefix}{robot.tcp}")
-    return None
+    if isinstance(system, FramePose):
+        return Place(name, "sensor", f"TCP pose\n{part}" if part else "Base pose")
+    return Place(name, "sensor", "Base pose\nfixed") if local == "base_pose" else None
 
 
-def _servo_place(name: str, head: str, system: System, robot: StationRobot, owner: str) -> Place | None:
+def _servo_place(name: str, head: str, system: System, robot: StationRobot) -> Place | None:
     """Return the place of a servo's part; of many joints the ones between the first and the last share a block."""
-    if isinstance(system, Multiplexer):
-        return _WIRE
     between = robot.axes[1:-1]
     if head in between and len(robot.axes) > captions.MANY:
-        return Place(f"{robot.prefix}more", "servo", f"⋮\n{len(between)} joints,\n{between[0]} to {between[-1]}", owner)
+        return Place(f"{robot.prefix}more", "servo", f"⋮\n{len(between)} joints,\n{between[0]} to {between[-1]}")
     count = len(robot.axes) if head == _ALL_JOINTS else 1
-    who = f"{count} joints" if head == _ALL_JOINTS else head
-    if isinstance(system, LinearSystem) and name.endswith(".integrator"):
-        label = f"{who}: I\n{captions.integral_text(system, count)}"
-        return Place(f"{robot.prefix}{head}.integral", "servo", label, owner)
-    if isinstance(system, Saturation) and name.endswith(".integral_clip"):
-        return Place(f"{robot.prefix}{head}.integral", "servo", captions.range_text(system, "N·m"), owner)
-    if isinstance(system, MatrixGain) and name.endswith(".pd"):
-        return Place(name, "servo", f"{who}: PD\n{captions.pd_text(system, count)}", owner)
-    if isinstance(system, Saturation):
-        return Place(name, "servo", f"Saturation\n{captions.range_text(system, 'N·m')}", owner)
-    return None
+    who, key = f"{count} joints" if head == _ALL_JOINTS else head, name
+    match system, name.rsplit(".", 1)[-1]:
+        case MatrixGain(), "pd":
+            label = f"{who}: PD\n{captions.pd_text(system, count)}"
+        case LinearSystem(), "integrator":
+            key, label = f"{robot.prefix}{head}.integral", f"{who}: I\n{captions.integral_text(system, count)}"
+        case Saturation(), "integral_clip":
+            key, label = f"{robot.prefix}{head}.integral", captions.range_text(system, "N·m")
+        case Saturation(), _:
+            label = f"Saturation\n{captions.range_text(system, 'N·m')}"
+        case _:
+            return None
+    return Place(key, "servo", label)
 
 
 def _shared_place(name: str, system: System, ports: StationPorts) -> Place | None:
     """Return the place of a system that all robots share, or that watches one."""
     config, robots = ports.config, list(ports.plant.robots.values())
-    if name.startswith(f"{_STOPS}."):
-        stops = config.joint_stops
-        return Place(_STOPS, "robot", f"Joint stops\n{stops.stiffness:g} N·m/rad\n{stops.damping:g} N·m·s/rad")
+    stops = config.joint_stops
     match system:
+        case _ if name.startswith(f"{_STOPS}."):
+            label = f"Joint stops\n{stops.stiffness:g} N·m/rad\n{stops.damping:g} N·m·s/rad"
+            place = Place(_STOPS, "robot", label)
         case MultibodyPlant():
-            return Place(name, "robot", captions.plant_text(system, config, robots))
-        case SceneGraph():
-            return Place(name, "scene", "Scene graph\nall geometry")
+            place = Place(name, "robot", captions.plant_text(system, config, robots))
         case InverseDynamics():
-            return Place(name, "robot", "\n".join(["Inverse dynamics", *map(captions.robot_text, robots)]))
+            place = Place(name, "robot", "\n".join(["Inverse dynamics", *map(captions.robot_text, robots)]))
         case MultibodyPositionToGeometryPose():
-            return Place(name, "robot", "Geometry poses")
-        case Monitor():
-            label = name.removeprefix("monitor.")
-            watched = getattr(config.monitors.get(label), "robot", None)
-            return Place(name, "sensor", f"Monitor\n{label}", watched if watched and not config.only_robot else "")
-    return None
+            place = Place(name, "robot", "Geometry poses")
+        case SceneGraph():
+            place = Place(name, "scene", "Scene graph\nall geometry")
+        case Monitor() if name.removeprefix("monitor.") in config.monitors:
+            monitor = name.removeprefix("monitor.")
+            watched = config.monitors[monitor].robot if not config.only_robot else None
+            place = Place(name, "sensor", f"Monitor\n{monitor}", watched or "")
+        case _:
+            return None
+    return place
 
 
-def _wiring_place(name: str, system: System, owner: str) -> Place | None:
-    """Return the place of a bus bar, of a sum or constant, or of a block that is the user's own."""
-    if isinstance(system, _SILENT) or (isinstance(system, MatrixGain) and captions.is_mapping(system)):
-        return None
+def _bar_place(name: str, system: System) -> Place | None:
+    """Return the place of a thin bar, a sum or a constant; a bar takes the role of its many ends later."""
     if isinstance(system, Multiplexer):
-        return Place(name, "servo", "", owner, "mux")
+        return Place(name, "servo", shape="mux")
     if isinstance(system, Selector):
-        return Place(name, "servo", "", owner, "bus")
+        return Place(name, "servo", shape="bus")
     if isinstance(system, Adder):
-        return Place(name, "servo", "+", owner, "sum")
+        return Place(name, "servo", "+", shape="sum")
     if isinstance(system, ConstantVectorSource) and name.endswith(".zero"):
-        return Place(name, "reference", "0", owner)
-    return Place(name, "own", captions.plain_text(name, system))
+        return Place(name, "reference", "0")
+    return None

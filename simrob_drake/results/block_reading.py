@@ -20,7 +20,12 @@ _SYMBOLS = {  # of a station's ports; the first that a signal has is its name
     "feedforward": "τ_ff",
     "external_force": "F",
 }
-_PORT_SYMBOLS = {"geometry_pose": "poses", "query": "queries", "applied_generalized_force": "τ"}
+_PORT_SYMBOLS = {
+    "geometry_pose": "poses",
+    "query": "queries",
+    "applied_generalized_force": "τ",
+    "applied_spatial_force": "F",
+}
 _STATE = ("q", "v")
 _ORDER = list(_SYMBOLS.values())
 

@@ -46,9 +46,8 @@ def save_plots(result: SimulationResult, folder: Path) -> list[Path]:
         folder.mkdir(parents=True, exist_ok=True)
         for robot in result.plant.robots.values():
             for name, figure in _figures(result, robot):
-                file = folder / f"{robot.prefix.replace('.', '_')}{name}.png"
-                figure.savefig(file, dpi=_DPI)
-                written.append(file)
+                written.append(folder / f"{robot.prefix.replace('.', '_')}{name}.png")
+                figure.savefig(written[-1], dpi=_DPI)
     except OSError as problem:
         raise OutputError(f"{folder}: plots cannot be written: {problem.strerror}") from problem
     return written
@@ -70,7 +69,9 @@ def _position_figure(result: SimulationResult, robot: StationRobot) -> Figure:
         grid.draw(panels[0], reached, "position", _VALUE)
         grid.draw(panels[0], wanted, "reference", _REFERENCE, dashed=True)
         if dynamic:
-            grid.draw(panels[1], wanted - reached, "error: reference - position", _ERROR)
+            with np.errstate(invalid="ignore"):  # a diverging run may end with infinite positions
+                error = wanted - reached
+            grid.draw(panels[1], error, "error: reference - position", _ERROR)
     return grid.finished()
 
 

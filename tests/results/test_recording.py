@@ -1,0 +1,149 @@
+"""The recording, the live view and the camera of both."""
+
+import base64
+import re
+import socket
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.results import recording
+from simrob_drake.results.live import LiveView
+from simrob_drake.results.recording import open_meshcat, save_recording
+from simrob_drake.results.scene import FIELD_OF_VIEW, Scene, frame_times, view_of
+
+
+@pytest.fixture(scope="module")
+def result():
+    return simulate(load_station("irb120_dynamic"), duration=0.6, progress=False)
+
+
+@pytest.fixture(scope="module")
+def page(result, tmp_path_factory):
+    return save_recording(result, tmp_path_factory.mktemp("page") / "recording.html").read_text(encoding="utf-8")
+
+
+def messages(page: str) -> list[bytes]:
+    """Return what Meshcat's page is told, which lies in it as base64."""
+    return [base64.b64decode(text) for text in re.findall(r"base64,([A-Za-z0-9+/=]+)", page)]
+
+
+def listens(address: str, port: int) -> bool:
+    with socket.socket() as client:
+        client.settimeout(1)
+        return client.connect_ex((address, port)) == 0
+
+
+def port_of(url: str) -> int:
+    return int(url.rsplit(":", 1)[1])
+
+
+def test_the_page_holds_the_motion_of_every_link_and_plays_at_once(page):
+    (animation,) = [message for message in messages(page) if b"set_animation" in message]
+    assert all(f"/link_{number}".encode() in animation for number in range(1, 7))
+    assert b"play\xc3" in animation  # true, in MessagePack
+    assert b"loopMode\xcd\x08\x99" in animation  # 2201: repeat
+    assert any(b"tool_path/robot" in message for message in messages(page))
+
+
+def test_the_page_needs_no_other_file(page):
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=[\"']?(?!data:)", page)
+
+
+def test_the_camera_is_in_the_page(page, result):
+    view = view_of(Scene(result.config).extents_of_run(result), aspect=recording.ASPECT)
+    height = np.array(view.eye[2], dtype=">f8").tobytes()
+    assert any(b"/Cameras/default" in message and height in message for message in messages(page))
+
+
+def test_recording_leaves_nothing_that_listens(result, tmp_path, monkeypatch):
+    ports = []
+
+    def opened():
+        meshcat = open_meshcat()
+        ports.append(meshcat.port())
+        assert listens("127.0.0.1", ports[0])
+        return meshcat
+
+    monkeypatch.setattr(recording, "open_meshcat", opened)
+    save_recording(result, tmp_path / "recording.html")
+    assert not listens("127.0.0.1", ports[0])
+
+
+def test_meshcat_listens_on_the_loopback_address_alone():
+    meshcat = open_meshcat()
+    assert meshcat.web_url() == f"http://127.0.0.1:{meshcat.port()}"
+    assert listens("127.0.0.1", meshcat.port())
+    assert not listens("127.0.0.2", meshcat.port())  # on Linux it would answer, if all addresses were listened on
+
+
+def test_what_cannot_be_recorded_is_said(result, tmp_path):
+    with pytest.raises(InvalidParameter, match="frames_per_second"):
+        save_recording(result, tmp_path / "recording.html", frames_per_second=0)
+    with pytest.raises(OutputError, match="nowhere"):
+        save_recording(result, tmp_path / "nowhere" / "recording.html")
+
+
+@pytest.mark.parametrize(("end", "rate"), [(0.3, 10.0), (3.0, 32.0), (0.55, 30.0), (0.0, 30.0)])
+def test_frames_are_even_and_end_with_the_run(end, rate):
+    times = frame_times(end, rate)
+    assert times[-1] == end
+    np.testing.assert_allclose(np.diff(times)[:-1], 1 / rate)
+    assert np.all(np.diff(times) > 1e-6)
+
+
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 2.5])
+def test_the_camera_has_all_points_in_its_picture_and_none_to_spare(aspect):
+    points = np.random.default_rng(0).normal(size=(50, 3)) * [0.3, 1.0, 0.5] + [2.0, -1.0, 0.5]
+    view = view_of(points, aspect=aspect)
+    forward = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+    right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
+    sight = points - view.eye
+    up = np.cross(right, forward)
+    ahead = sight @ forward * np.tan(FIELD_OF_VIEW / 2)
+    largest = np.max([np.abs(sight @ right / ahead / aspect), np.abs(sight @ up / ahead)])
+    assert 0.8 < largest < 1.0
+
+
+def test_a_kinematic_station_is_shown_where_a_dynamic_one_is():
+    positions = np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]])
+    dynamic, kinematic = (Scene(load_station(f"irb120_{mode}")).extents(positions) for mode in ("dynamic", "kinematic"))
+    np.testing.assert_allclose(kinematic, dynamic, atol=1e-12)
+    assert np.ptp(dynamic, axis=0).min() > 0.1
+
+
+def test_the_live_view_keeps_pace_with_the_clock_and_changes_nothing(result):
+    view = LiveView(result.config)
+    began = perf_counter()
+    shown = simulate(result.config, progress=False, on_step=view.on_step)
+    assert perf_counter() - began > 0.6 - 1 / 30
+    view.close()
+    np.testing.assert_array_equal(shown.values, result.values)
+    np.testing.assert_array_equal(shown.step_times, result.step_times)
+
+
+def test_a_live_view_takes_a_free_port_and_gives_it_back(result):
+    first, second = LiveView(result.config), LiveView(result.config)
+    ports = [port_of(first.url), port_of(second.url)]
+    assert ports[0] != ports[1]
+    assert all(listens("127.0.0.1", port) for port in ports)
+    first.close()
+    assert not listens("127.0.0.1", ports[0])
+    first.on_step(1.0, np.zeros(6))  # a closed view ignores what comes
+    second.close()
+
+
+def test_the_live_view_draws_even_pictures_between_steps(result, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Scene, "draw", lambda scene, positions, time=0.0: drawn.append((time, *positions[:1])))
+    view = LiveView(result.config)
+    drawn.clear()
+    for time in (0.0, 0.05, 0.2):
+        view.on_step(time, np.full(6, 3 * time))
+    view.on_step(0.25, np.full(6, np.nan))  # a diverging run's last state
+    view.close()
+    times = np.arange(7) / 30
+    np.testing.assert_allclose(drawn, np.column_stack([times, 3 * times]), atol=1e-12)

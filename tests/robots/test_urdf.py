@@ -1,0 +1,278 @@
+"""URDFs with one defect each: every one is an InvalidModel that names the file and the element."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+
+from simrob_drake.errors import InvalidModel, UnknownName
+from simrob_drake.robots.urdf import (
+    check_urdf,
+    joint_effort,
+    joint_limits,
+    last_link,
+    links_without_inertia,
+    movable_joints,
+    read_urdf,
+    root_link,
+    urdf_text,
+)
+
+Write = Callable[[str], Path]
+
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+BOX = '<box size="0.1 0.1 0.2"/>'
+CYLINDER = '<cylinder radius="0.02" length="0.3"/>'
+MASS = '<mass value="1"/>'
+INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
+ORIGIN = '<origin xyz="0 0 0.2" rpy="0 0 0"/>'
+END = "</robot>"
+
+
+def inertia(xx: float, yy: float, zz: float, xy: float = 0.0) -> str:
+    return f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="{xy}" ixz="0" iyz="0"/>'
+
+
+def joint(name: str, parent: str, child: str) -> str:
+    return f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+
+
+def link(name: str, mass: float) -> str:
+    inertial = f'<inertial><mass value="{mass}"/>{INERTIA}</inertial>' if mass else ""
+    return f'<link name="{name}">{inertial}</link>'
+
+
+def finding(path: Path) -> str:
+    with pytest.raises(InvalidModel) as problem:
+        check_urdf(read_urdf(path), path)
+    message = str(problem.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    return message.removeprefix(f"{path}: ")
+
+
+def parsed(text: str) -> MultibodyPlant:
+    plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    Parser(plant).AddModelsFromString(text, "urdf")
+    plant.Finalize()
+    return plant
+
+
+def test_a_clean_urdf_passes_and_drake_reads_it(write_urdf: Write, one_joint_urdf: str) -> None:
+    path = write_urdf(one_joint_urdf)
+    root = read_urdf(path)
+    check_urdf(root, path)
+    plant = parsed(urdf_text(root, path.parent, collision=True))
+    assert plant.num_actuators() == 1
+    assert plant.GetJointByName("shoulder").position_upper_limits() == [2.0]
+
+
+def test_a_clean_urdf_tells_its_joints_and_ends(write_urdf: Write, one_joint_urdf: str) -> None:
+    root = read_urdf(write_urdf(one_joint_urdf))
+    assert movable_joints(root) == ["shoulder"]
+    assert joint_limits(root, "shoulder") == (-1.0, 2.0)
+    assert joint_limits(root, "flange") == (-np.inf, np.inf)
+    assert joint_effort(root, "shoulder") == 10.0
+    assert joint_effort(root, "flange") == 0.0
+    assert root_link(root) == "base"
+    assert last_link(root) == "tip"
+
+
+def test_a_continuous_joint_needs_an_effort_but_no_range(write_urdf: Write, one_joint_urdf: str) -> None:
+    text = one_joint_urdf.replace("revolute", "continuous").replace(LIMIT, '<limit effort="10"/>')
+    path = write_urdf(text)
+    check_urdf(read_urdf(path), path)
+    assert joint_limits(read_urdf(path), "shoulder") == (-np.inf, np.inf)
+
+
+def test_an_unknown_joint_brings_the_nearest_one(write_urdf: Write, one_joint_urdf: str) -> None:
+    with pytest.raises(UnknownName, match="did you mean 'shoulder'"):
+        joint_limits(read_urdf(write_urdf(one_joint_urdf)), "sholder")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", "is not XML"),
+        ("hello", "is not XML"),
+        ("<robot><link></robot>", "is not XML"),
+        ('<robot name="a"><x:link/></robot>', "is not XML"),
+        ('<sdf version="1.9"/>', "<sdf>: the outermost element of a URDF is <robot>"),
+        ('<robot xmlns="http://example.org"/>', "the outermost element of a URDF is <robot>"),
+        ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"/>', "is a xacro file; expand it first"),
+        ('<!DOCTYPE robot SYSTEM "x.dtd"><robot/>', "declares entities or a document type"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>', "declares entities or a document type"),
+        ('<robot name="a"/>', "has 0 root links"),
+    ],
+)
+def test_what_is_no_urdf_is_named(write_urdf: Write, text: str, expected: str) -> None:
+    assert expected in finding(write_urdf(text))
+
+
+def test_a_xacro_file_is_known_by_its_name(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf.xacro"
+    path.write_text("<robot/>")
+    assert "is a xacro file" in finding(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    assert "cannot be read" in finding(tmp_path / "nowhere.urdf")
+
+
+@pytest.mark.parametrize("content", [b"\x89PNG\xff\xfe\x00", "<robot/>".encode("utf-16")])
+def test_a_binary_file_is_named(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(content)
+    assert "cannot be read as a text file" in finding(path)
+
+
+def test_a_path_that_no_file_can_have_is_named() -> None:
+    assert "cannot be read" in finding(Path("a\0b.urdf"))
+
+
+DEFECTS = [
+    pytest.param('name="tip"', 'name="base"', "link 'base': stands twice", id="link twice"),
+    pytest.param('name="flange"', 'name="shoulder"', "joint 'shoulder': stands twice", id="joint twice"),
+    pytest.param('<link name="tip"/>', "<link/>", "<link> number 3: has no name", id="link without name"),
+    pytest.param('<joint name="shoulder" type', "<joint type", "<joint> number 1: has no name", id="joint without name"),
+    pytest.param('<parent link="base"/>', '<parent link="bas"/>', "its parent 'bas' is no link", id="unknown parent"),
+    pytest.param('<child link="tip"/>', '<child link="tool"/>', "its child 'tool' is no link", id="unknown child"),
+    pytest.param('<parent link="base"/>', "", "joint 'shoulder': its parent '' is no link", id="no parent"),
+    pytest.param('<child link="tip"/>', "<child/>", "joint 'flange': its child '' is no link", id="no child"),
+    pytest.param(
+        END, joint("b", "base", "tip") + END, "link 'tip': is the child of two joints; a URDF is a tree", id="two parents"
+    ),
+    pytest.param(END, '<link name="island"/>' + END, "has 2 root links", id="two roots"),
+    pytest.param(END, joint("back", "tip", "base") + END, "has 0 root links", id="loop"),
+    pytest.param(LIMIT, "", "joint 'shoulder': a revolute or prismatic joint needs a <limit>", id="no limit"),
+    pytest.param('upper="2"', 'upper="-2"', "joint 'shoulder' <limit>: lower -1 is not below upper -2", id="limits swapped"),
+    pytest.param('upper="2"', 'upper="-1"', "lower -1 is not below upper -1", id="limits equal"),
+    pytest.param('upper="2"', 'upper="nan"', "joint 'shoulder' <limit>: 'nan' is not finite", id="limit nan"),
+    pytest.param('upper="2"', 'upper="inf"', "joint 'shoulder' <limit>: 'inf' is not finite", id="limit inf"),
+    pytest.param('upper="2"', 'upper="1e999"', "joint 'shoulder' <limit>: '1e999' is not finite", id="limit overflow"),
+    pytest.param('lower="-1"', 'lower="low"', "joint 'shoulder' <limit>: 'low' is not a number", id="limit text"),
+    pytest.param('lower="-1"', 'lower="-1,5"', "joint 'shoulder' <limit>: '-1,5' is not a number", id="decimal comma"),
+    pytest.param('effort="10"', 'effort="0"', "joint 'shoulder' <limit>: effort is not positive", id="effort 0"),
+    pytest.param('effort="10"', 'effort="-1"', "joint 'shoulder' <limit>: effort is not positive", id="effort negative"),
+    pytest.param('effort="10"', "", "joint 'shoulder' <limit>: effort is not positive", id="no effort"),
+    pytest.param('effort="10"', 'effort="strong"', "'strong' is not a number", id="effort text"),
+    pytest.param('xyz="0 1 0"', 'xyz="0 one 0"', "joint 'shoulder' <axis>: '0 one 0' is not a number", id="axis text"),
+    pytest.param('xyz="0 0 0.2"', 'xyz="0 0 nan"', "joint 'shoulder' <origin>: '0 0 nan' is not finite", id="origin nan"),
+    pytest.param('rpy="0 0 0"', 'rpy="0 inf 0"', "joint 'shoulder' <origin>: '0 inf 0' is not finite", id="angle inf"),
+    pytest.param('damping="0.1"', 'damping="-1"', "joint 'shoulder' <dynamics>: damping is negative", id="damping"),
+    pytest.param(MASS, "", "link 'upper' <inertial>: needs <mass> and <inertia>", id="no mass"),
+    pytest.param(INERTIA, "", "link 'upper' <inertial>: needs <mass> and <inertia>", id="no inertia"),
+    pytest.param(MASS, '<mass value="-1"/>', "link 'upper' <inertial>: mass -1 kg is negative", id="mass negative"),
+    pytest.param(MASS, '<mass value="1kg"/>', "link 'upper' <inertial>: '1kg' is not a number", id="mass with unit"),
+    pytest.param(MASS, '<mass value="inf"/>', "link 'upper' <inertial>: 'inf' is not finite", id="mass inf"),
+    pytest.param(MASS, '<mass value="0"/>', "link 'upper' <inertial>: has moments of inertia but no mass", id="mass 0"),
+    pytest.param(MASS, "<mass/>", "link 'upper' <inertial>: has moments of inertia but no mass", id="mass without value"),
+    pytest.param('ixx="0.01"', 'ixx="a"', "link 'upper' <inertial>: 'a' is not a number", id="inertia text"),
+    pytest.param(INERTIA, inertia(-0.01, 0.01, 0.01), "link 'upper' <inertial>: no body has", id="inertia negative"),
+    pytest.param(INERTIA, inertia(0.01, 0.01, 0.03), "no body has the principal moments 0.01, 0.01, 0.03", id="triangle"),
+    pytest.param(INERTIA, inertia(0.01, 0.01, 0.02000001), "no body has the principal", id="triangle by rounding"),
+    pytest.param(INERTIA, inertia(0.01, 0.01, 0.01, 0.02), "no body has the principal", id="products too large"),
+    pytest.param(BOX, '<box size="0 0.1 0.2"/>', "link 'base' <box>: size '0 0.1 0.2' is not positive", id="box of size 0"),
+    pytest.param('length="0.3"', 'length="-0.3"', "link 'upper' <cylinder>: size '-0.3' is not positive", id="length"),
+    pytest.param(CYLINDER, '<sphere radius="big"/>', "link 'upper' <sphere>: 'big' is not a number", id="radius text"),
+    pytest.param(CYLINDER, '<sphere radius="nan"/>', "link 'upper' <sphere>: 'nan' is not finite", id="radius nan"),
+    pytest.param(CYLINDER, '<mesh filename="m.obj" scale="x"/>', "<mesh>: 'x' is not a number", id="scale text"),
+    pytest.param('<joint name="shoulder"/>', "", "joint 'shoulder': has no <transmission>", id="no transmission"),
+]
+
+
+@pytest.mark.parametrize(("good", "bad", "expected"), DEFECTS)
+def test_a_defect_is_found_and_named(write_urdf: Write, one_joint_urdf: str, good: str, bad: str, expected: str) -> None:
+    assert good in one_joint_urdf
+    assert expected in finding(write_urdf(one_joint_urdf.replace(good, bad, 1)))
+
+
+def test_a_flat_body_may_have_one_moment_equal_to_the_others_sum(write_urdf: Write, one_joint_urdf: str) -> None:
+    path = write_urdf(one_joint_urdf.replace(INERTIA, inertia(0.01, 0.02, 0.03)))
+    root = read_urdf(path)
+    check_urdf(root, path)
+    moments = parsed(urdf_text(root, path.parent, collision=False)).GetBodyByName("upper").default_spatial_inertia()
+    about_com = moments.Shift(moments.get_com()).CopyToFullMatrix6()[:3, :3]
+    np.testing.assert_allclose(np.diag(about_com), [0.01, 0.02, 0.03], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "weightless"),
+    [
+        ('<link name="tip"/>', '<link name="tip"/>', []),
+        ("<inertial>", '<inertial><!-- none --></inertial></link><link name="upper_"><inertial>', ["upper"]),
+    ],
+)
+def test_moving_links_without_mass_are_listed(
+    write_urdf: Write, one_joint_urdf: str, good: str, bad: str, weightless: list[str]
+) -> None:
+    assert links_without_inertia(read_urdf(write_urdf(one_joint_urdf.replace(good, bad, 1)))) == weightless
+
+
+def test_mass_behind_a_fixed_joint_counts_for_the_link_that_moves(write_urdf: Write, one_joint_urdf: str) -> None:
+    start, end = one_joint_urdf.index("<inertial>"), one_joint_urdf.index("</inertial>") + len("</inertial>")
+    inertial = one_joint_urdf[start:end]
+    text = one_joint_urdf.replace(inertial, "").replace('<link name="tip"/>', f'<link name="tip">{inertial}</link>')
+    assert links_without_inertia(read_urdf(write_urdf(text))) == []
+
+
+@pytest.mark.parametrize(
+    ("filename", "expected"),
+    [
+        ("missing.obj", "there is no file"),
+        ("", "there is no file"),
+        ("folder.obj", "there is no file"),
+        ("../outside.obj", "lies outside the robot's folder"),
+        ("linked.obj", "lies outside the robot's folder"),
+        ("/etc/hostname", "lies outside the robot's folder"),
+        ("file:///etc/hostname", "lies outside the robot's folder"),
+        ("mesh.stl", "Drake reads .obj, .gltf, .vtk; convert the mesh"),
+        ("package://arm/mesh.obj", "packages are not resolved here"),
+        ("http://example.org/mesh.obj", "packages are not resolved here"),
+    ],
+)
+def test_a_mesh_that_cannot_be_used_is_named(
+    write_urdf: Write, one_joint_urdf: str, filename: str, expected: str
+) -> None:
+    path = write_urdf(one_joint_urdf.replace(CYLINDER, f'<mesh filename="{filename}"/>'))
+    (path.parent / "mesh.stl").write_text("solid")
+    (path.parent / "folder.obj").mkdir()
+    outside = path.parent.parent / "outside.obj"
+    outside.write_text(TETRAHEDRON)
+    (path.parent / "linked.obj").symlink_to(outside)
+    root = read_urdf(path)
+    check_urdf(root, path)
+    with pytest.raises(InvalidModel, match=f"mesh '{filename}'") as problem:
+        urdf_text(root, path.parent, collision=True)
+    assert expected in str(problem.value)
+
+
+@pytest.mark.parametrize("name", ["mesh.obj", "two words.obj", "cañón.obj", "50%20.obj", "a&amp;b.obj", "./sub/mesh.obj"])
+@pytest.mark.parametrize("role", ["visual", "collision"])
+def test_a_mesh_in_the_folder_reaches_drake_whatever_its_name(
+    write_urdf: Write, one_joint_urdf: str, name: str, role: str
+) -> None:
+    shape = f'<{role}><geometry><mesh filename="{name}"/></geometry></{role}>'
+    path = write_urdf(one_joint_urdf.replace('<link name="tip"/>', f'<link name="tip">{shape}</link>'))
+    file = path.parent / name.replace("&amp;", "&")
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(TETRAHEDRON)
+    plant = parsed(urdf_text(read_urdf(path), path.parent, collision=True))
+    tip = plant.GetBodyByName("tip")
+    found = plant.GetVisualGeometriesForBody(tip) if role == "visual" else plant.GetCollisionGeometriesForBody(tip)
+    assert len(found) == 1
+
+
+def test_without_collision_only_the_visuals_stay(write_urdf: Write, one_joint_urdf: str) -> None:
+    path = write_urdf(one_joint_urdf)
+    root = read_urdf(path)
+    plant = parsed(urdf_text(root, path.parent, collision=False))
+    assert plant.num_collision_geometries() == 0
+    assert plant.num_visual_geometries() == 1
+    assert root.find("link/collision") is not None  # the element that was given is not changed
