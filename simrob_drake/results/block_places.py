@@ -28,7 +28,7 @@ from pydrake.systems.primitives import (
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.blocks.events import EventTimes, SteadySteps
-from simrob_drake.blocks.frame_pose import FramePose
+from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.results import block_captions as captions
 from simrob_drake.stations.plant import StationRobot
@@ -94,9 +94,9 @@ def _robot_place(name: str, local: str, system: System, robot: StationRobot, por
         return _servo_place(name, head, system, robot)
     if isinstance(system, Propeller):
         return Place(name, "robot", f"External force\nat {robot.prefix}{robot.tcp}")
-    if isinstance(system, FramePose):
-        return Place(name, "sensor", f"TCP pose\n{part}" if part else "Base pose")
-    return Place(name, "sensor", "Base pose\nfixed") if local == "base_pose" else None
+    if isinstance(system, FramePoses):
+        return Place(name, "sensor", "Poses\n" + ", ".join(["base", *robot.tools]))
+    return None
 
 
 def _servo_place(name: str, head: str, system: System, robot: StationRobot) -> Place | None:

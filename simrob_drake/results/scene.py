@@ -28,10 +28,8 @@ FIELD_OF_VIEW = np.deg2rad(35.0)
 RENDERER = "renderer"
 """The name of the render engine in the scene graph."""
 
-_AZIMUTH, _ELEVATION = (
-    np.deg2rad(-50.0),
-    np.deg2rad(20.0),
-)  # of the eye: robots face x, so from the right of their front
+_AZIMUTH = np.deg2rad(-50.0)  # of the eye: robots face x, so it stands to the right of their front
+_ELEVATION = np.deg2rad(20.0)
 _MARGIN = 1.12  # how much wider than what moves the picture is
 _NEAREST = 0.1  # how near a camera goes [m]
 _LOOKS = 24  # configurations that stand for a motion

@@ -110,8 +110,9 @@ def _change_kind(section: dict[str, Any], union: Any, kind: Any) -> None:
 def _accepted(model: type[BaseModel], key: str, value: Any) -> bool:
     if key not in model.model_fields:
         return False
+    kind: Any = model.model_fields[key].annotation
     try:
-        TypeAdapter[Any](model.model_fields[key].annotation).validate_python(value)
+        TypeAdapter[Any](kind).validate_python(value)
     except ValidationError:
         return False
     return True
