@@ -19,7 +19,7 @@ from simrob_drake.progress import progress_bar
 from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import DIVERGED, Ending, SimulationResult
 from simrob_drake.results.signals import Sampler, SignalBus, add_signal_bus
-from simrob_drake.results.stop_time import refined_stop_time
+from simrob_drake.results.stop_time import cut_at_stop
 from simrob_drake.stations.checks import likely_cause, step_findings
 from simrob_drake.stations.closed import add_closed_station, check_references
 from simrob_drake.stations.config import StationConfig
@@ -142,9 +142,10 @@ def _advance(run: _Run, recorder: Recorder, progress: bool) -> tuple[Ending, str
     grid = [*np.arange(PIECE_OF_TIME, duration, PIECE_OF_TIME), duration]
     with progress_bar(f"simulating {run.config.name}", duration, shown=progress) as show:
         try:
-            run.simulator.Initialize()
+            status = run.simulator.Initialize()
             for time in grid:
-                status = run.simulator.AdvanceTo(time)
+                if status.reason() == SimulatorStatus.ReturnReason.kReachedBoundaryTime:
+                    status = run.simulator.AdvanceTo(time)
                 if status.reason() == SimulatorStatus.ReturnReason.kReachedTerminationCondition:
                     return "monitor", status.system().get_name().removeprefix("monitor."), status.message()
                 if not recorder.is_sane():
@@ -174,7 +175,7 @@ def _evaluated(
     began = perf_counter()
     sampler = Sampler(run.diagram, run.ports.plant.plant, recorder.history())
     if stopped_by in run.ports.monitors:
-        sampler.cut(refined_stop_time(sampler, run.ports.monitors[stopped_by]))
+        cut_at_stop(sampler, run.ports.monitors[stopped_by], run.config)
     times = _sample_times(sampler.history.end, run.config.sample_rate)
     values = sampler.sample(run.bus.port, times)
     count = len(run.bus.names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
@@ -66,5 +67,5 @@ def _numbers(first: str, *others: str) -> Table:
     """Return an empty table whose first column is a name and whose others are numbers."""
     table = Table(first, box=None, pad_edge=False)
     for heading in others:
-        table.add_column(heading, justify="right")
+        table.add_column(Text(heading), justify="right")  # text: [s] would be a mark-up
     return table

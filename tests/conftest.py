@@ -1,13 +1,13 @@
 """What several tests share: a one-joint arm as a URDF text and as a plant, and the plant of the IRB120."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint, RotationalInertia, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.robots.catalog import load_robot
@@ -79,9 +79,10 @@ def add_pendulum() -> Callable[..., MultibodyPlant]:
         gravity: float = 9.80665,
         limits: tuple[float, float] = (-np.inf, np.inf),
     ) -> MultibodyPlant:
-        plant = builder.AddNamedSystem("plant", MultibodyPlant(time_step))
+        plant, _ = AddMultibodyPlantSceneGraph(builder, time_step)
         plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -gravity]))
-        bob = SpatialInertia.PointMass(PENDULUM_MASS, np.array([0.0, 0.0, -PENDULUM_LENGTH]))
+        place = np.array([0.0, 0.0, -PENDULUM_LENGTH])
+        bob = SpatialInertia.MakeFromCentralInertia(PENDULUM_MASS, place, RotationalInertia(0.0, 0.0, 0.0))
         body = plant.AddRigidBody("bob", bob)
         hinge = RevoluteJoint("hinge", plant.world_frame(), body.body_frame(), np.array([0.0, 1.0, 0.0]), *limits)
         plant.AddJointActuator("hinge", plant.AddJoint(hinge))
@@ -91,11 +92,22 @@ def add_pendulum() -> Callable[..., MultibodyPlant]:
 
 
 @pytest.fixture
-def irb120() -> MultibodyPlant:
-    """The bare IRB120 on its foot; not finalized."""
-    model = load_robot("irb120")
-    plant = MultibodyPlant(0.0)
-    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -9.80665]))
-    Parser(plant).AddModelsFromString(urdf_text(model.element, model.folder, collision=False), "urdf")
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(model.root))
-    return plant
+def add_irb120() -> Callable[[DiagramBuilder], MultibodyPlant]:
+    """Add the bare IRB120 on its foot, with a scene graph; not finalized."""
+
+    def add(builder: DiagramBuilder) -> MultibodyPlant:
+        model = load_robot("irb120")
+        plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+        plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -9.80665]))
+        Parser(plant).AddModelsFromString(urdf_text(model.element, model.folder, collision=False), "urdf")
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(model.root))
+        return plant
+
+    return add
+
+
+@pytest.fixture
+def irb120(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> Iterator[MultibodyPlant]:
+    """The plant alone; not finalized."""
+    builder = DiagramBuilder()  # it owns the plant and stays until the test is over
+    yield add_irb120(builder)

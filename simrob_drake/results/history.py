@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +15,9 @@ from simrob_drake.frames import Vector
 
 RUNAWAY = 1e8
 """A position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged."""
+
+
+_NONE = np.zeros(0)
 
 
 class Recorder:
@@ -33,11 +36,8 @@ class Recorder:
         self.times: list[float] = []
         self._continuous: list[Vector] = []
         self._discrete: list[list[Vector]] = []
-        context = simulator.get_context()
-        self._has_continuous = context.num_continuous_states() > 0
-        self._groups = range(context.num_discrete_state_groups())
         self._watcher = watcher
-        self._keep(context)
+        self._keep(simulator.get_context())
         simulator.set_monitor(self._keep)
 
     def _keep(self, context: Context) -> EventStatus:
@@ -45,34 +45,40 @@ class Recorder:
         if self.times and time == self.times[-1]:  # an event at a step's end: what it left counts
             for kept in (self.times, self._continuous, self._discrete):
                 del kept[-1:]
+        continuous, discrete = state_of(context)
         self.times.append(time)
-        if self._has_continuous:
-            self._continuous.append(context.get_continuous_state_vector().CopyToVector())
-        if self._groups:
-            self._discrete.append([context.get_discrete_state(group).value().copy() for group in self._groups])
+        self._continuous.append(continuous)
+        self._discrete.append(discrete)
         if self._watcher is not None:
             self._watcher(context)
         return EventStatus.DidNothing()
 
     def is_sane(self) -> bool:
         """Tell whether the last recorded state is made of numbers of a size that a robot can have."""
-        last = [*self._continuous[-1:], *(self._discrete[-1] if self._discrete else [])]
-        return all(_sane(values) for values in last)
+        return _sane([self._continuous[-1], *self._discrete[-1]])
 
     def history(self) -> History:
         """Return what was recorded so far, up to the last sane state."""
-        count = len(self.times)
-        continuous = np.array(self._continuous) if self._has_continuous else np.zeros((count, 0))
-        discrete = [np.array([groups[group] for groups in self._discrete]) for group in self._groups]
-        sane = np.array([_sane(row) for row in zip(continuous, *discrete, strict=True)])
-        kept = count if sane.all() else max(int(np.argmin(sane)), 1)
-        return History(np.array(self.times[:kept]), continuous[:kept], [group[:kept] for group in discrete])
+        states = list(zip(self._continuous, self._discrete, strict=True))
+        sane = [_sane([continuous, *discrete]) for continuous, discrete in states]
+        kept = len(sane) if all(sane) else max(sane.index(False), 1)
+        groups = list(zip(*self._discrete[:kept], strict=True))
+        return History(
+            np.array(self.times[:kept]), np.array(self._continuous[:kept]), [np.array(group) for group in groups]
+        )
 
 
-def _sane(values: Iterable[Vector] | Vector) -> bool:
+def state_of(context: Context) -> tuple[Vector, list[Vector]]:
+    """Return a context's continuous state and its discrete groups."""
+    continuous = context.get_continuous_state_vector().CopyToVector() if context.num_continuous_states() else _NONE
+    groups = range(context.num_discrete_state_groups())
+    return continuous, [context.get_discrete_state(group).value().copy() for group in groups]
+
+
+def _sane(state: list[Vector]) -> bool:
     """Tell whether a state's values are numbers below RUNAWAY; infinite is a monitor's "not yet"."""
-    flat = np.concatenate([np.ravel(part) for part in values]) if isinstance(values, tuple) else np.asarray(values)
-    return not np.isnan(flat).any() and bool((np.abs(flat[np.isfinite(flat)]) < RUNAWAY).all())
+    values = np.concatenate(state)
+    return not np.isnan(values).any() and bool((np.abs(values[np.isfinite(values)]) < RUNAWAY).all())
 
 
 @dataclass(frozen=True)
@@ -147,15 +153,26 @@ class History:
             states[knots] = _hermite(part, low[knots], high[knots], *slopes)
         return History(times, states, [group[after] for group in self.discrete])
 
-    def until(self, time: float, plant: PlantSlice | None, rates: Vector | None) -> History:
-        """Return the states up to ``time``, which is the last one's."""
-        kept = self.times < time
-        last = self.at(np.array([time]), plant, rates)
+    def put(self, row: int, context: Context) -> None:
+        """Set a context of the same diagram to the state of a row."""
+        context.SetTime(self.times[row])
+        if self.continuous.shape[1]:
+            context.SetContinuousState(self.continuous[row])
+        for index, group in enumerate(self.discrete):
+            context.SetDiscreteState(index, group[row])
+
+    def joined(self, later: History) -> History:
+        """Return these states, as far as they come before the first of ``later``, and those after them."""
+        kept = self.times < later.times[0]
         return History(
-            np.append(self.times[kept], time),
-            np.vstack([self.continuous[kept], last.continuous]),
-            [np.vstack([group[kept], end]) for group, end in zip(self.discrete, last.discrete, strict=True)],
+            np.append(self.times[kept], later.times),
+            np.vstack([self.continuous[kept], later.continuous]),
+            [np.vstack([group[kept], end]) for group, end in zip(self.discrete, later.discrete, strict=True)],
         )
+
+    def last(self) -> History:
+        """Return the last state alone."""
+        return History(self.times[-1:], self.continuous[-1:], [group[-1:] for group in self.discrete])
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:

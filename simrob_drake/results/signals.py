@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from simrob_drake.blocks.wiring import joined
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
-from simrob_drake.results.history import History, PlantSlice, plant_slice
+from simrob_drake.results.history import History, plant_slice
 from simrob_drake.stations.ports import StationPorts
 
 AXIS_SIGNALS = {"q_ref": "reference", "q": "position", "v": "velocity", "tau": "torque"}
@@ -53,48 +53,48 @@ class Sampler:
 
     def __init__(self, diagram: Diagram, plant: MultibodyPlant, history: History) -> None:
         """Prepare to evaluate the ports of ``diagram`` at the states of ``history``."""
-        self.history = history
+        self.diagram = diagram
+        self._plant = plant
         self._context = diagram.CreateDefaultContext()
-        self.plant_slice: PlantSlice | None = plant_slice(diagram, plant, self._context)
-        self.rates = self._position_rates(plant)
+        self._plant_slice = plant_slice(diagram, plant, self._context)
+        self.history = history
+
+    @property
+    def history(self) -> History:
+        """The recorded states."""
+        return self._history
+
+    @history.setter
+    def history(self, history: History) -> None:
+        self._history = history
+        self._rates = self._position_rates(history)
 
     def sample(self, port: OutputPort, times: Vector) -> Vector:
         """Return a port's values at ``times`` (k,), shape (k, size)."""
-        states = self.history.at(times, self.plant_slice, self.rates)
+        states = self._history.at(times, self._plant_slice, self._rates)
         context = port.get_system().GetMyContextFromRoot(self._context)
         rows = np.empty((len(times), port.size()))
         for row in range(len(times)):
-            self._set(states, row)
+            states.put(row, self._context)
             rows[row] = port.Eval(context)
         return rows
 
     def context_at(self, time: float) -> Context:
         """Return the diagram's context at a time of the run; the next call changes it."""
-        self._set(self.history.at(np.array([time]), self.plant_slice, self.rates), 0)
+        self._history.at(np.array([time]), self._plant_slice, self._rates).put(0, self._context)
         return self._context
 
-    def cut(self, time: float) -> None:
-        """Let the run end at ``time``."""
-        self.history = self.history.until(time, self.plant_slice, self.rates)
-
-    def _set(self, states: History, row: int) -> None:
-        self._context.SetTime(states.times[row])
-        if states.continuous.shape[1]:
-            self._context.SetContinuousState(states.continuous[row])
-        for index, group in enumerate(states.discrete):
-            self._context.SetDiscreteState(index, group[row])
-
-    def _position_rates(self, plant: MultibodyPlant) -> Vector | None:
+    def _position_rates(self, history: History) -> Vector | None:
         """Return the time derivatives of the plant's positions at every recorded step."""
-        where = self.plant_slice
+        where, plant = self._plant_slice, self._plant
         if where is None:
             return None
-        velocities = self.history.continuous[:, where.velocities]
+        velocities = history.continuous[:, where.velocities]
         if plant.IsVelocityEqualToQDot():
             return velocities
         context = plant.CreateDefaultContext()
         rates = np.empty((len(velocities), where.num_positions))
-        for row, state in enumerate(self.history.continuous):
+        for row, state in enumerate(history.continuous):
             plant.SetPositions(context, state[where.positions])
             rates[row] = plant.MapVelocityToQDot(context, state[where.velocities])
         return rates

@@ -41,9 +41,9 @@ def test_discrete_values_are_those_held_over_the_step_that_ended_there(history):
     np.testing.assert_array_equal(states.discrete[0][:, 0], [0, 1, 1, 2, 2, 3])
 
 
-def test_a_cut_history_ends_at_its_time(history):
-    cut = history.until(0.25, PLANT, rates(history))
-    np.testing.assert_array_equal(cut.times, [0, 0.1, 0.25])
-    np.testing.assert_allclose(cut.continuous[-1, 1], cubic(0.25)[0])
-    assert cut.discrete[0].shape == (3, 1)
-    np.testing.assert_array_equal(history.until(0.4, PLANT, rates(history)).times, [0, 0.1, 0.4])
+def test_a_history_can_be_continued_from_an_earlier_state(history):
+    other = History(np.array([0.25, 0.3]), np.zeros((2, 3)), [np.array([[7.0], [8.0]])])
+    joined = history.joined(other)
+    np.testing.assert_array_equal(joined.times, [0, 0.1, 0.25, 0.3])
+    np.testing.assert_array_equal(joined.discrete[0][:, 0], [0, 1, 7, 8])
+    assert joined.last().end == 0.3

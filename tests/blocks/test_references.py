@@ -1,0 +1,221 @@
+"""References against their polynomials: values, derivatives, corners and ends."""
+
+import numpy as np
+import pytest
+from pydrake.polynomial import Polynomial
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.trajectories import PiecewisePolynomial, PiecewiseQuaternionSlerp, Trajectory
+from scipy.interpolate import CubicSpline
+
+from simrob_drake.blocks.events import EventTimes
+from simrob_drake.blocks.references import (
+    ReferenceSource,
+    add_sine,
+    add_trajectory,
+    corner_times,
+    hold,
+    move,
+    ramp,
+    sequence,
+    table,
+)
+from simrob_drake.errors import InvalidParameter
+
+START, TARGET = np.array([0.1, -0.2, 0.0]), np.array([1.1, 0.3, 0.0])
+
+
+def value(trajectory: Trajectory, time: float, order: int = 0) -> np.ndarray:
+    return trajectory.EvalDerivative(time, order).ravel()
+
+
+def played(builder: DiagramBuilder, source: ReferenceSource) -> Diagram:
+    for name in ("position", "velocity", "acceleration"):
+        if getattr(source, name) is not None:
+            builder.ExportOutput(getattr(source, name), name)
+    return builder.Build()
+
+
+def signal(diagram: Diagram, name: str, time: float) -> np.ndarray:
+    context = diagram.CreateDefaultContext()
+    context.SetTime(time)
+    return diagram.GetOutputPort(name).Eval(context)
+
+
+def test_a_hold_stays_where_it_is_and_has_no_corner() -> None:
+    trajectory = hold(START)
+    for time in (0.0, 1.0, 1e6):
+        np.testing.assert_array_equal(value(trajectory, time), START)
+    assert corner_times(trajectory) == []
+
+
+@pytest.mark.parametrize("start_time", [0.0, 0.5])
+def test_a_ramp_is_a_straight_line_with_two_corners(start_time: float) -> None:
+    trajectory = ramp(START, TARGET, duration=2.0, start_time=start_time)
+    for part in (0.0, 0.25, 0.5, 1.0):
+        expected = START + part * (TARGET - START)
+        np.testing.assert_allclose(value(trajectory, start_time + 2.0 * part), expected, atol=1e-15)
+    np.testing.assert_allclose(value(trajectory, start_time + 1.0, order=1), (TARGET - START) / 2, atol=1e-15)
+    assert corner_times(trajectory) == [start_time, start_time + 2.0]
+
+
+@pytest.mark.parametrize("start_time", [0.0, 0.5])
+def test_a_move_rests_at_both_ends(start_time: float) -> None:
+    trajectory = move(START, TARGET, duration=2.0, start_time=start_time)
+    end = start_time + 2.0
+    np.testing.assert_allclose(value(trajectory, start_time), START, atol=1e-14)
+    np.testing.assert_allclose(value(trajectory, end), TARGET, atol=1e-14)
+    for order in (1, 2):
+        np.testing.assert_allclose(value(trajectory, start_time, order), 0, atol=1e-13)
+        np.testing.assert_allclose(value(trajectory, end, order), 0, atol=1e-13)
+    assert corner_times(trajectory) == []
+
+
+def test_a_move_is_the_shortest_polynomial_that_rests() -> None:
+    trajectory = move(START, TARGET, duration=2.0)
+    for s in np.linspace(0, 1, 11):
+        expected = START + (TARGET - START) * (10 * s**3 - 15 * s**4 + 6 * s**5)
+        np.testing.assert_allclose(value(trajectory, 2.0 * s), expected, atol=1e-14)
+    # its largest speed is 15/8 of the mean one, half way
+    np.testing.assert_allclose(value(trajectory, 1.0, order=1), 15 / 8 * (TARGET - START) / 2.0, atol=1e-14)
+
+
+def test_a_sequence_goes_through_its_targets_with_continuous_acceleration() -> None:
+    times, targets = [0.5, 0.8, 2.0], [TARGET, -TARGET, START]
+    trajectory = sequence(START, times, targets)
+    for time, target in zip(times, targets, strict=True):
+        np.testing.assert_allclose(value(trajectory, time), target, atol=1e-14)
+        for order in (1, 2):
+            for side in (-1e-9, 1e-9):  # the jerk is below 2e3 rad/s^3, so 1e-9 s change no more than 2e-6 rad/s^2
+                if time + side < 2.0:
+                    np.testing.assert_allclose(value(trajectory, time + side, order), 0, atol=1e-5)
+    assert corner_times(trajectory) == []
+
+
+@pytest.mark.parametrize("times", [[1.0, 1.0], [2.0, 1.0], [0.0, 1.0], [-1.0, 1.0]])
+def test_the_times_of_a_sequence_rise(times: list[float]) -> None:
+    with pytest.raises(InvalidParameter, match="^times is "):
+        sequence(START, times, [TARGET, START])
+
+
+def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
+    times, samples = np.array([0.0, 1.0, 3.0]), np.array([[0.0, 1.0], [2.0, 1.0], [2.0, -3.0]])
+    trajectory = table(times, samples, linear=True)
+    for time in np.linspace(0, 3, 13):
+        expected = [np.interp(time, times, samples[:, joint]) for joint in range(2)]
+        np.testing.assert_allclose(value(trajectory, time), expected, atol=1e-14)
+    assert corner_times(trajectory) == [0.0, 1.0, 3.0]
+
+
+def test_a_cubic_table_is_the_spline_of_scipy() -> None:
+    random = np.random.default_rng(5)
+    times, samples = np.cumsum(random.uniform(0.1, 1.0, 9)), random.normal(size=(9, 4))
+    trajectory, spline = table(times, samples), CubicSpline(times, samples)  # both with not-a-knot ends
+    for time in np.linspace(times[0], times[-1], 57):
+        for order in (0, 1, 2):
+            np.testing.assert_allclose(value(trajectory, time, order), spline(time, order), atol=1e-9)
+
+
+def test_inside_of_a_cubic_table_there_is_no_corner() -> None:
+    times = np.linspace(0, 2, 9)
+    corners = corner_times(table(times, np.sin(times)[:, np.newaxis]))
+    assert corners == [0.0, 2.0]  # it starts and ends in motion
+
+
+def test_two_samples_are_a_line() -> None:
+    np.testing.assert_allclose(value(table([0, 2], [[0.0], [1.0]]), 0.5), [0.25])
+
+
+@pytest.mark.parametrize(
+    ("times", "positions", "message"),
+    [
+        ([0], [[1.0]], "m > 1"),
+        ([], [], "m > 1"),
+        ([0, 1], [1.0, 2.0], "m > 1"),
+        ([0, 1], [[1.0], [2.0], [3.0]], "m > 1"),
+        ([[0, 1]], [[1.0], [2.0]], "m > 1"),
+        ([0, 1, 1], [[1.0]] * 3, r"reference times is 1, 1; it must be rising"),
+        ([0, 2, 1], [[1.0]] * 3, r"reference times is 2, 1; it must be rising"),
+        ([0, 1, 2], [[1.0], [np.nan], [1.0]], "row 1 with .*finite"),
+        ([0, 1, np.inf], [[1.0]] * 3, "row 2 with .*finite"),
+    ],
+)
+def test_a_table_that_cannot_be_says_where(times: list, positions: list, message: str) -> None:
+    with pytest.raises(InvalidParameter, match=message):
+        table(times, positions)
+
+
+def test_a_jump_is_a_corner() -> None:
+    steps = PiecewisePolynomial.ZeroOrderHold([0.0, 1.0, 2.0], [[0.0, 1.0, 1.0]])
+    assert corner_times(steps) == [1.0]
+
+
+def test_corners_before_time_zero_do_not_count() -> None:
+    assert corner_times(ramp(START, TARGET, duration=2.0, start_time=-1.0)) == [1.0]
+
+
+def test_a_change_of_acceleration_alone_is_no_corner() -> None:
+    # q = t^2 and then its tangent: positions and velocities join
+    curve = PiecewisePolynomial([np.array([[Polynomial([0.0, 0.0, 1.0])]]), np.array([[Polynomial([1.0, 2.0])]])], [0, 1, 2])
+    assert corner_times(curve) == [2.0]
+
+
+def test_of_a_trajectory_that_is_no_polynomial_only_the_ends_count() -> None:
+    from pydrake.common.eigen_geometry import Quaternion  # noqa: PLC0415
+
+    slerp = PiecewiseQuaternionSlerp([0.5, 1.0, 2.0], [Quaternion(), Quaternion(0, 1, 0, 0), Quaternion()])
+    assert corner_times(slerp) == [0.5, 2.0]
+
+
+@pytest.mark.parametrize("derivatives", [False, True])
+def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: bool) -> None:
+    builder = DiagramBuilder()
+    trajectory = move(START, TARGET, duration=1.0, start_time=0.5)
+    diagram = played(builder, add_trajectory(builder, trajectory, derivatives=derivatives))
+    np.testing.assert_allclose(signal(diagram, "position", 0.0), START, atol=1e-14)
+    np.testing.assert_allclose(signal(diagram, "position", 9.0), TARGET, atol=1e-14)
+    np.testing.assert_allclose(signal(diagram, "position", 0.8), value(trajectory, 0.8), atol=1e-14)
+    assert diagram.num_output_ports() == (3 if derivatives else 1)
+    if derivatives:
+        for order, name in ((1, "velocity"), (2, "acceleration")):
+            np.testing.assert_allclose(signal(diagram, name, 0.8), value(trajectory, 0.8, order), atol=1e-12)
+
+
+@pytest.mark.parametrize(("time", "moving"), [(0.25, False), (1.0, True), (2.75, False)])
+def test_outside_of_a_ramp_the_velocity_is_zero(time: float, moving: bool) -> None:
+    builder = DiagramBuilder()
+    source = add_trajectory(builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=True)
+    expected = (TARGET - START) / 2 if moving else np.zeros(3)
+    np.testing.assert_allclose(signal(played(builder, source), "velocity", time), expected, atol=1e-14)
+
+
+def test_corners_become_events_of_the_simulation() -> None:
+    builder = DiagramBuilder()
+    diagram = played(builder, add_trajectory(builder, ramp(START, TARGET, duration=0.7, start_time=0.3)))
+    assert [type(system) for system in diagram.GetSystems()].count(EventTimes) == 1
+    ends: list[float] = []
+    simulator = Simulator(diagram)
+    simulator.set_monitor(lambda context: ends.append(context.get_time()))
+    simulator.AdvanceTo(2.0)
+    assert {0.3, 1.0} <= set(ends)
+
+
+def test_a_trajectory_is_a_column() -> None:
+    wide = PiecewisePolynomial(np.zeros((2, 3)))
+    with pytest.raises(InvalidParameter, match="trajectory is 2 x 3"):
+        add_trajectory(DiagramBuilder(), wide)
+
+
+def test_a_sine_and_its_derivatives_are_the_closed_form() -> None:
+    centre, amplitude, phase = np.array([0.1, -1.0]), np.array([0.5, 0.2]), np.array([0.0, 1.2])
+    frequency = 1.5
+    builder = DiagramBuilder()
+    diagram = played(builder, add_sine(builder, centre, amplitude, frequency=frequency, phase=phase))
+    omega = 2 * np.pi * frequency
+    for time in (0.0, 0.123, 4.5):
+        angle = omega * time + phase
+        np.testing.assert_allclose(signal(diagram, "position", time), centre + amplitude * np.sin(angle), atol=1e-12)
+        np.testing.assert_allclose(signal(diagram, "velocity", time), amplitude * omega * np.cos(angle), atol=1e-11)
+        np.testing.assert_allclose(
+            signal(diagram, "acceleration", time), -amplitude * omega**2 * np.sin(angle), atol=1e-10
+        )
