@@ -46,7 +46,9 @@ def run(*, duration: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
 def main() -> None:
     """Print how far joint 5 nods."""
     _, positions = run()
-    print(f"joint 5 nods between {np.rad2deg(positions[:, 4].min()):.1f} and {np.rad2deg(positions[:, 4].max()):.1f} deg")
+    print(
+        f"joint 5 nods between {np.rad2deg(positions[:, 4].min()):.1f} and {np.rad2deg(positions[:, 4].max()):.1f} deg"
+    )
 
 
 if __name__ == "__main__":

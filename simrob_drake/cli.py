@@ -109,6 +109,10 @@ def run(
     config = load_station(station, _overrides(set_, duration))
     folder = out or default_folder(config.name)
     check_folder(folder, force=force)
+    if video:
+        from simrob_drake.results.film_strip import frame_writer
+
+        frame_writer()
     _warn(config)
     result = _simulated(config, live)
     result.save(folder, force=force, recording=not no_recording, video=video)
@@ -180,7 +184,12 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
 
     view = LiveView(config)
     console.print(f"watch it at {view.url}", highlight=False)
-    return simulate(config, progress=False, on_step=view.on_step)
+    if sys.stdin.isatty():
+        console.input("open it in a browser, then press Enter to start ")
+    try:
+        return simulate(config, progress=False, on_step=view.on_step)
+    finally:
+        view.close()
 
 
 def _converge(result: SimulationResult) -> None:

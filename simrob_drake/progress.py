@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from time import monotonic
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+REFRESH = 0.1
+"""Time between two movements of a bar [s]."""
+
 
 @contextmanager
-def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Callable[[float], None]]:
-    """Show a bar and give a function that moves it to a value.
+def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Callable[[float], None] | None]:
+    """Show a bar and give a function that moves it to a value; None where nobody watches.
 
     Args:
         text: what the work is.
@@ -20,7 +24,7 @@ def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Callable[[
     """
     console = Console(stderr=True)
     if not shown or not console.is_terminal:
-        yield lambda done: None
+        yield None
         return
     columns = (
         TextColumn("{task.description}"),
@@ -30,4 +34,12 @@ def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Callable[[
     )
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(text, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        last = 0.0
+
+        def move(done: float) -> None:
+            nonlocal last
+            if monotonic() - last > REFRESH:
+                last = monotonic()
+                bar.update(task, completed=done)
+
+        yield move

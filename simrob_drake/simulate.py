@@ -28,9 +28,6 @@ from simrob_drake.stations.references import Samples
 from simrob_drake.stations.solve import apply_solver
 from simrob_drake.stations.station import Station
 
-PIECE_OF_TIME = 0.5
-"""Simulated time between two looks at the progress [s]: a fixed grid, since a solver's steps end there."""
-
 Reference: TypeAlias = Trajectory | npt.ArrayLike | Samples
 """A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
 
@@ -69,10 +66,14 @@ def simulate(
         config = config.model_copy(update={"duration": float(duration)})
     given = _by_robot(config, reference)
     run = _Run.assembled(config, given)
-    recorder = Recorder(run.simulator, _positions_watcher(run.ports, on_step))
-    began = perf_counter()
-    ending, stopped_by, message = _advance(run, recorder, progress)
-    stepping_time = perf_counter() - began
+    watchers = [] if on_step is None else [_positions_watcher(run.ports, on_step)]
+    with progress_bar(f"simulating {config.name}", config.duration, shown=progress) as show:
+        if show is not None:
+            watchers.append(lambda context: show(context.get_time()))
+        recorder = Recorder(run.simulator, *watchers)
+        began = perf_counter()
+        ending, stopped_by, message = _advance(run, recorder)
+        stepping_time = perf_counter() - began
     return _evaluated(run, recorder, ending, stopped_by, message, stepping_time, given)
 
 
@@ -123,11 +124,7 @@ def _trajectory_or_samples(reference: Any) -> Trajectory | Samples:
     return rows[:, 0], rows[:, 1:]
 
 
-def _positions_watcher(
-    ports: StationPorts, on_step: Callable[[float, Vector], None] | None
-) -> Callable[[Context], None] | None:
-    if on_step is None:
-        return None
+def _positions_watcher(ports: StationPorts, on_step: Callable[[float, Vector], None]) -> Callable[[Context], None]:
     system, count = ports.state.get_system(), ports.plant.plant.num_positions()
 
     def watch(context: Context) -> None:
@@ -136,23 +133,22 @@ def _positions_watcher(
     return watch
 
 
-def _advance(run: _Run, recorder: Recorder, progress: bool) -> tuple[Ending, str | None, str]:
-    """Step to the end; return how the run ended, who ended it and why."""
-    duration = run.config.duration
-    grid = [*np.arange(PIECE_OF_TIME, duration, PIECE_OF_TIME), duration]
-    with progress_bar(f"simulating {run.config.name}", duration, shown=progress) as show:
-        try:
-            status = run.simulator.Initialize()
-            for time in grid:
-                if status.reason() == SimulatorStatus.ReturnReason.kReachedBoundaryTime:
-                    status = run.simulator.AdvanceTo(time)
-                if status.reason() == SimulatorStatus.ReturnReason.kReachedTerminationCondition:
-                    return "monitor", status.system().get_name().removeprefix("monitor."), status.message()
-                if not recorder.is_sane():
-                    return "diverged", DIVERGED, _diverged(run, recorder, "a state ran away to infinity")
-                show(time)
-        except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
-            return "diverged", DIVERGED, _diverged(run, recorder, str(problem))
+def _advance(run: _Run, recorder: Recorder) -> tuple[Ending, str | None, str]:
+    """Step to the end; return how the run ended, who ended it and why.
+
+    The run is one AdvanceTo(): a solver's steps end where a call ends, so pieces would change the result.
+    """
+    duration, ended = run.config.duration, SimulatorStatus.ReturnReason.kReachedTerminationCondition
+    try:
+        status = run.simulator.Initialize()
+        if status.reason() != ended:
+            status = run.simulator.AdvanceTo(duration)
+    except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
+        return "diverged", DIVERGED, _diverged(run, recorder, str(problem))
+    if not recorder.is_sane():
+        return "diverged", DIVERGED, _diverged(run, recorder, "a state ran away to infinity")
+    if status.reason() == ended:
+        return "monitor", status.system().get_name().removeprefix("monitor."), status.message()
     return "completed", None, f"ran to its end at {duration:g} s"
 
 

@@ -110,4 +110,4 @@ def add_irb120() -> Callable[[DiagramBuilder], MultibodyPlant]:
 def irb120(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> Iterator[MultibodyPlant]:
     """The plant alone; not finalized."""
     builder = DiagramBuilder()  # it owns the plant and stays until the test is over
-    yield add_irb120(builder)
+    yield add_irb120(builder)  # noqa: PT022

@@ -53,7 +53,9 @@ def test_a_divergence_exits_with_3_and_keeps_what_there_is(tmp_path, capsys):
 def test_converge_prints_the_difference(capsys):
     assert run_command(["run", "irb120_dynamic", "--duration", "0.2", "--no-recording", "--converge"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    row = next(line for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :] if "joint_2" in line)
+    row = next(
+        line for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :] if "joint_2" in line
+    )
     assert 0 < float(row.split()[1]) < 3e-3
 
 

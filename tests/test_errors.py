@@ -33,7 +33,9 @@ def test_a_parameter_message_is_one_short_line(value: object) -> None:
     assert len(message) < 130
 
 
-@pytest.mark.parametrize("error", [InvalidConfig("a", "b", "c"), InvalidModel("a", "b", "c"), UnknownName("a", "b", [])])
+@pytest.mark.parametrize(
+    "error", [InvalidConfig("a", "b", "c"), InvalidModel("a", "b", "c"), UnknownName("a", "b", [])]
+)
 def test_every_error_can_be_caught_as_one(error: Exception) -> None:
     assert isinstance(error, SimrobError)
     assert isinstance(error, ValueError)

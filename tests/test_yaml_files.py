@@ -30,7 +30,7 @@ class Machine(Strict):
     speed: Number | list[Number] | dict[str, Number] = 0.0
     count: int = 1
     drive: Annotated[Slow | Fast, Field(discriminator="kind")] = Slow(kind="slow")
-    parts: dict[str, Part] = {}
+    parts: dict[str, Part] = Field(default_factory=dict)
     colour: Literal["red", "green"] = "red"
 
 

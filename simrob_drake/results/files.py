@@ -73,9 +73,13 @@ def save_result(
     Raises:
         OutputError: the folder cannot be written, or exists.
     """
-    from simrob_drake.results.plots import save_plots  # matplotlib and Meshcat are loaded where they are needed
+    # matplotlib and Meshcat are loaded where they are needed: most commands do without
+    from simrob_drake.results.film_strip import frame_writer, save_film_strip, save_video
+    from simrob_drake.results.plots import save_plots
 
     check_folder(folder, force=force)
+    if video:
+        frame_writer()
     with _filled_at_once(folder) as work:
         _write_summary(result, work / SUMMARY)
         _write_signals(result, work / "signals.csv")
@@ -83,14 +87,11 @@ def save_result(
         (work / "plots").mkdir()
         save_plots(result, work / "plots")
         if recording:
-            from simrob_drake.results.film_strip import save_film_strip
             from simrob_drake.results.recording import save_recording
 
             save_recording(result, work / "recording.html")
             save_film_strip(result, work / "film_strip.png")
         if video:
-            from simrob_drake.results.film_strip import save_video
-
             save_video(result, work / "video.mp4")
     return folder
 

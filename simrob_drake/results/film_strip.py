@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -66,10 +68,7 @@ def save_video(result: SimulationResult, file: Path, *, frames_per_second: float
     """
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
         raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
-    try:
-        from imageio_ffmpeg import write_frames
-    except ImportError as problem:
-        raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
+    write_frames = frame_writer()
     width, height = _VIDEO_SIZE
     times = frame_times(result.stop_time, frames_per_second)
     if not file.parent.is_dir():
@@ -85,6 +84,19 @@ def save_video(result: SimulationResult, file: Path, *, frames_per_second: float
     finally:
         writer.close()
     return file
+
+
+def frame_writer() -> Callable[..., Any]:
+    """Return imageio-ffmpeg's ``write_frames``; to be called before long work whose end is a video.
+
+    Raises:
+        SimrobError: the package is not installed.
+    """
+    try:
+        from imageio_ffmpeg import write_frames
+    except ImportError as problem:
+        raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
+    return write_frames
 
 
 def _strip(images: list[Image], times: Vector) -> Figure:

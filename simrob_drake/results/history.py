@@ -12,11 +12,11 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from simrob_drake.frames import Vector
 
-
 RUNAWAY = 1e8
 """A position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged."""
 
 
+_LOOK_EVERY = 20  # steps
 _NONE = np.zeros(0)
 
 
@@ -24,19 +24,21 @@ class Recorder:
     """Keep time, continuous state and every discrete group at each accepted step, whatever the solver.
 
     It is the simulator's monitor, which Drake calls after each step: it forces no steps and costs a few microseconds.
+    Now and then it looks whether the state has run away, and ends the run if so.
     """
 
-    def __init__(self, simulator: Simulator, watcher: Callable[[Context], None] | None = None) -> None:
+    def __init__(self, simulator: Simulator, *watchers: Callable[[Context], None]) -> None:
         """Begin to record, with the state that the simulator starts from.
 
         Args:
             simulator: whose monitor this becomes.
-            watcher: called after each accepted step.
+            watchers: called after each accepted step.
         """
         self.times: list[float] = []
         self._continuous: list[Vector] = []
         self._discrete: list[list[Vector]] = []
-        self._watcher = watcher
+        self._watchers = watchers
+        self._system = simulator.get_system()
         self._keep(simulator.get_context())
         simulator.set_monitor(self._keep)
 
@@ -49,8 +51,10 @@ class Recorder:
         self.times.append(time)
         self._continuous.append(continuous)
         self._discrete.append(discrete)
-        if self._watcher is not None:
-            self._watcher(context)
+        for watcher in self._watchers:
+            watcher(context)
+        if len(self.times) % _LOOK_EVERY == 0 and not self.is_sane():
+            return EventStatus.ReachedTermination(self._system, "a state ran away to infinity")
         return EventStatus.DidNothing()
 
     def is_sane(self) -> bool:

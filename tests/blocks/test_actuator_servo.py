@@ -42,7 +42,9 @@ def servo_simulator(
     def constant(value: float | None) -> ConstantVectorSource | None:
         return None if value is None else builder.AddSystem(ConstantVectorSource([value])).get_output_port()
 
-    signals = ServoSignals(constant(reference), plant.get_state_output_port(), constant(velocity), constant(feedforward))
+    signals = ServoSignals(
+        constant(reference), plant.get_state_output_port(), constant(velocity), constant(feedforward)
+    )
     if implicit:
         torque = add_actuator_servos(
             builder,
@@ -109,7 +111,7 @@ def test_stiff_gains_are_safe_on_a_discrete_plant(add_pendulum: AddPendulum, tim
 
 
 def first_torque(add_pendulum: AddPendulum, scheme: str, *, velocity_sense: int, time_step: float = 0.0) -> float:
-    """Return the mean torque over the first millisecond [N m], from the change of momentum; at zero gravity pulls none."""
+    """Return the mean torque over the first millisecond [N m], from the change of momentum; gravity pulls not yet."""
     simulator = servo_simulator(
         add_pendulum,
         gains(kp=100, kd=50, limit=1e6),

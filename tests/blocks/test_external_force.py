@@ -44,18 +44,14 @@ def test_a_force_at_the_tcp_is_the_generalized_force_of_its_jacobian(
     force = random.normal(scale=20.0, size=3)
 
     world, tcp = plant.world_frame(), plant.GetFrameByName("tcp")
-    jacobian = plant.CalcJacobianTranslationalVelocity(
-        mine, JacobianWrtVariable.kV, tcp, np.zeros(3), world, world
-    )
+    jacobian = plant.CalcJacobianTranslationalVelocity(mine, JacobianWrtVariable.kV, tcp, np.zeros(3), world, world)
     expected = jacobian.T @ (tcp.CalcRotationMatrixInWorld(mine) @ force)
     change = acceleration(plant, diagram, context, force) - acceleration(plant, diagram, context, np.zeros(3))
     np.testing.assert_allclose(plant.CalcMassMatrix(mine) @ change, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_each_component_pushes_along_its_own_axis_of_the_tcp(
-    pushed: tuple[MultibodyPlant, Diagram], axis: int
-) -> None:
+def test_each_component_pushes_along_its_own_axis_of_the_tcp(pushed: tuple[MultibodyPlant, Diagram], axis: int) -> None:
     plant, diagram = pushed
     context = diagram.CreateDefaultContext()
     mine = plant.GetMyContextFromRoot(context)

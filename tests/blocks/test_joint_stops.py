@@ -19,8 +19,7 @@ STIFFNESS, DAMPING = 1e4 * 180 / np.pi, 10 * 180 / np.pi
 def with_stops(builder: DiagramBuilder, plant: MultibodyPlant) -> Diagram:
     plant.Finalize()
     add_joint_stops(builder, plant, stiffness=STIFFNESS, damping=DAMPING)
-    for instance in ("DefaultModelInstance",):
-        builder.ExportInput(plant.get_actuation_input_port(plant.GetModelInstanceByName(instance)), "actuation")
+    builder.ExportInput(plant.get_actuation_input_port(), "actuation")
     return builder.Build()
 
 

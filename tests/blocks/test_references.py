@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.polynomial import Polynomial
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
@@ -94,7 +95,7 @@ def test_a_sequence_goes_through_its_targets_with_continuous_acceleration() -> N
 
 @pytest.mark.parametrize("times", [[1.0, 1.0], [2.0, 1.0], [0.0, 1.0], [-1.0, 1.0]])
 def test_the_times_of_a_sequence_rise(times: list[float]) -> None:
-    with pytest.raises(InvalidParameter, match="^times is "):
+    with pytest.raises(InvalidParameter, match=r"^times is "):
         sequence(START, times, [TARGET, START])
 
 
@@ -156,13 +157,13 @@ def test_corners_before_time_zero_do_not_count() -> None:
 
 def test_a_change_of_acceleration_alone_is_no_corner() -> None:
     # q = t^2 and then its tangent: positions and velocities join
-    curve = PiecewisePolynomial([np.array([[Polynomial([0.0, 0.0, 1.0])]]), np.array([[Polynomial([1.0, 2.0])]])], [0, 1, 2])
+    curve = PiecewisePolynomial(
+        [np.array([[Polynomial([0.0, 0.0, 1.0])]]), np.array([[Polynomial([1.0, 2.0])]])], [0, 1, 2]
+    )
     assert corner_times(curve) == [2.0]
 
 
 def test_of_a_trajectory_that_is_no_polynomial_only_the_ends_count() -> None:
-    from pydrake.common.eigen_geometry import Quaternion  # noqa: PLC0415
-
     slerp = PiecewiseQuaternionSlerp([0.5, 1.0, 2.0], [Quaternion(), Quaternion(0, 1, 0, 0), Quaternion()])
     assert corner_times(slerp) == [0.5, 2.0]
 

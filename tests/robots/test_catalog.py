@@ -130,9 +130,7 @@ def test_a_defect_of_a_urdf_is_found_at_the_border(write_urdf: Write, one_joint_
         load_robot_from_urdf(write_urdf(one_joint_urdf.replace('<mass value="1"/>', '<mass value="-1"/>')))
 
 
-def test_an_axis_of_a_joint_that_does_not_exist_brings_the_nearest_one(
-    write_urdf: Write, one_joint_urdf: str
-) -> None:
+def test_an_axis_of_a_joint_that_does_not_exist_brings_the_nearest_one(write_urdf: Write, one_joint_urdf: str) -> None:
     robot = described(write_urdf, one_joint_urdf.replace('"shoulder"', '"shoulder_1"'))
     with pytest.raises(UnknownName, match="there is no joint 'shoulder'; did you mean 'shoulder_1'"):
         _ = robot.axis_limits

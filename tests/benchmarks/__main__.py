@@ -1,0 +1,120 @@
+"""Measure speed and memory, as ratios within one run: ``python -m tests.benchmarks``.
+
+Every comparison takes its candidates in turn, so that a machine whose speed drifts treats them alike; the figures are
+medians, and of ratios the median of the pairs.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from simrob_drake import load_station, simulate
+from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
+
+REALIZATIONS = ("per_joint", "vector", "implicit")
+ROUNDS = 15
+
+
+def in_turn(candidates: dict[str, Callable[[], float]], rounds: int = ROUNDS) -> dict[str, np.ndarray]:
+    """Call the candidates in turn and return what each gave, after one round that does not count."""
+    figures = {name: [] for name in candidates}
+    for counted in [False] + [True] * rounds:
+        for name, candidate in candidates.items():
+            value = candidate()
+            if counted:
+                figures[name].append(value)
+    return {name: np.array(values) for name, values in figures.items()}
+
+
+def against_hand_wired() -> Table:
+    """Stepping of the station against the shortest Drake program with the same blocks and solver."""
+    table = Table("realization", "station [ms]", "by hand [ms]", "ratio", title="stepping irb120_dynamic for 3 s")
+    for realization in REALIZATIONS:
+        config = load_station("irb120_dynamic", {"servo.realization": realization})
+        times = in_turn(
+            {
+                "station": lambda config=config: simulate(config).stepping_time,
+                "hand": lambda realization=realization: hand_wired_time(realization),
+            }
+        )
+        station, hand = (1e3 * np.median(times[name]) for name in ("station", "hand"))
+        ratio = np.median(times["station"] / times["hand"])
+        table.add_row(realization, f"{station:.1f}", f"{hand:.1f}", f"{ratio:.3f}")
+    return table
+
+
+def realtime_rates() -> Table:
+    """Simulated over wall time of stepping and signals, with the largest error against a converged run."""
+    headings = ("realization", "× real time", "stepping [ms]", "signals [ms]", "largest error [rad]")
+    table = Table(*headings, title="realtime_rate of irb120_dynamic")
+    converged = simulate(load_station("irb120_dynamic", {"solver.accuracy": 1e-6, "solver.max_step": 0.005}))
+    configs = {name: load_station("irb120_dynamic", {"servo.realization": name}) for name in REALIZATIONS}
+    runs = {name: [] for name in REALIZATIONS}
+    for _ in range(ROUNDS + 1):
+        for name, config in configs.items():
+            runs[name].append(simulate(config))
+    for name, results in runs.items():
+        rate, stepping, signals = (
+            np.median([getattr(result, figure) for result in results[1:]])
+            for figure in ("realtime_rate", "stepping_time", "signal_time")
+        )
+        error = np.abs(results[0].axes("q") - converged.axes("q")).max()
+        table.add_row(name, f"{rate:.0f}", f"{1e3 * stepping:.1f}", f"{1e3 * signals:.1f}", f"{error:.5f}")
+    return table
+
+
+def monitors() -> Table:
+    """What watching costs: stepping with three monitors against none."""
+    plain = load_station("irb120_dynamic")
+    watched = load_station("irb120_dynamic", {"monitors": {"joint_limit": {}, "torque_limit": {}, "divergence": {}}})
+    times = in_turn(
+        {"plain": lambda: simulate(plain).stepping_time, "watched": lambda: simulate(watched).stepping_time}
+    )
+    table = Table("three monitors", "ratio of stepping time")
+    table.add_row("against none", f"{np.median(times['watched'] / times['plain']):.3f}")
+    return table
+
+
+def whole_commands() -> Table:
+    """Import time, and the command from start to finished recording, with its peak memory."""
+    table = Table("whole processes", "median", "worst")
+    with tempfile.TemporaryDirectory() as folder:
+        run = [sys.executable, "-m", "simrob_drake.cli", "run", "irb120_dynamic", "--force", "--out"]
+        commands = {
+            "python -c pass": [sys.executable, "-c", "pass"],
+            "import simrob_drake": [sys.executable, "-c", "import simrob_drake"],
+            "simrob run irb120_dynamic": [*run, str(Path(folder) / "result")],
+        }
+        times = in_turn({name: lambda command=command: _wall_time(command) for name, command in commands.items()}, 5)
+    for name, values in times.items():
+        table.add_row(f"{name} [s]", f"{np.median(values):.2f}", f"{values.max():.2f}")
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+    table.add_row("peak memory of a child [MB]", f"{peak:.0f}", "")
+    return table
+
+
+def _wall_time(command: list[str]) -> float:
+    began = time.perf_counter()
+    subprocess.run(command, check=True, capture_output=True)
+    return time.perf_counter() - began
+
+
+def main() -> None:
+    """Print all tables."""
+    console = Console()
+    for measure in (against_hand_wired, realtime_rates, monitors, whole_commands):
+        console.print(measure())
+
+
+if __name__ == "__main__":
+    main()

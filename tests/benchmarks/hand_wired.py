@@ -1,0 +1,41 @@
+"""The blocks of ``irb120_dynamic`` in the shortest Drake program: what a station is measured against."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from simrob_drake import apply_solver, load_station
+from simrob_drake.blocks.actuator_servo import add_actuator_servos
+from simrob_drake.blocks.joint_stops import add_joint_stops
+from simrob_drake.blocks.servo import ServoSignals, add_servos
+from simrob_drake.stations.plant import add_plant
+
+
+def stepping_time(realization: str) -> float:
+    """Step the move for 3 s without recorder, sensors, monitors or events; return the wall time [s]."""
+    config = load_station("irb120_dynamic", {"servo.realization": realization})
+    builder = DiagramBuilder()
+    station = add_plant(builder, config)
+    plant, (robot,) = station.plant, station.robots.values()
+    ramp = PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.outer(np.ones(6), [0.0, np.pi / 6]))
+    source = builder.AddSystem(TrajectorySource(ramp))
+    signals = ServoSignals(source.get_output_port(), plant.get_state_output_port(robot.instance))
+    if realization == "implicit":
+        add_actuator_servos(builder, plant, robot.instance, signals, robot.gains, actuation_map=np.eye(6))
+    else:
+        per_joint = realization == "per_joint"
+        torque = add_servos(builder, signals, robot.gains, names=robot.axes, per_joint=per_joint)
+        builder.Connect(torque, plant.get_actuation_input_port(robot.instance))
+    add_joint_stops(builder, plant, stiffness=config.joint_stops.stiffness, damping=config.joint_stops.damping)
+    simulator = Simulator(builder.Build())
+    apply_solver(simulator, config)
+    simulator.Initialize()
+    began = time.perf_counter()
+    simulator.AdvanceTo(config.duration)
+    return time.perf_counter() - began

@@ -1,0 +1,40 @@
+"""The rules of the house: imports point one way, modules stay small, and nothing heavy is imported on the way."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import simrob_drake
+
+PACKAGE = Path(simrob_drake.__file__).parent
+ROAD = ["base", "robots", "blocks", "stations", "results", "simulate", "tables", "cli"]
+BASE = {"errors", "paths", "frames", "yaml_files", "progress"}
+MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
+
+
+def place(module: str) -> int:
+    """Return how far along the road a module of the package lies."""
+    room = module.split(".")[1] if "." in module else "base"
+    return ROAD.index("base" if room in BASE else room)
+
+
+def imported(file: Path) -> set[str]:
+    tree = ast.parse(file.read_text())
+    froms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+    plain = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    return froms | plain
+
+
+@pytest.mark.parametrize("file", MODULES, ids=lambda file: str(file.relative_to(PACKAGE)))
+def test_imports_point_to_the_left(file):
+    name = ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts)
+    for other in imported(file):
+        if other.startswith("simrob_drake."):
+            assert place(other) <= place(name), f"{name} imports {other}, which lies to its right"
+        assert other != "pydrake.all", "it shadows builtins and loads everything"
+
+
+def test_modules_hold_one_concept_each():
+    long = {str(file): count for file in MODULES if (count := len(file.read_text().splitlines())) > 300}
+    assert long == {}

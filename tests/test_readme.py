@@ -1,0 +1,56 @@
+"""What the README says is so: its script, its commands, its links."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from simrob_drake import load_station, station_names
+from simrob_drake.cli import run_command
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted(ROOT.glob("README*.md"))
+README = (ROOT / "README.md").read_text()
+
+
+def fenced(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+
+
+def test_the_script_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(fenced("python")[0], "README.md", "exec"), {})
+    assert "joint 2 ends at" in capsys.readouterr().out
+    assert len(list((tmp_path / "runs").iterdir())) == 1
+
+
+COMMANDS = [line.split("#")[0].split() for block in fenced("sh") for line in block.splitlines() if "simrob " in line]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_a_command_does_its_work(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    duration = ["--duration", "0.2"] if command[1] == "run" else []
+    assert run_command([*command[1:], *duration]) == 0
+
+
+def test_the_station_of_the_readme_is_one(tmp_path):
+    (tmp_path / "own.yaml").write_text(fenced("yaml")[0])
+    assert load_station(tmp_path / "own.yaml").monitors.keys() == {"joint_limit", "settled"}
+
+
+def test_the_table_of_stations_names_them_all():
+    assert set(re.findall(r"\[`(\w+)`\]\(diagrams/", README)) == set(station_names())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text()):
+        assert (ROOT / target).exists(), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_make_targets_exist(page):
+    makefile = (ROOT / "Makefile").read_text()
+    for target in re.findall(r"(?:^|`)make (\w+)", page.read_text(), flags=re.MULTILINE):
+        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
