@@ -173,8 +173,7 @@ def _evaluated(
     if stopped_by in run.ports.monitors:
         cut_at_stop(sampler, run.ports.monitors[stopped_by], run.config)
     times = _sample_times(sampler.history.end, run.config.sample_rate)
-    values = sampler.sample(run.bus.port, times)
-    count = len(run.bus.names)
+    values = run.bus.signals(sampler.sample(run.bus.port, times))
     positions = run.ports.plant.plant.num_positions()
     return SimulationResult(
         config=run.config,
@@ -184,7 +183,7 @@ def _evaluated(
         message=message,
         names=run.bus.names,
         times=times,
-        values=values[:, :count],
+        values=values,
         step_times=sampler.history.times,
         positions_at=lambda at: sampler.sample(run.ports.state, at)[:, :positions],
         stepping_time=stepping_time,

@@ -93,10 +93,11 @@ def frame_writer() -> Callable[..., Any]:
         SimrobError: the package is not installed.
     """
     try:
-        from imageio_ffmpeg import write_frames
+        import imageio_ffmpeg
     except ImportError as problem:
         raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
-    return write_frames
+    writer: Callable[..., Any] = imageio_ffmpeg.write_frames
+    return writer
 
 
 def _strip(images: list[Image], times: Vector) -> Figure:

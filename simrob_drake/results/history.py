@@ -39,7 +39,10 @@ class Recorder:
         self._discrete: list[list[Vector]] = []
         self._watchers = watchers
         self._system = simulator.get_system()
-        self._keep(simulator.get_context())
+        context = simulator.get_context()
+        self._has_continuous = context.num_continuous_states() > 0
+        self._groups = range(context.num_discrete_state_groups())
+        self._keep(context)
         simulator.set_monitor(self._keep)
 
     def _keep(self, context: Context) -> EventStatus:
@@ -47,10 +50,11 @@ class Recorder:
         if self.times and time == self.times[-1]:  # an event at a step's end: what it left counts
             for kept in (self.times, self._continuous, self._discrete):
                 del kept[-1:]
-        continuous, discrete = state_of(context)
         self.times.append(time)
-        self._continuous.append(continuous)
-        self._discrete.append(discrete)
+        self._continuous.append(
+            context.get_continuous_state_vector().CopyToVector() if self._has_continuous else _NONE
+        )
+        self._discrete.append([context.get_discrete_state(group).value().copy() for group in self._groups])
         for watcher in self._watchers:
             watcher(context)
         if len(self.times) % _LOOK_EVERY == 0 and not self.is_sane():
@@ -70,13 +74,6 @@ class Recorder:
         return History(
             np.array(self.times[:kept]), np.array(self._continuous[:kept]), [np.array(group) for group in groups]
         )
-
-
-def state_of(context: Context) -> tuple[Vector, list[Vector]]:
-    """Return a context's continuous state and its discrete groups."""
-    continuous = context.get_continuous_state_vector().CopyToVector() if context.num_continuous_states() else _NONE
-    groups = range(context.num_discrete_state_groups())
-    return continuous, [context.get_discrete_state(group).value().copy() for group in groups]
 
 
 def _sane(state: list[Vector]) -> bool:

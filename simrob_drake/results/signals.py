@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +12,11 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from simrob_drake.blocks.wiring import joined
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.results.history import History, plant_slice
+from simrob_drake.stations.plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
 
-AXIS_SIGNALS = {"q_ref": "reference", "q": "position", "v": "velocity", "tau": "torque"}
-"""Columns with one value an axis, and the ports they come from."""
-
 POSE_SIGNALS = {"base": "base_pose", "tcp": "tcp_pose"}
-"""Columns with a pose, and the ports they come from."""
+"""Signals that are poses, and the ports they come from."""
 
 
 @dataclass(frozen=True)
@@ -25,27 +24,51 @@ class SignalBus:
     """All signals of a station in one port, so that one evaluation gives them all.
 
     Attributes:
-        names: the columns' names, one an entry of the port but for the plant's state at its end.
-        port: the signals, then positions and velocities of the whole plant.
+        names: the signals' names, k of them.
+        port: what they are made of; positions and velocities of the whole plant come last.
+        matrix: what makes them of the port's values, shape (k, size of the port).
     """
 
     names: list[str]
     port: OutputPort
+    matrix: Vector
+
+    def signals(self, values: Vector) -> Vector:
+        """Return the signals, shape (m, k), of the port's values, shape (m, size)."""
+        return values @ self.matrix.T
 
 
 def add_signal_bus(builder: DiagramBuilder, ports: StationPorts) -> SignalBus:
-    """Join a station's outputs for recording."""
-    names: list[str] = []
-    sources: list[OutputPort] = []
-    for robot in ports.plant.robots.values():
-        for column, port in AXIS_SIGNALS.items():
-            names += [f"{robot.prefix}{column}.{axis}" for axis in robot.axes]
-            sources.append(ports.outputs[f"{robot.prefix}{port}"])
-        for column, port in POSE_SIGNALS.items():
-            if f"{robot.prefix}{port}" in ports.outputs:
-                names += [f"{robot.prefix}{column}.{part}" for part in XYZ_QUATERNION_NAMES]
-                sources.append(ports.outputs[f"{robot.prefix}{port}"])
-    return SignalBus(names, joined(builder, "signals", *sources, ports.state))
+    """Join what a station's signals are made of, in as few connections as can be: each costs a solver time."""
+    parts = [part for robot in ports.plant.robots.values() for part in _parts(ports, robot)]
+    sources = list(dict.fromkeys(port for _, port, _ in parts if port is not ports.state))
+    sources.append(ports.state)
+    starts = dict(zip(sources, np.cumsum([0, *(port.size() for port in sources)]), strict=False))
+    bus = joined(builder, "signals", *sources)
+    matrices = []
+    for _, port, matrix in parts:
+        matrices.append(np.zeros((len(matrix), bus.size())))
+        matrices[-1][:, starts[port] : starts[port] + port.size()] = matrix
+    return SignalBus([name for names, _, _ in parts for name in names], bus, np.vstack(matrices))
+
+
+def _parts(ports: StationPorts, robot: StationRobot) -> list[tuple[list[str], OutputPort, Vector]]:
+    """Return a robot's signals: names, the port they are made of, and the matrix that makes them."""
+
+    def named(signal: str, parts: Sequence[str]) -> list[str]:
+        return [f"{robot.prefix}{signal}.{part}" for part in parts]
+
+    def own(port: str) -> OutputPort:
+        return ports.outputs[f"{robot.prefix}{port}"]
+
+    each_axis, motion = np.eye(len(robot.axes)), named("q", robot.axes) + named("v", robot.axes)
+    poses = [signal for signal, port in POSE_SIGNALS.items() if f"{robot.prefix}{port}" in ports.outputs]
+    return [
+        (named("q_ref", robot.axes), own("reference"), each_axis),
+        (motion, ports.state, ports.plant.state_map(robot)),
+        (named("tau", robot.axes), own("torque"), each_axis),
+        *((named(pose, XYZ_QUATERNION_NAMES), own(POSE_SIGNALS[pose]), np.eye(7)) for pose in poses),
+    ]
 
 
 class Sampler:

@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from simrob_drake.blocks.monitor import Monitor
-from simrob_drake.results.history import History, state_of
+from simrob_drake.results.history import History, Recorder
 from simrob_drake.results.signals import Sampler
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver
@@ -66,10 +66,9 @@ def _stepped_to(sampler: Sampler, config: StationConfig, time: float) -> History
     apply_solver(simulator, config)
     before = int(np.searchsorted(sampler.history.times, time)) - 1
     sampler.history.put(before, simulator.get_mutable_context())
+    recorder = Recorder(simulator)
     simulator.AdvanceTo(time)
-    continuous, discrete = state_of(simulator.get_context())
-    at = np.array([simulator.get_context().get_time()])
-    return History(at, continuous[np.newaxis], [group[np.newaxis] for group in discrete])
+    return recorder.history().last()
 
 
 def _own(sampler: Sampler, monitor: Monitor, time: float) -> Context:

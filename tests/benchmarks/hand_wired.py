@@ -7,25 +7,25 @@ import time
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import apply_solver, load_station
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.joint_stops import add_joint_stops
+from simrob_drake.blocks.references import add_trajectory
 from simrob_drake.blocks.servo import ServoSignals, add_servos
 from simrob_drake.stations.plant import add_plant
 
 
 def stepping_time(realization: str) -> float:
-    """Step the move for 3 s without recorder, sensors, monitors or events; return the wall time [s]."""
+    """Step the move for 3 s without recorder, inputs, sensors, signals or monitors; return the wall time [s]."""
     config = load_station("irb120_dynamic", {"servo.realization": realization})
     builder = DiagramBuilder()
     station = add_plant(builder, config)
     plant, (robot,) = station.plant, station.robots.values()
     ramp = PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.outer(np.ones(6), [0.0, np.pi / 6]))
-    source = builder.AddSystem(TrajectorySource(ramp))
-    signals = ServoSignals(source.get_output_port(), plant.get_state_output_port(robot.instance))
+    source = add_trajectory(builder, ramp)
+    signals = ServoSignals(source.position, plant.get_state_output_port(robot.instance))
     if realization == "implicit":
         add_actuator_servos(builder, plant, robot.instance, signals, robot.gains, actuation_map=np.eye(6))
     else:
@@ -35,7 +35,6 @@ def stepping_time(realization: str) -> float:
     add_joint_stops(builder, plant, stiffness=config.joint_stops.stiffness, damping=config.joint_stops.damping)
     simulator = Simulator(builder.Build())
     apply_solver(simulator, config)
-    simulator.Initialize()
     began = time.perf_counter()
     simulator.AdvanceTo(config.duration)
     return time.perf_counter() - began
