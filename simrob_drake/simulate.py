@@ -18,7 +18,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import DIVERGED, Ending, SimulationResult
-from simrob_drake.results.signals import Sampler, SignalBus, add_signal_bus
+from simrob_drake.results.signals import Sampler, signals_of
 from simrob_drake.results.stop_time import cut_at_stop
 from simrob_drake.stations.checks import likely_cause, step_findings
 from simrob_drake.stations.closed import add_closed_station, check_references
@@ -84,19 +84,17 @@ class _Run:
     config: StationConfig
     diagram: Diagram
     ports: StationPorts
-    bus: SignalBus
     simulator: Simulator
 
     @classmethod
     def assembled(cls, config: StationConfig, references: Mapping[str, Trajectory | Samples]) -> _Run:
         builder = DiagramBuilder()
         ports = add_closed_station(builder, config, references)
-        bus = add_signal_bus(builder, ports)
         diagram = builder.Build()
         check_references(diagram, ports)
         simulator = Simulator(diagram)
         apply_solver(simulator, config)
-        return cls(config, diagram, ports, bus, simulator)
+        return cls(config, diagram, ports, simulator)
 
 
 def _by_robot(config: StationConfig, reference: Any) -> dict[str, Trajectory | Samples]:
@@ -173,7 +171,8 @@ def _evaluated(
     if stopped_by in run.ports.monitors:
         cut_at_stop(sampler, run.ports.monitors[stopped_by], run.config)
     times = _sample_times(sampler.history.end, run.config.sample_rate)
-    values = run.bus.signals(sampler.sample(run.bus.port, times))
+    signals = signals_of(run.ports)
+    values = sampler.sample([part.port for part in signals], times)
     positions = run.ports.plant.plant.num_positions()
     return SimulationResult(
         config=run.config,
@@ -181,11 +180,11 @@ def _evaluated(
         ending=ending,
         stopped_by=stopped_by,
         message=message,
-        names=run.bus.names,
+        names=[name for part in signals for name in part.names],
         times=times,
-        values=values,
+        values=np.hstack([rows @ part.matrix.T for part, rows in zip(signals, values, strict=True)]),
         step_times=sampler.history.times,
-        positions_at=lambda at: sampler.sample(run.ports.state, at)[:, :positions],
+        positions_at=lambda at: sampler.sample([run.ports.state], at)[0][:, :positions],
         stepping_time=stepping_time,
         signal_time=perf_counter() - began,
         references=dict(given),

@@ -51,9 +51,7 @@ class Recorder:
             for kept in (self.times, self._continuous, self._discrete):
                 del kept[-1:]
         self.times.append(time)
-        self._continuous.append(
-            context.get_continuous_state_vector().CopyToVector() if self._has_continuous else _NONE
-        )
+        self._continuous.append(context.get_continuous_state_vector().CopyToVector() if self._has_continuous else _NONE)
         self._discrete.append([context.get_discrete_state(group).value().copy() for group in self._groups])
         for watcher in self._watchers:
             watcher(context)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, Diagram, OutputPort
 
-from simrob_drake.blocks.wiring import joined
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.results.history import History, plant_slice
 from simrob_drake.stations.plant import StationRobot
@@ -20,12 +19,12 @@ POSE_SIGNALS = {"base": "base_pose", "tcp": "tcp_pose"}
 
 
 @dataclass(frozen=True)
-class SignalBus:
-    """All signals of a station in one port, so that one evaluation gives them all.
+class Signals:
+    """Signals that are made of one port.
 
     Attributes:
-        names: the signals' names, k of them.
-        port: what they are made of; positions and velocities of the whole plant come last.
+        names: k of them.
+        port: what they are made of.
         matrix: what makes them of the port's values, shape (k, size of the port).
     """
 
@@ -33,28 +32,13 @@ class SignalBus:
     port: OutputPort
     matrix: Vector
 
-    def signals(self, values: Vector) -> Vector:
-        """Return the signals, shape (m, k), of the port's values, shape (m, size)."""
-        return values @ self.matrix.T
+
+def signals_of(ports: StationPorts) -> list[Signals]:
+    """Return the signals of a station, in the order of the columns of a result."""
+    return [signals for robot in ports.plant.robots.values() for signals in _of_robot(ports, robot)]
 
 
-def add_signal_bus(builder: DiagramBuilder, ports: StationPorts) -> SignalBus:
-    """Join what a station's signals are made of, in as few connections as can be: each costs a solver time."""
-    parts = [part for robot in ports.plant.robots.values() for part in _parts(ports, robot)]
-    sources = list(dict.fromkeys(port for _, port, _ in parts if port is not ports.state))
-    sources.append(ports.state)
-    starts = dict(zip(sources, np.cumsum([0, *(port.size() for port in sources)]), strict=False))
-    bus = joined(builder, "signals", *sources)
-    matrices = []
-    for _, port, matrix in parts:
-        matrices.append(np.zeros((len(matrix), bus.size())))
-        matrices[-1][:, starts[port] : starts[port] + port.size()] = matrix
-    return SignalBus([name for names, _, _ in parts for name in names], bus, np.vstack(matrices))
-
-
-def _parts(ports: StationPorts, robot: StationRobot) -> list[tuple[list[str], OutputPort, Vector]]:
-    """Return a robot's signals: names, the port they are made of, and the matrix that makes them."""
-
+def _of_robot(ports: StationPorts, robot: StationRobot) -> list[Signals]:
     def named(signal: str, parts: Sequence[str]) -> list[str]:
         return [f"{robot.prefix}{signal}.{part}" for part in parts]
 
@@ -64,10 +48,10 @@ def _parts(ports: StationPorts, robot: StationRobot) -> list[tuple[list[str], Ou
     each_axis, motion = np.eye(len(robot.axes)), named("q", robot.axes) + named("v", robot.axes)
     poses = [signal for signal, port in POSE_SIGNALS.items() if f"{robot.prefix}{port}" in ports.outputs]
     return [
-        (named("q_ref", robot.axes), own("reference"), each_axis),
-        (motion, ports.state, ports.plant.state_map(robot)),
-        (named("tau", robot.axes), own("torque"), each_axis),
-        *((named(pose, XYZ_QUATERNION_NAMES), own(POSE_SIGNALS[pose]), np.eye(7)) for pose in poses),
+        Signals(named("q_ref", robot.axes), own("reference"), each_axis),
+        Signals(motion, ports.state, ports.plant.state_map(robot)),
+        Signals(named("tau", robot.axes), own("torque"), each_axis),
+        *(Signals(named(pose, XYZ_QUATERNION_NAMES), own(POSE_SIGNALS[pose]), np.eye(7)) for pose in poses),
     ]
 
 
@@ -92,15 +76,16 @@ class Sampler:
         self._history = history
         self._rates = self._position_rates(history)
 
-    def sample(self, port: OutputPort, times: Vector) -> Vector:
-        """Return a port's values at ``times`` (k,), shape (k, size)."""
+    def sample(self, ports: Sequence[OutputPort], times: Vector) -> list[Vector]:
+        """Return the values of ports at ``times`` (k,), for each port shape (k, size)."""
         states = self._history.at(times, self._plant_slice, self._rates)
-        context = port.get_system().GetMyContextFromRoot(self._context)
-        rows = np.empty((len(times), port.size()))
+        contexts = [port.get_system().GetMyContextFromRoot(self._context) for port in ports]
+        values = [np.empty((len(times), port.size())) for port in ports]
         for row in range(len(times)):
             states.put(row, self._context)
-            rows[row] = port.Eval(context)
-        return rows
+            for port, context, rows in zip(ports, contexts, values, strict=True):
+                rows[row] = port.Eval(context)
+        return values
 
     def context_at(self, time: float) -> Context:
         """Return the diagram's context at a time of the run; the next call changes it."""
