@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, RotationalInertia, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.robots.urdf import urdf_text
+from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.urdf import with_absolute_meshes
 
 ONE_JOINT_URDF = """<robot name="arm">
   <link name="base">
@@ -99,7 +99,8 @@ def add_irb120() -> Callable[[DiagramBuilder], MultibodyPlant]:
         model = load_robot("irb120")
         plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -9.80665]))
-        Parser(plant).AddModelsFromString(urdf_text(model.element, model.folder, collision=False), "urdf")
+        robot = with_absolute_meshes(model.element, model.folder)
+        add_urdf(plant, robot, name="robot", where="irb120.urdf", collision=False)
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(model.root))
         return plant
 

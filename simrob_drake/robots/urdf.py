@@ -15,6 +15,10 @@ from simrob_drake.errors import InvalidModel, UnknownName
 
 MOVABLE_JOINTS = ("revolute", "continuous", "prismatic")
 LIMITED_JOINTS = ("revolute", "prismatic")
+DRAKE = "{http://drake.mit.edu}"
+"""What stands before the names of Drake's own elements, such as acceleration limits."""
+
+ET.register_namespace("drake", DRAKE.strip("{}"))
 MESH_FORMATS = (".obj", ".gltf", ".vtk")
 
 
@@ -105,25 +109,27 @@ def links_without_inertia(root: ET.Element) -> list[str]:
     return [link for link in moved if carrier(link) not in heavy]
 
 
-def urdf_text(root: ET.Element, folder: Path, *, collision: bool) -> str:
-    """Return the URDF as text that can be parsed from memory: mesh names absolute.
+def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
+    """Return a copy of a robot that can be parsed from memory: its mesh names are absolute.
 
     Args:
-        root: the ``robot`` element; it is not changed.
+        root: the ``robot`` element.
         folder: the folder of the file, which relative mesh names start from.
-        collision: keep the collision geometry. Without it a plant never asks the scene graph for contacts.
 
     Raises:
         InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.
     """
     robot = deepcopy(root)
-    if not collision:
-        for link in robot.iterfind("link"):
-            for element in link.findall("collision"):
-                link.remove(element)
     for mesh in robot.iter("mesh"):
         mesh.set("filename", f"file://{_mesh_file(mesh.get('filename', ''), folder)}")  # Drake decodes no %20
-    return ET.tostring(robot, encoding="unicode")
+    return robot
+
+
+def drop_collision(robot: ET.Element) -> None:
+    """Take a robot's collision geometry away: a plant without any never asks the scene graph for contacts."""
+    for link in robot.iterfind("link"):
+        for element in link.findall("collision"):
+            link.remove(element)
 
 
 def _mesh_file(uri: str, folder: Path) -> Path:

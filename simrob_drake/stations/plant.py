@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydrake.geometry import (
@@ -14,7 +15,6 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
     ContactModel,
@@ -31,8 +31,9 @@ from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.pieces import add_piece
-from simrob_drake.robots.urdf import urdf_text
+from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.piece_urdf import FRICTION, add_piece, piece_robot
+from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import ContactConfig, ServoConfig, StationConfig
 from simrob_drake.stations.names import (
     WORLD,
@@ -47,7 +48,7 @@ from simrob_drake.stations.solver_config import DiscreteSolver
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
 _FLOOR_THICKNESS = 0.02
-_FLOOR_FRICTION = CoulombFriction(1.0, 0.9)
+_FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
 @dataclass
@@ -128,7 +129,7 @@ def add_plant(builder: DiagramBuilder, config: StationConfig, *, with_collision:
         plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
     _set_contact_model(plant, config.contact)
     robots = {name: _add_robot(plant, config, name, collision) for name in config.robots}
-    _add_pieces(plant, config, robots, collision)
+    _add_standing_pieces(plant, config, collision)
     _add_floor(plant, config, collision)
     plant.Finalize()
     for robot in robots.values():
@@ -162,12 +163,16 @@ def _add_robot(plant: MultibodyPlant, config: StationConfig, name: str, collisio
         listed = ", ".join(model.links_without_inertia)
         problem = f"the moving links {listed} have no inertia; only a kinematic station can take them"
         raise InvalidModel(model.urdf_path, "", problem)
-    instance = _parsed(plant, model, name, collision)
+    carried = [piece for piece in pieces_outward(config) if carrier(config, piece) == name]
+    urdf = _with_pieces(config, name, model, carried)
+    instance = add_urdf(plant, urdf, name=name, where=model.urdf_path, collision=collision)
     root = plant.GetFrameByName(model.root, instance)
     if model.base == "fixed" or config.mode == "kinematic":
         plant.WeldFrames(plant.world_frame(), root, transform_from_pose(entry.base))
     else:
         plant.SetDefaultFloatingBaseBodyPose(root.body(), transform_from_pose(entry.base))
+    frames = {**model.tools, **{piece: f"{piece}_tcp" for piece in carried}}
+    tools = {tool: plant.GetFrameByName(frame, instance) for tool, frame in frames.items()}
     robot = StationRobot(
         name=name,
         prefix=config.prefix(name),
@@ -178,42 +183,35 @@ def _add_robot(plant: MultibodyPlant, config: StationConfig, name: str, collisio
         root=root,
         gains=servo_gains(model, servo),
         initial=initial_position(config, name, model),
-        tools={tool: plant.GetFrameByName(frame, instance) for tool, frame in model.tools.items()},
+        tools=tools,
+        tcp=entry.tcp or list(tools)[-1 if carried else 0] if tools else "",
     )
     if servo.realization == "implicit" and config.mode == "dynamic":
         set_actuator_gains(plant, [joint.index() for joint in robot.joints], robot.gains)
     return robot
 
 
-def _parsed(plant: MultibodyPlant, model: RobotModel, name: str, collision: bool) -> ModelInstanceIndex:
-    parser = Parser(plant, model_name_prefix=name)
-    try:
-        return parser.AddModelsFromString(urdf_text(model.element, model.folder, collision=collision), "urdf")[0]
-    except (RuntimeError, SystemExit) as problem:
-        raise InvalidModel(model.urdf_path, "", f"Drake cannot read it: {' '.join(str(problem).split())}") from problem
+def _with_pieces(config: StationConfig, name: str, model: RobotModel, carried: list[str]) -> Element:
+    """Return a robot's URDF with the pieces that it carries."""
+    robot = with_absolute_meshes(model.element, model.folder)
+    for piece in carried:
+        parent = piece_parent(config, piece)
+        mount = f"{parent}_tcp" if parent != name else next(iter(model.tools.values()), model.root)
+        pose = transform_from_pose(config.pieces[piece].pose)
+        add_piece(robot, name=piece, piece=piece_model(config, piece), parent=mount, pose=pose)
+    return robot
 
 
-def _add_pieces(plant: MultibodyPlant, config: StationConfig, robots: dict[str, StationRobot], collision: bool) -> None:
-    tips: dict[str, Frame] = {WORLD: plant.world_frame()}
-    tips |= {name: next(iter(robot.tools.values()), robot.root) for name, robot in robots.items()}
+def _add_standing_pieces(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:
+    """Add the pieces that no robot carries."""
+    tips = {WORLD: plant.world_frame()}
     for piece in pieces_outward(config):
-        holder = carrier(config, piece)
-        instance = robots[holder].instance if holder in robots else plant.AddModelInstance(piece)
-        tips[piece] = add_piece(
-            plant,
-            name=piece,
-            piece=piece_model(config, piece),
-            parent=tips[piece_parent(config, piece)],
-            pose=config.pieces[piece].pose,
-            instance=instance,
-            collision=collision,
-        )
-        if holder in robots:
-            robots[holder].tools[piece] = tips[piece]
-    for name, robot in robots.items():
-        chosen = config.robots[name].tcp
-        carried = [piece for piece in pieces_outward(config) if carrier(config, piece) == name]
-        robot.tcp = chosen or (carried[-1] if carried else next(iter(robot.tools), ""))
+        if carrier(config, piece) == WORLD:
+            robot = piece_robot(piece, piece_model(config, piece))
+            instance = add_urdf(plant, robot, name=piece, where=f"pieces.{piece}", collision=collision)
+            pose = transform_from_pose(config.pieces[piece].pose)
+            plant.WeldFrames(tips[piece_parent(config, piece)], plant.GetFrameByName(piece, instance), pose)
+            tips[piece] = plant.GetFrameByName(f"{piece}_tcp", instance)
 
 
 def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:

@@ -78,7 +78,7 @@ def test_columns_of_several_robots_carry_their_names(tmp_path):
 
 def test_nothing_is_overwritten_without_force(result, folder):
     before = sorted(folder.iterdir())
-    with pytest.raises(OutputError, match="exists already.*--force"):
+    with pytest.raises(OutputError, match=r"exists already.*--force"):
         result.save(folder)
     assert sorted(folder.iterdir()) == before
     result.save(folder, force=True, recording=False)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.robots.urdf import urdf_text
+from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.urdf import with_absolute_meshes
 
 GRAVITY = 9.80665
 WIDTH, THICKNESS, PEG = 0.02, 0.005, 0.005  # m; the peg's radius is also the hole's
@@ -73,7 +73,8 @@ def pendulum() -> MultibodyPlant:
     model = load_robot("double_pendulum")
     plant = MultibodyPlant(0.0)
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -GRAVITY]))
-    Parser(plant).AddModelsFromString(urdf_text(model.element, model.folder, collision=False), "urdf")
+    robot = with_absolute_meshes(model.element, model.folder)
+    add_urdf(plant, robot, name="robot", where="double_pendulum.urdf", collision=False)
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(model.root))
     plant.Finalize()
     return plant

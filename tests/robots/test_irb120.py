@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import MultibodyForces
 
 from simrob_drake.frames import pose_from_transform
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.robots.pieces import add_piece, load_piece
+from simrob_drake.stations.checks import holding_torque
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.station import build_station
 
 # URDF of SimRob's IRB120 (as in abb_experimental): mass [kg], centre of mass [m] and moments Ixx Iyy Izz [kg m^2].
 LINKS = {
@@ -130,20 +131,15 @@ def test_the_mass_matrix_at_zero_has_the_known_diagonal(irb120: MultibodyPlant) 
 
 
 @pytest.mark.parametrize("carried", HOLDING)
-def test_holding_30_degrees_takes_the_known_torques(irb120: MultibodyPlant, carried: tuple[str, ...]) -> None:
-    tip, pose = irb120.GetFrameByName("tool0"), (0.0, 0.0, 0.0, np.pi / 2, 0.0, 0.0)  # the gripper is turned by 90 deg
-    for name in carried:
-        instance = irb120.AddModelInstance(name)
-        tip = add_piece(
-            irb120, name=name, piece=load_piece(name), parent=tip, pose=pose, instance=instance, collision=False
-        )
-        pose = (0.0,) * 6
-    irb120.Finalize()
-    context = irb120.CreateDefaultContext()
-    irb120.SetPositions(context, np.full(6, np.deg2rad(30)))
-    forces = MultibodyForces(irb120)
-    irb120.CalcForceElementsContribution(context, forces)
-    torque = irb120.CalcInverseDynamics(context, np.zeros(6), forces)
+def test_holding_30_degrees_takes_the_known_torques(carried: tuple[str, ...]) -> None:
+    overrides = {"pieces": {}, **{f"pieces.{name}.parent": "robot" for name in carried[:1]}}
+    if carried:
+        overrides["pieces.gripper.pose"] = [0, 0, 0, np.pi / 2, 0, 0]  # the gripper is turned by 90 deg
+    if len(carried) > 1:
+        overrides |= {"pieces.load.model": "pencil", "pieces.load.parent": "gripper"}
+    station = build_station(load_station("irb120_dynamic", overrides)).ports.plant
+    position = np.full(6, np.deg2rad(30))
+    torque = holding_torque(station, station.robots["robot"], position)
     np.testing.assert_allclose(torque, HOLDING[carried], atol=0.01)
 
 

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from pydrake.geometry import Box, Cylinder, Mesh, SceneGraph, Sphere
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame
 
 from simrob_drake.errors import InvalidConfig, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.paths import models_root
-from simrob_drake.robots.pieces import PieceModel, PieceShape, add_piece, load_piece, piece_names
+from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.piece_urdf import piece_robot
+from simrob_drake.robots.pieces import PieceModel, load_piece, piece_names
 from simrob_drake.yaml_files import validated
 
 POSE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
@@ -24,21 +25,14 @@ def piece(**figures: Any) -> PieceModel:
     return validated(PieceModel, {"folder": Path(), **figures}, "piece.yaml")
 
 
-def plant_with(model: PieceModel, *, collision: bool = False) -> tuple[MultibodyPlant, Frame]:
+def plant_with(model: PieceModel, *, collision: bool = False) -> tuple[MultibodyPlant, SceneGraph]:
+    """Return a plant with a piece that stands alone, at POSE, and the scene graph of its shapes."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    instance = plant.AddModelInstance("tool")
-    tip = add_piece(
-        plant,
-        name="tool",
-        piece=model,
-        parent=plant.world_frame(),
-        pose=POSE,
-        instance=instance,
-        collision=collision,
-    )
+    instance = add_urdf(plant, piece_robot("tool", model), name="tool", where="piece", collision=collision)
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("tool", instance), transform_from_pose(POSE))
     plant.Finalize()
-    return plant, tip
+    return plant, scene_graph
 
 
 @pytest.mark.parametrize("name", piece_names())
@@ -69,10 +63,9 @@ def test_an_unknown_piece_brings_the_nearest_one() -> None:
 
 def test_the_tool_centre_point_is_the_pose_times_the_tcp() -> None:
     tcp = (0.0, 0.01, 0.07, 0.0, np.pi / 4, 0.0)
-    plant, tip = plant_with(piece(tcp=tcp))
+    plant, _ = plant_with(piece(tcp=tcp))
     expected = transform_from_pose(POSE) @ transform_from_pose(tcp)
-    found = tip.CalcPoseInWorld(plant.CreateDefaultContext())
-    assert tip.name() == "tool_tcp"
+    found = plant.GetFrameByName("tool_tcp").CalcPoseInWorld(plant.CreateDefaultContext())
     np.testing.assert_allclose(found.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-14)
 
 
@@ -98,8 +91,23 @@ def test_a_massless_piece_adds_no_mass() -> None:
     ("shape", "kind"),
     [({"box": [1, 2, 3]}, Box), ({"cylinder": [1, 2]}, Cylinder), ({"sphere": 1}, Sphere), ({"mesh": "a.obj"}, Mesh)],
 )
-def test_each_kind_of_shape_is_the_one_of_drake(shape: dict[str, Any], kind: type) -> None:
-    assert isinstance(validated(PieceShape, shape, "piece.yaml").geometry(Path()), kind)
+def test_each_kind_of_shape_is_the_one_of_drake(shape: dict[str, Any], kind: type, tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    pose = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+    plant, scene_graph = plant_with(piece(folder=tmp_path, shapes=[{**shape, "pose": pose}]))
+    (geometry,) = plant.GetVisualGeometriesForBody(plant.GetBodyByName("tool"))
+    inspector = scene_graph.model_inspector()
+    assert isinstance(inspector.GetShape(geometry), kind)
+    assert inspector.GetPoseInFrame(geometry).IsNearlyEqualTo(transform_from_pose(pose), 1e-12)
+
+
+def test_a_piece_can_be_touched_with_the_friction_of_the_library() -> None:
+    plant, scene_graph = plant_with(piece(shapes=[{"sphere": 0.1}]), collision=True)
+    (geometry,) = plant.GetCollisionGeometriesForBody(plant.GetBodyByName("tool"))
+    friction = (
+        scene_graph.model_inspector().GetProximityProperties(geometry).GetProperty("material", "coulomb_friction")
+    )
+    assert (friction.static_friction(), friction.dynamic_friction()) == (1.0, 0.9)
 
 
 @pytest.mark.parametrize("shape", [{}, {"sphere": 1, "box": [1, 1, 1]}, {"pose": [0] * 6}])

@@ -1,15 +1,16 @@
 """URDFs with one defect each: every one is an InvalidModel that names the file and the element."""
 
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydrake.geometry import SceneGraph
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.errors import InvalidModel, UnknownName
+from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import (
     check_urdf,
     joint_effort,
@@ -19,7 +20,7 @@ from simrob_drake.robots.urdf import (
     movable_joints,
     read_urdf,
     root_link,
-    urdf_text,
+    with_absolute_meshes,
 )
 
 Write = Callable[[str], Path]
@@ -51,10 +52,10 @@ def finding(path: Path) -> str:
     return message.removeprefix(f"{path}: ")
 
 
-def parsed(text: str) -> MultibodyPlant:
+def parsed(root: ET.Element, folder: Path, *, collision: bool) -> MultibodyPlant:
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    Parser(plant).AddModelsFromString(text, "urdf")
+    add_urdf(plant, with_absolute_meshes(root, folder), name="robot", where="arm.urdf", collision=collision)
     plant.Finalize()
     return plant
 
@@ -63,7 +64,7 @@ def test_a_clean_urdf_passes_and_drake_reads_it(write_urdf: Write, one_joint_urd
     path = write_urdf(one_joint_urdf)
     root = read_urdf(path)
     check_urdf(root, path)
-    plant = parsed(urdf_text(root, path.parent, collision=True))
+    plant = parsed(root, path.parent, collision=True)
     assert plant.num_actuators() == 1
     assert plant.GetJointByName("shoulder").position_upper_limits() == [2.0]
 
@@ -211,7 +212,7 @@ def test_a_flat_body_may_have_one_moment_equal_to_the_others_sum(write_urdf: Wri
     path = write_urdf(one_joint_urdf.replace(INERTIA, inertia(0.01, 0.02, 0.03)))
     root = read_urdf(path)
     check_urdf(root, path)
-    moments = parsed(urdf_text(root, path.parent, collision=False)).GetBodyByName("upper").default_spatial_inertia()
+    moments = parsed(root, path.parent, collision=False).GetBodyByName("upper").default_spatial_inertia()
     about_com = moments.Shift(moments.get_com()).CopyToFullMatrix6()[:3, :3]
     np.testing.assert_allclose(np.diag(about_com), [0.01, 0.02, 0.03], atol=1e-15)
 
@@ -257,7 +258,7 @@ def test_a_mesh_that_cannot_be_used_is_named(
     root = read_urdf(path)
     check_urdf(root, path)
     with pytest.raises(InvalidModel, match=f"mesh '{filename}'") as problem:
-        urdf_text(root, path.parent, collision=True)
+        with_absolute_meshes(root, path.parent)
     assert expected in str(problem.value)
 
 
@@ -273,16 +274,16 @@ def test_a_mesh_in_the_folder_reaches_drake_whatever_its_name(
     file = path.parent / name.replace("&amp;", "&")
     file.parent.mkdir(exist_ok=True)
     file.write_text(TETRAHEDRON)
-    plant = parsed(urdf_text(read_urdf(path), path.parent, collision=True))
-    tip = plant.GetBodyByName("tip")
-    found = plant.GetVisualGeometriesForBody(tip) if role == "visual" else plant.GetCollisionGeometriesForBody(tip)
-    assert len(found) == 1
+    plant = parsed(read_urdf(path), path.parent, collision=True)
+    body = plant.GetFrameByName("tip").body()  # it is fixed to "upper", which has a visual of its own
+    visuals, collisions = plant.GetVisualGeometriesForBody(body), plant.GetCollisionGeometriesForBody(body)
+    assert (len(visuals), len(collisions)) == ((2, 0) if role == "visual" else (1, 1))
 
 
 def test_without_collision_only_the_visuals_stay(write_urdf: Write, one_joint_urdf: str) -> None:
     path = write_urdf(one_joint_urdf)
     root = read_urdf(path)
-    plant = parsed(urdf_text(root, path.parent, collision=False))
+    plant = parsed(root, path.parent, collision=False)
     assert plant.num_collision_geometries() == 0
     assert len(plant.GetVisualGeometriesForBody(plant.GetBodyByName("upper"))) == 1
     assert root.find("link/collision") is not None  # the element that was given is not changed
