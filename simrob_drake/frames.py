@@ -29,7 +29,10 @@ def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
     Raises:
         InvalidParameter: the pose has not six finite numbers.
     """
-    values = np.asarray(pose, dtype=float)
+    try:
+        values = np.asarray(pose, dtype=float)
+    except (TypeError, ValueError):
+        values = np.zeros(0)
     if values.shape != (POSE_SIZE,) or not np.isfinite(values).all():
         raise InvalidParameter("pose", pose, "six finite numbers [x y z Rz Ry Rx] in m and rad")
     return RigidTransform(RollPitchYaw(values[:2:-1]), values[:3])

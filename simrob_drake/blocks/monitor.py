@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABCMeta, abstractmethod
+from abc import abstractmethod
 
 import numpy as np
 from pydrake.systems.framework import (
@@ -21,11 +21,7 @@ from simrob_drake.frames import Vector
 _NOT_YET = np.inf
 
 
-class _MonitorMeta(ABCMeta, type(LeafSystem)):  # type: ignore[misc]  # pybind's metaclass and abc's, both needed
-    """Metaclass that lets a LeafSystem have abstract methods."""
-
-
-class Monitor(LeafSystem, metaclass=_MonitorMeta):
+class Monitor(LeafSystem):
     """End a run once a condition has lasted for a given time.
 
     A subclass declares the ports it watches and says by how much its condition is exceeded. The run ends at the first

@@ -15,7 +15,6 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.paths import models_root
 from simrob_drake.robots.urdf import (
-    check_urdf,
     joint_effort,
     joint_limits,
     last_link,
@@ -24,6 +23,7 @@ from simrob_drake.robots.urdf import (
     read_urdf,
     root_link,
 )
+from simrob_drake.robots.urdf_check import check_urdf
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 ROBOT_FILE = "robot.yaml"

@@ -12,7 +12,6 @@ from pydrake.multibody.plant import MultibodyPlant
 from simrob_drake.errors import InvalidModel, UnknownName
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import (
-    check_urdf,
     joint_effort,
     joint_limits,
     last_link,
@@ -22,6 +21,7 @@ from simrob_drake.robots.urdf import (
     root_link,
     with_absolute_meshes,
 )
+from simrob_drake.robots.urdf_check import check_urdf
 
 Write = Callable[[str], Path]
 
@@ -150,7 +150,7 @@ DEFECTS = [
         id="two parents",
     ),
     pytest.param(END, '<link name="island"/>' + END, "has 2 root links", id="two roots"),
-    pytest.param(END, joint("back", "tip", "base") + END, "has 0 root links", id="loop"),
+    pytest.param(END, joint("back", "tip", "base") + END, "has a loop: base - upper - tip - base", id="loop"),
     pytest.param(LIMIT, "", "joint 'shoulder': a revolute or prismatic joint needs a <limit>", id="no limit"),
     pytest.param(
         'upper="2"', 'upper="-2"', "joint 'shoulder' <limit>: lower -1 is not below upper -2", id="limits swapped"
@@ -162,8 +162,33 @@ DEFECTS = [
     pytest.param('lower="-1"', 'lower="low"', "joint 'shoulder' <limit>: 'low' is not a number", id="limit text"),
     pytest.param('lower="-1"', 'lower="-1,5"', "joint 'shoulder' <limit>: '-1,5' is not a number", id="decimal comma"),
     pytest.param('effort="10"', 'effort="0"', "joint 'shoulder' <limit>: effort is not positive", id="effort 0"),
+    pytest.param('effort="10"', 'effort="-1"', "joint 'shoulder' <limit>: effort -1 is negative", id="effort negative"),
+    pytest.param('velocity="3"', 'velocity="-1"', "<limit>: velocity -1 is negative", id="velocity negative"),
+    pytest.param('lower="-1"', "", "joint 'shoulder' <limit>: has no lower", id="no lower limit"),
+    pytest.param('lower="-1"', 'lower="-1_0"', "'-1_0' is not a number", id="underscore"),
+    pytest.param('effort="10"', 'effort=""', 'effort="" holds 0 numbers, not 1', id="empty effort"),
+    pytest.param('xyz="0 1 0"', 'xyz="0 1"', "joint 'shoulder' <axis>: xyz=\"0 1\" holds 2 numbers", id="short axis"),
+    pytest.param('xyz="0 1 0"', 'xyz="0 0 0"', "joint 'shoulder' <axis>: is zero", id="zero axis"),
+    pytest.param('type="revolute"', 'type="floating"', "its type is 'floating'", id="floating joint"),
+    pytest.param('type="revolute"', "", "joint 'shoulder': its type is ''", id="no type"),
+    pytest.param(LIMIT, LIMIT + '<mimic joint="flange"/>', "joint 'shoulder': mimics another joint", id="mimic"),
+    pytest.param('<parent link="base"/>', '<parent link="upper"/>', "are both 'upper'", id="its own parent"),
+    pytest.param('name="base"', 'name="world"', "link 'world': has the name of Drake's own world", id="world"),
+    pytest.param("SimpleTransmission", "FourBarLinkage", "a SimpleTransmission only", id="other transmission"),
+    pytest.param(BOX, '<box size="0.1 0.2"/>', "holds 2 numbers, not 3", id="flat box"),
+    pytest.param(BOX, "<box/>", "link 'base' <box>: has no size", id="box without size"),
+    pytest.param(CYLINDER, '<mesh filename="m.obj" scale="2 2"/>', "holds 2 numbers, not 1 or 3", id="scale of two"),
     pytest.param(
-        'effort="10"', 'effort="-1"', "joint 'shoulder' <limit>: effort is not positive", id="effort negative"
+        END,
+        '<link name="a"/><link name="b"/>' + joint("ab", "a", "b") + joint("ba", "b", "a") + END,
+        "has a loop: a - b - a",
+        id="loop apart",
+    ),
+    pytest.param(
+        END,
+        '<transmission name="two"><type>SimpleTransmission</type><joint name="shoulder"/></transmission>' + END,
+        "joint 'shoulder': has two transmissions",
+        id="two transmissions",
     ),
     pytest.param('effort="10"', "", "joint 'shoulder' <limit>: effort is not positive", id="no effort"),
     pytest.param('effort="10"', 'effort="strong"', "'strong' is not a number", id="effort text"),
@@ -176,13 +201,13 @@ DEFECTS = [
     pytest.param(MASS, "", "link 'upper' <inertial>: needs <mass> and <inertia>", id="no mass"),
     pytest.param(INERTIA, "", "link 'upper' <inertial>: needs <mass> and <inertia>", id="no inertia"),
     pytest.param(MASS, '<mass value="-1"/>', "link 'upper' <inertial>: mass -1 kg is negative", id="mass negative"),
-    pytest.param(MASS, '<mass value="1kg"/>', "link 'upper' <inertial>: '1kg' is not a number", id="mass with unit"),
-    pytest.param(MASS, '<mass value="inf"/>', "link 'upper' <inertial>: 'inf' is not finite", id="mass inf"),
+    pytest.param(MASS, '<mass value="1kg"/>', "link 'upper' <mass>: '1kg' is not a number", id="mass with unit"),
+    pytest.param(MASS, '<mass value="inf"/>', "link 'upper' <mass>: 'inf' is not finite", id="mass inf"),
     pytest.param(MASS, '<mass value="0"/>', "link 'upper' <inertial>: has moments of inertia but no mass", id="mass 0"),
     pytest.param(
         MASS, "<mass/>", "link 'upper' <inertial>: has moments of inertia but no mass", id="mass without value"
     ),
-    pytest.param('ixx="0.01"', 'ixx="a"', "link 'upper' <inertial>: 'a' is not a number", id="inertia text"),
+    pytest.param('ixx="0.01"', 'ixx="a"', "link 'upper' <inertia>: 'a' is not a number", id="inertia text"),
     pytest.param(INERTIA, inertia(-0.01, 0.01, 0.01), "link 'upper' <inertial>: no body has", id="inertia negative"),
     pytest.param(
         INERTIA, inertia(0.01, 0.01, 0.03), "no body has the principal moments 0.01, 0.01, 0.03", id="triangle"
@@ -287,3 +312,21 @@ def test_without_collision_only_the_visuals_stay(write_urdf: Write, one_joint_ur
     assert plant.num_collision_geometries() == 0
     assert len(plant.GetVisualGeometriesForBody(plant.GetBodyByName("upper"))) == 1
     assert root.find("link/collision") is not None  # the element that was given is not changed
+
+
+def test_names_that_no_mesh_can_have_are_refused(write_urdf: Write, one_joint_urdf: str) -> None:
+    path = write_urdf(one_joint_urdf.replace(CYLINDER, f'<mesh filename="{"a" * 300}.obj"/>'))
+    with pytest.raises(InvalidModel, match="cannot be a file's name"):
+        with_absolute_meshes(read_urdf(path), path.parent)
+    (path.parent / "round.obj").symlink_to("round.obj")
+    path = write_urdf(one_joint_urdf.replace(CYLINDER, '<mesh filename="round.obj"/>'))
+    with pytest.raises(InvalidModel, match="round"):
+        with_absolute_meshes(read_urdf(path), path.parent)
+
+
+@pytest.mark.parametrize("declared", ["", ' xmlns:drake="http://drake.mit.edu"', " xmlns:drake='elsewhere'"])
+def test_elements_of_drake_itself_are_kept(write_urdf: Write, one_joint_urdf: str, declared: str) -> None:
+    text = one_joint_urdf.replace('velocity="3"/>', 'velocity="3" drake:acceleration="7"/>')
+    path = write_urdf(text.replace('<robot name="arm">', f'<robot name="arm"{declared}>'))
+    plant = parsed(read_urdf(path), path.parent, collision=True)
+    assert plant.GetJointByName("shoulder").acceleration_upper_limits() == [7.0]
