@@ -1,7 +1,7 @@
 """The command line: ``simrob list | run | check | diagram``.
 
 Exit codes: 0 done, a monitor's stop included; 2 bad input, with one line on the error stream that says what, where and
-what would be right; 3 the simulation diverged, with the partial result saved.
+what would be right; 3 the simulation diverged, 130 the user interrupted it, both with the partial result saved.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from simrob_drake.stations.load import load_station, station_names
 from simrob_drake.tables import convergence_table, findings_table, result_table, robot_table
 from simrob_drake.yaml_files import parse_yaml
 
-BAD_INPUT, DIVERGED = 2, 3
+BAD_INPUT, DIVERGED, INTERRUPTED = 2, 3, 130
 
 app = typer.Typer(
     help="Build, control, program and watch robot stations.",
@@ -61,7 +61,7 @@ def run_command(arguments: list[str]) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         print("simrob: interrupted", file=sys.stderr)
-        return 130
+        return INTERRUPTED
     return code if isinstance(code, int) else 0
 
 
@@ -124,7 +124,7 @@ def run(
         console.print(f"recording {(folder / 'recording.html').resolve().as_uri()}", soft_wrap=True, highlight=False)
     if converge:
         _converge(result)
-    return DIVERGED if result.ending == "diverged" else 0
+    return {"diverged": DIVERGED, "interrupted": INTERRUPTED}.get(result.ending, 0)
 
 
 @app.command()

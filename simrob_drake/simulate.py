@@ -17,7 +17,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.results.history import Recorder
-from simrob_drake.results.result import DIVERGED, Ending, SimulationResult
+from simrob_drake.results.result import DIVERGED, INTERRUPTED, Ending, SimulationResult
 from simrob_drake.results.signals import Sampler, signals_of
 from simrob_drake.results.stop_time import cut_at_stop
 from simrob_drake.stations.checks import likely_cause, step_findings
@@ -72,9 +72,9 @@ def simulate(
             watchers.append(lambda context: show(context.get_time()))
         recorder = Recorder(run.simulator, *watchers)
         began = perf_counter()
-        ending, stopped_by, message = _advance(run, recorder)
+        outcome = _advance(run, recorder)
         stepping_time = perf_counter() - began
-    return _evaluated(run, recorder, ending, stopped_by, message, stepping_time, given)
+    return _evaluated(run, recorder, outcome, stepping_time, given)
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,15 @@ class _Run:
         simulator = Simulator(diagram)
         apply_solver(simulator, config)
         return cls(config, diagram, ports, simulator)
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """How a run ended, who ended it and why."""
+
+    ending: Ending
+    stopped_by: str | None
+    message: str
 
 
 def _by_robot(config: StationConfig, reference: Any) -> dict[str, Trajectory | Samples]:
@@ -131,8 +140,8 @@ def _positions_watcher(ports: StationPorts, on_step: Callable[[float, Vector], N
     return watch
 
 
-def _advance(run: _Run, recorder: Recorder) -> tuple[Ending, str | None, str]:
-    """Step to the end; return how the run ended, who ended it and why.
+def _advance(run: _Run, recorder: Recorder) -> _Outcome:
+    """Step to the end, or until something ends the run.
 
     The run is one AdvanceTo(): a solver's steps end where a call ends, so pieces would change the result.
     """
@@ -141,35 +150,36 @@ def _advance(run: _Run, recorder: Recorder) -> tuple[Ending, str | None, str]:
         status = run.simulator.Initialize()
         if status.reason() != ended:
             status = run.simulator.AdvanceTo(duration)
+    except KeyboardInterrupt:
+        return _Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
     except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
-        return "diverged", DIVERGED, _diverged(run, recorder, str(problem))
+        return _diverged(run, recorder, str(problem))
     if not recorder.is_sane():
-        return "diverged", DIVERGED, _diverged(run, recorder, "a state ran away to infinity")
+        return _diverged(run, recorder, "a state ran away to infinity")
     if status.reason() == ended:
-        return "monitor", status.system().get_name().removeprefix("monitor."), status.message()
-    return "completed", None, f"ran to its end at {duration:g} s"
+        return _Outcome("monitor", status.system().get_name().removeprefix("monitor."), status.message())
+    return _Outcome("completed", None, f"ran to its end at {duration:g} s")
 
 
-def _diverged(run: _Run, recorder: Recorder, problem: str) -> str:
+def _diverged(run: _Run, recorder: Recorder, problem: str) -> _Outcome:
     first_sentence = " ".join(problem.split()).split(". ")[0].rstrip(".")
     cause = likely_cause(run.config, run.ports.plant)
-    return f"diverged at {recorder.history().end:.4g} s: {first_sentence}; {cause}"
+    message = f"diverged at {recorder.history().end:.4g} s: {first_sentence}; {cause}"
+    return _Outcome("diverged", DIVERGED, message)
 
 
 def _evaluated(
     run: _Run,
     recorder: Recorder,
-    ending: Ending,
-    stopped_by: str | None,
-    message: str,
+    outcome: _Outcome,
     stepping_time: float,
     given: Mapping[str, Trajectory | Samples],
 ) -> SimulationResult:
     """Sample the signals of a run that has been stepped."""
     began = perf_counter()
     sampler = Sampler(run.diagram, run.ports.plant.plant, recorder.history())
-    if stopped_by in run.ports.monitors:
-        cut_at_stop(sampler, run.ports.monitors[stopped_by], run.config)
+    if outcome.ending == "monitor":
+        cut_at_stop(sampler, run.ports.monitors[str(outcome.stopped_by)], run.config)
     times = _sample_times(sampler.history.end, run.config.sample_rate)
     signals = signals_of(run.ports)
     values = sampler.sample([part.port for part in signals], times)
@@ -177,9 +187,9 @@ def _evaluated(
     return SimulationResult(
         config=run.config,
         plant=run.ports.plant,
-        ending=ending,
-        stopped_by=stopped_by,
-        message=message,
+        ending=outcome.ending,
+        stopped_by=outcome.stopped_by,
+        message=outcome.message,
         names=[name for part in signals for name in part.names],
         times=times,
         values=np.hstack([rows @ part.matrix.T for part, rows in zip(signals, values, strict=True)]),

@@ -233,6 +233,14 @@ class TestMonitors:
         assert (result.stop_time, result.stopped_by) == (0.0, "joint_limit")
         assert "joint_3" in result.message
 
+    def test_discrete_runs_end_at_the_step_that_saw_it(self):
+        overrides = {"solver.kind": "discrete", "servo.realization": "implicit", "servo.torque_limit": 10}
+        result = simulate(load_station("irb120_dynamic", {**overrides, "monitors": {"joint_limit": {"margin_deg": 5}}}))
+        assert result.stopped_by == "joint_limit"
+        position = np.rad2deg(result["q.joint_2"])
+        assert position[-1] >= 105 > position[-2]
+        assert result.stop_time == pytest.approx(round(result.stop_time, 3))
+
     def test_kinematic_runs_are_watched_too(self):
         config = load_station("irb120_kinematic", {"monitors": {"joint_limit": {"margin_deg": 50}}})
         result = simulate(config)
@@ -255,7 +263,25 @@ class TestDivergence:
         implicit = load_station("irb120_dynamic", {**overrides, "servo.realization": "implicit"})
         assert simulate(implicit, duration=0.1).warnings == []
 
+    def test_a_run_that_the_user_interrupts_keeps_what_there_is(self):
+        def press_control_c(time, _positions):
+            if time > 0.2:
+                raise KeyboardInterrupt
+
+        result = simulate(load_station("irb120_dynamic"), on_step=press_control_c)
+        assert (result.ending, result.stopped_by) == ("interrupted", "interrupted")
+        assert 0.2 < result.stop_time < 0.4
+        assert result.times[-1] == result.stop_time
+
     def test_a_bad_duration_is_refused(self):
         for duration in (0, -1, np.nan, np.inf):
             with pytest.raises(SimrobError, match="duration"):
                 simulate(load_station("irb120_dynamic"), duration=duration)
+
+
+def test_a_gripper_that_may_touch_comes_to_rest_on_the_floor():
+    overrides = {"servo.torque_limit": 12, "floor": {"size": 2}, "duration": 2.0}
+    through = simulate(load_station("irb120_dynamic", overrides))
+    onto = simulate(load_station("irb120_dynamic", {**overrides, "contact": {"model": "point"}}))
+    assert through.pose("tcp")[-1, 2] < -0.05
+    assert onto.pose("tcp")[-1, 2] > -0.01

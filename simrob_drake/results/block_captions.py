@@ -13,8 +13,8 @@ from pydrake.systems.primitives import LinearSystem, MatrixGain
 from simrob_drake.frames import Vector
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.plant import StationRobot
 from simrob_drake.stations.reference_config import Hold, Move, Ramp, ReferenceConfig, Sequence, SineWave, Table
+from simrob_drake.stations.robots import StationRobot
 
 MANY = 8
 """How many joints are drawn, or listed, each for itself."""

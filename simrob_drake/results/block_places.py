@@ -31,8 +31,8 @@ from simrob_drake.blocks.events import EventTimes, SteadySteps
 from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.results import block_captions as captions
-from simrob_drake.stations.plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.robots import StationRobot
 
 Role = Literal["reference", "servo", "robot", "scene", "sensor", "own"]
 ROLES: tuple[Role, ...] = ("reference", "servo", "robot", "scene", "sensor", "own")

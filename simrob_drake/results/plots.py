@@ -15,7 +15,7 @@ from matplotlib.gridspec import SubplotSpec
 from simrob_drake.errors import OutputError
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import DIVERGED, SimulationResult
-from simrob_drake.stations.plant import StationRobot
+from simrob_drake.stations.robots import StationRobot
 
 _DPI = 110
 _VALUE, _REFERENCE, _ERROR, _LIMIT, _STOP = "#1f6fb4", "#e08214", "#8c2d7a", "#b2182b", "#d7301f"

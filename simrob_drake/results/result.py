@@ -19,8 +19,9 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.references import Samples
 
-Ending = Literal["completed", "monitor", "diverged"]
-DIVERGED = "diverged"
+Ending = Literal["completed", "monitor", "diverged", "interrupted"]
+DIVERGED, INTERRUPTED = "diverged", "interrupted"
+"""What stands for a monitor's name where none ended the run."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class SimulationResult:
     Attributes:
         config: the station as it was run.
         plant: the station's plant, for its robots' figures.
-        ending: ``completed``, ``monitor`` or ``diverged``.
-        stopped_by: the name of the monitor that ended the run, "diverged", or None.
+        ending: ``completed``, ``monitor``, ``diverged`` or ``interrupted``.
+        stopped_by: the name of the monitor that ended the run, "diverged", "interrupted" (by the user), or None.
         message: how the run ended, in words.
         names: the columns of ``values``.
         times: of the samples, shape (m,) [s]; evenly spaced, with the end of the run last.

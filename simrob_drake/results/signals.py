@@ -11,8 +11,8 @@ from pydrake.systems.framework import Context, Diagram, OutputPort
 
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.results.history import History, plant_slice
-from simrob_drake.stations.plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.robots import StationRobot
 
 POSE_SIGNALS = {"base": "base_pose", "tcp": "tcp_pose"}
 """Signals that are poses, and the ports they come from."""

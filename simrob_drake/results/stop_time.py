@@ -11,6 +11,7 @@ from simrob_drake.results.history import History, Recorder
 from simrob_drake.results.signals import Sampler
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.solver_config import DiscreteSolver
 
 TOLERANCE = 1e-4
 """How narrowly the moment is found [s]."""
@@ -27,7 +28,8 @@ def cut_at_stop(sampler: Sampler, monitor: Monitor, config: StationConfig) -> No
         monitor: which ended it.
         config: the station.
     """
-    if len(sampler.history.times) < 2:  # it held at the start
+    discrete = isinstance(config.solver, DiscreteSolver) and config.mode == "dynamic"
+    if discrete or len(sampler.history.times) < 2:  # a discrete state is that of a step's end; or it held at the start
         return
     if monitor.hold > 0:
         onset = min(monitor.onset(_own(sampler, monitor, sampler.history.end)), sampler.history.end)

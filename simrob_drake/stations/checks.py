@@ -11,8 +11,9 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from simrob_drake.frames import Vector
 from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.plant import StationPlant, StationRobot, add_plant
+from simrob_drake.stations.plant import StationPlant, add_plant
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
 
 _EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)

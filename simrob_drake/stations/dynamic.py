@@ -12,8 +12,9 @@ from simrob_drake.blocks.joint_stops import add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_servos
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.plant import StationPlant, StationRobot
+from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts, add_input
+from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.solver_config import ContinuousSolver
 
 

@@ -9,8 +9,8 @@ from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.blocks.monitors import DivergenceMonitor, JointLimitMonitor, SettledMonitor, TorqueLimitMonitor
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.stations.monitor_config import Divergence, JointLimit, MonitorConfig, TorqueLimit
-from simrob_drake.stations.plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.robots import StationRobot
 
 
 def add_monitors(builder: DiagramBuilder, ports: StationPorts) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from xml.etree.ElementTree import Element
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import (
@@ -23,54 +22,19 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.blocks.actuator_servo import set_actuator_gains
-from simrob_drake.blocks.servo import ServoGains
-from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector, transform_from_pose
-from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import add_urdf
-from simrob_drake.robots.piece_urdf import FRICTION, add_piece, piece_robot
-from simrob_drake.robots.urdf import with_absolute_meshes
-from simrob_drake.stations.config import ContactConfig, ServoConfig, StationConfig
-from simrob_drake.stations.names import (
-    WORLD,
-    carrier,
-    initial_position,
-    piece_model,
-    piece_parent,
-    pieces_outward,
-    robot_model,
-)
+from simrob_drake.robots.piece_urdf import FRICTION, piece_robot
+from simrob_drake.stations.config import ContactConfig, StationConfig
+from simrob_drake.stations.names import WORLD, carrier, piece_model, piece_parent, pieces_outward
+from simrob_drake.stations.robots import StationRobot, add_robot
 from simrob_drake.stations.solver_config import DiscreteSolver
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
 _FLOOR_THICKNESS = 0.02
 _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
-
-
-@dataclass
-class StationRobot:
-    """A robot in the plant of a station."""
-
-    name: str
-    prefix: str
-    model: RobotModel
-    instance: ModelInstanceIndex
-    joints: list[Joint]
-    signs: Vector
-    root: Frame
-    gains: ServoGains
-    initial: Vector
-    tools: dict[str, Frame] = field(default_factory=dict)
-    tcp: str = ""
-
-    @property
-    def axes(self) -> list[str]:
-        """The names of the axes, in order."""
-        return list(self.model.axes)
 
 
 @dataclass
@@ -100,19 +64,13 @@ class StationPlant:
         return matrix
 
 
-def add_plant(builder: DiagramBuilder, config: StationConfig, *, with_collision: bool | None = None) -> StationPlant:
+def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
     """Add a station's scene graph and its finalized plant, which stands in the diagram unless it is kinematic.
-
-    Args:
-        builder: the diagram under construction.
-        config: the station.
-        with_collision: parse collision geometry; unless given, where the station has contact. A plant without it
-            never asks the scene graph for contacts, which makes a step a third cheaper.
 
     Raises:
         InvalidModel: a robot that cannot be simulated in this mode.
     """
-    collision = config.contact is not None if with_collision is None else with_collision
+    collision = config.contact is not None  # a plant without any collision geometry steps a third faster
     if config.mode == "kinematic":
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
@@ -128,7 +86,7 @@ def add_plant(builder: DiagramBuilder, config: StationConfig, *, with_collision:
         plant.set_discrete_contact_approximation(approximation)
         plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
     _set_contact_model(plant, config.contact)
-    robots = {name: _add_robot(plant, config, name, collision) for name in config.robots}
+    robots = {name: add_robot(plant, config, name, collision=collision) for name in config.robots}
     _add_standing_pieces(plant, config, collision)
     _add_floor(plant, config, collision)
     plant.Finalize()
@@ -138,68 +96,6 @@ def add_plant(builder: DiagramBuilder, config: StationConfig, *, with_collision:
     station = StationPlant(plant, scene_graph, robots)
     _filter_collisions(station, config.contact)
     return station
-
-
-def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
-    """Return the figures of a robot's servos: the station's, else the robot's own, else the URDF's efforts."""
-    efforts = robot.efforts
-
-    def figures(key: str) -> Vector:
-        own = getattr(robot.servo, key, None)
-        base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
-        given = getattr(servo, key)
-        return base if given is None else robot.axis_vector(given, f"servo.{key}", base)
-
-    limit = efforts if servo.torque_limit is None else robot.axis_vector(servo.torque_limit, "torque_limit", efforts)
-    integral = (
-        limit if servo.integral_limit is None else robot.axis_vector(servo.integral_limit, "integral_limit", limit)
-    )
-    return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, integral)
-
-
-def _add_robot(plant: MultibodyPlant, config: StationConfig, name: str, collision: bool) -> StationRobot:
-    entry, model, servo = config.robots[name], robot_model(config, name), config.servo_of(name)
-    if config.mode == "dynamic" and model.links_without_inertia:
-        listed = ", ".join(model.links_without_inertia)
-        problem = f"the moving links {listed} have no inertia; only a kinematic station can take them"
-        raise InvalidModel(model.urdf_path, "", problem)
-    carried = [piece for piece in pieces_outward(config) if carrier(config, piece) == name]
-    urdf = _with_pieces(config, name, model, carried)
-    instance = add_urdf(plant, urdf, name=name, where=model.urdf_path, collision=collision)
-    root = plant.GetFrameByName(model.root, instance)
-    if model.base == "fixed" or config.mode == "kinematic":
-        plant.WeldFrames(plant.world_frame(), root, transform_from_pose(entry.base))
-    else:
-        plant.SetDefaultFloatingBaseBodyPose(root.body(), transform_from_pose(entry.base))
-    frames = {**model.tools, **{piece: f"{piece}_tcp" for piece in carried}}
-    tools = {tool: plant.GetFrameByName(frame, instance) for tool, frame in frames.items()}
-    robot = StationRobot(
-        name=name,
-        prefix=config.prefix(name),
-        model=model,
-        instance=instance,
-        joints=[plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()],
-        signs=np.array([float(axis.sign) for axis in model.axes.values()]),
-        root=root,
-        gains=servo_gains(model, servo),
-        initial=initial_position(config, name, model),
-        tools=tools,
-        tcp=entry.tcp or list(tools)[-1 if carried else 0] if tools else "",
-    )
-    if servo.realization == "implicit" and config.mode == "dynamic":
-        set_actuator_gains(plant, [joint.index() for joint in robot.joints], robot.gains)
-    return robot
-
-
-def _with_pieces(config: StationConfig, name: str, model: RobotModel, carried: list[str]) -> Element:
-    """Return a robot's URDF with the pieces that it carries."""
-    robot = with_absolute_meshes(model.element, model.folder)
-    for piece in carried:
-        parent = piece_parent(config, piece)
-        mount = f"{parent}_tcp" if parent != name else next(iter(model.tools.values()), model.root)
-        pose = transform_from_pose(config.pieces[piece].pose)
-        add_piece(robot, name=piece, piece=piece_model(config, piece), parent=mount, pose=pose)
-    return robot
 
 
 def _add_standing_pieces(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:

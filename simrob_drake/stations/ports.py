@@ -9,7 +9,8 @@ from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.plant import StationPlant, StationRobot
+from simrob_drake.stations.plant import StationPlant
+from simrob_drake.stations.robots import StationRobot
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from simrob_drake.blocks.references import (
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.robots.catalog import AxisValues
-from simrob_drake.stations.plant import StationRobot
 from simrob_drake.stations.reference_config import Hold, Move, Ramp, ReferenceConfig, Sequence, SineWave, Table
+from simrob_drake.stations.robots import StationRobot
 
 TIME_COLUMN = "time"
 

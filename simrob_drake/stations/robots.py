@@ -1,0 +1,123 @@
+"""The robots of a station: what each is in the plant, and the pieces that it carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex
+
+from simrob_drake.blocks.actuator_servo import set_actuator_gains
+from simrob_drake.blocks.servo import ServoGains
+from simrob_drake.errors import InvalidModel
+from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.piece_urdf import add_piece
+from simrob_drake.robots.urdf import with_absolute_meshes
+from simrob_drake.stations.config import ServoConfig, StationConfig
+from simrob_drake.stations.names import (
+    carrier,
+    initial_position,
+    piece_model,
+    piece_parent,
+    pieces_outward,
+    robot_model,
+)
+
+
+@dataclass
+class StationRobot:
+    """A robot in the plant of a station."""
+
+    name: str
+    prefix: str
+    model: RobotModel
+    instance: ModelInstanceIndex
+    joints: list[Joint]
+    signs: Vector
+    root: Frame
+    gains: ServoGains
+    initial: Vector
+    tools: dict[str, Frame] = field(default_factory=dict)
+    tcp: str = ""
+
+    @property
+    def axes(self) -> list[str]:
+        """The names of the axes, in order."""
+        return list(self.model.axes)
+
+
+def add_robot(plant: MultibodyPlant, config: StationConfig, name: str, *, collision: bool) -> StationRobot:
+    """Add one of a station's robots to its plant, with the pieces that it carries.
+
+    Args:
+        plant: not finalized, registered with a scene graph.
+        config: the station.
+        name: of the robot.
+        collision: keep collision geometry.
+
+    Raises:
+        InvalidModel: a robot that cannot be simulated in the station's mode.
+    """
+    entry, model, servo = config.robots[name], robot_model(config, name), config.servo_of(name)
+    if config.mode == "dynamic" and model.links_without_inertia:
+        listed = ", ".join(model.links_without_inertia)
+        problem = f"the moving links {listed} have no inertia; only a kinematic station can take them"
+        raise InvalidModel(model.urdf_path, "", problem)
+    carried = [piece for piece in pieces_outward(config) if carrier(config, piece) == name]
+    urdf = _with_pieces(config, name, model, carried)
+    instance = add_urdf(plant, urdf, name=name, where=model.urdf_path, collision=collision)
+    root = plant.GetFrameByName(model.root, instance)
+    if model.base == "fixed" or config.mode == "kinematic":
+        plant.WeldFrames(plant.world_frame(), root, transform_from_pose(entry.base))
+    else:
+        plant.SetDefaultFloatingBaseBodyPose(root.body(), transform_from_pose(entry.base))
+    frames = {**model.tools, **{piece: f"{piece}_tcp" for piece in carried}}
+    tools = {tool: plant.GetFrameByName(frame, instance) for tool, frame in frames.items()}
+    robot = StationRobot(
+        name=name,
+        prefix=config.prefix(name),
+        model=model,
+        instance=instance,
+        joints=[plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()],
+        signs=np.array([float(axis.sign) for axis in model.axes.values()]),
+        root=root,
+        gains=servo_gains(model, servo),
+        initial=initial_position(config, name, model),
+        tools=tools,
+        tcp=entry.tcp or list(tools)[-1 if carried else 0] if tools else "",
+    )
+    if servo.realization == "implicit" and config.mode == "dynamic":
+        set_actuator_gains(plant, [joint.index() for joint in robot.joints], robot.gains)
+    return robot
+
+
+def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
+    """Return the figures of a robot's servos: the station's, else the robot's own, else the URDF's efforts."""
+    efforts = robot.efforts
+
+    def figures(key: str) -> Vector:
+        own = getattr(robot.servo, key, None)
+        base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
+        given = getattr(servo, key)
+        return base if given is None else robot.axis_vector(given, f"servo.{key}", base)
+
+    limit = efforts if servo.torque_limit is None else robot.axis_vector(servo.torque_limit, "torque_limit", efforts)
+    integral = (
+        limit if servo.integral_limit is None else robot.axis_vector(servo.integral_limit, "integral_limit", limit)
+    )
+    return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, integral)
+
+
+def _with_pieces(config: StationConfig, name: str, model: RobotModel, carried: list[str]) -> Element:
+    """Return a robot's URDF with the pieces that it carries."""
+    robot = with_absolute_meshes(model.element, model.folder)
+    for piece in carried:
+        parent = piece_parent(config, piece)
+        mount = f"{parent}_tcp" if parent != name else next(iter(model.tools.values()), model.root)
+        pose = transform_from_pose(config.pieces[piece].pose)
+        add_piece(robot, name=piece, piece=piece_model(config, piece), parent=mount, pose=pose)
+    return robot
