@@ -27,9 +27,11 @@ bench: $(READY)  ## measure speed and memory
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --outdir dist .
 
-pictures: $(READY)  ## draw the block pictures beside the stations, and write the schema of station files
+pictures: $(READY)  ## renew the block pictures and the schema beside the stations, and the picture of the README
 	$(BIN)/python -m simrob_drake.results.block_picture
 	$(BIN)/python -m simrob_drake.stations.schema
+	$(BIN)/simrob run irb120_dynamic --duration 1.2 --out runs/readme --force
+	cp runs/readme/film_strip.png docs/irb120_dynamic.png
 
 lock: $(READY)  ## pin the newest packages that pyproject.toml allows
 	$(BIN)/python -m pip install --quiet pip-tools

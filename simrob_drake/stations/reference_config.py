@@ -21,28 +21,27 @@ class Hold(Strict):
     """Posture, per axis; the initial one unless given."""
 
 
-class Ramp(Strict):
+class _ToOnePosture(Strict):
+    """What moves to one posture share."""
+
+    target_deg: AxisValues = 0.0
+    """Posture at the end, per axis."""
+    duration: Positive = 1.0
+    """Time that the move takes [s]."""
+    start: NotNegative = 0.0
+    """When it begins [s]."""
+
+
+class Ramp(_ToOnePosture):
     """Go to a posture at constant speed, as SimRob's interpolated moves do, and stay there."""
 
     kind: Literal["ramp"]
-    target_deg: AxisValues = 0.0
-    """Posture at the end, per axis."""
-    duration: Positive = 1.0
-    """Time that the move takes [s]."""
-    start: NotNegative = 0.0
-    """When it begins [s]."""
 
 
-class Move(Strict):
+class Move(_ToOnePosture):
     """Go to a posture with continuous acceleration (a polynomial of degree five), and stay there."""
 
     kind: Literal["move"]
-    target_deg: AxisValues = 0.0
-    """Posture at the end, per axis."""
-    duration: Positive = 1.0
-    """Time that the move takes [s]."""
-    start: NotNegative = 0.0
-    """When it begins [s]."""
 
 
 class Waypoint(Strict):
