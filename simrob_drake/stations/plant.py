@@ -70,7 +70,7 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
     Raises:
         InvalidModel: a robot that cannot be simulated in this mode.
     """
-    collision = config.contact is not None  # a plant without any collision geometry steps a third faster
+    collision = config.contact is not None  # without any, the plant never asks the scene graph: a fifth less work
     if config.mode == "kinematic":
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
