@@ -17,7 +17,8 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.results.files import check_folder, default_folder
+from simrob_drake.folders import check_folder
+from simrob_drake.results.files import SUMMARY, default_folder
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot, load_robot_from_urdf, robot_names
 from simrob_drake.robots.pieces import load_piece, piece_names
@@ -108,7 +109,7 @@ def run(
     """Run a station, and save signals, plots and a recording."""
     config = load_station(station, _overrides(set_, duration))
     folder = out or default_folder(config.name)
-    check_folder(folder, force=force)
+    check_folder(folder, marker=SUMMARY, force=force)
     if video:
         from simrob_drake.results.film_strip import frame_writer
 

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.errors import OutputError
+from simrob_drake.folders import check_folder, filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
@@ -33,26 +29,6 @@ def default_folder(station: str) -> Path:
     stem = f"{station}-{datetime.now():%Y%m%d-%H%M%S}"
     candidates = (RUNS / (stem if number == 1 else f"{stem}-{number}") for number in range(1, 1000))
     return next(folder for folder in candidates if not folder.exists())
-
-
-def check_folder(folder: Path, *, force: bool) -> None:
-    """Check, before any work, that a result can be written to a folder.
-
-    Raises:
-        OutputError: it exists and is not to be replaced, is no result of ours, or cannot be made.
-    """
-    if folder.exists():
-        ours = folder.is_dir() and ((folder / SUMMARY).is_file() or not any(folder.iterdir()))
-        if force and not ours:
-            raise OutputError(f"{folder} holds something else than a result; it is not replaced, choose another folder")
-        if not force:
-            raise OutputError(f"{folder} exists already; choose another folder or replace it with --force")
-    ancestor = next(parent for parent in folder.absolute().parents if parent.exists())
-    try:
-        with tempfile.TemporaryDirectory(dir=ancestor):  # trying tells more than asking for permissions
-            pass
-    except OSError as problem:
-        raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
 
 
 def save_result(
@@ -77,10 +53,10 @@ def save_result(
     from simrob_drake.results.film_strip import frame_writer, save_film_strip, save_video
     from simrob_drake.results.plots import save_plots
 
-    check_folder(folder, force=force)
+    check_folder(folder, marker=SUMMARY, force=force)
     if video:
         frame_writer()
-    with _filled_at_once(folder) as work:
+    with filled_at_once(folder) as work:
         _write_summary(result, work / SUMMARY)
         _write_signals(result, work / "signals.csv")
         (work / "station.yaml").write_text(station_yaml(_with_tables(result, work)), encoding="utf-8")
@@ -94,25 +70,6 @@ def save_result(
         if video:
             save_video(result, work / "video.mp4")
     return folder
-
-
-@contextmanager
-def _filled_at_once(folder: Path) -> Iterator[Path]:
-    """Give a temporary folder that takes the name of ``folder`` once it is filled."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-        try:
-            yield work
-            work.chmod(0o755)
-            if folder.exists():
-                shutil.rmtree(folder)
-            work.rename(folder)
-        except BaseException:
-            shutil.rmtree(work, ignore_errors=True)
-            raise
-    except OSError as problem:
-        raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
 
 
 def _write_summary(result: SimulationResult, file: Path) -> None:

@@ -1,0 +1,1 @@
+"""Make published URDFs run: resolve, convert, repair and check them, and tell all that was done."""

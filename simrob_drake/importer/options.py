@@ -1,0 +1,26 @@
+"""What a user may choose about an import."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from simrob_drake.robots.pieces import Positive
+from simrob_drake.yaml_files import Strict
+
+
+class ImportOptions(Strict):
+    """Choices of an import; the defaults suit most robots."""
+
+    mesh_path: tuple[Path, ...] = ()
+    """Further folders in which meshes and packages are looked for; relative ones start at the station's file."""
+    collision: Literal["hull", "box", "none"] = "hull"
+    """Collision meshes become their convex hull, the tightest box around them, or nothing."""
+    estimate_inertia: bool = False
+    """Estimate missing and impossible inertias from the geometry, at `density`."""
+    density: Positive = 1000.0
+    """Of links whose inertia is estimated [kg/m³]."""
+    base: Literal["auto", "fixed", "floating"] = "auto"
+    """Whether the root link is fixed to the world; `auto` decides by the file and the shape of the robot."""
+    friction_as_damping: bool = False
+    """Add the joints' Coulomb friction, which Drake does not simulate, to their viscous damping."""
