@@ -28,9 +28,8 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
             raise OutputError(f"{folder} holds something else than a result; it is not replaced, choose another folder")
         if not force:
             raise OutputError(f"{folder} exists already; choose another folder or replace it with --force")
-    ancestor = next(parent for parent in folder.absolute().parents if parent.exists())
     try:
-        with tempfile.TemporaryDirectory(dir=ancestor):  # trying tells more than asking for permissions
+        with tempfile.TemporaryDirectory(dir=_nearest_parent(folder)):  # trying tells more than asking for permissions
             pass
     except OSError as problem:
         raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
@@ -44,11 +43,11 @@ def filled_at_once(folder: Path) -> Iterator[Path]:
         OutputError: the disk does not take it; nothing is left behind.
     """
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=_nearest_parent(folder)))
         try:
             yield work
             work.chmod(0o755)
+            folder.parent.mkdir(parents=True, exist_ok=True)
             if folder.exists():
                 shutil.rmtree(folder)
             work.rename(folder)
@@ -57,3 +56,23 @@ def filled_at_once(folder: Path) -> Iterator[Path]:
             raise
     except OSError as problem:
         raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
+
+
+def written_at_once(file: Path, text: str) -> None:
+    """Write a text file, all of it or nothing.
+
+    Raises:
+        OutputError: the disk does not take it.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{file.name}-", dir=file.parent) as folder:
+            work = Path(folder) / file.name
+            work.write_text(text, encoding="utf-8")
+            work.replace(file)
+    except OSError as problem:
+        raise OutputError(f"{file} cannot be written: {problem.strerror or problem}") from problem
+
+
+def _nearest_parent(folder: Path) -> Path:
+    return next(parent for parent in folder.absolute().parents if parent.exists())

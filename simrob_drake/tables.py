@@ -6,24 +6,27 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.importer.report import KINDS, ImportReport, Kind
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.checks import Finding
 
+_COLOURS = {"read": "dim", "repaired": "green", "defaulted": "yellow", "dropped": "magenta", "refused": "red"}
 _MARKS = {"ok": "[green]ok[/]", "warning": "[yellow]warning[/]"}
 
 
 def result_table(result: SimulationResult) -> Table:
     """Return where every joint ended, and its torques."""
-    table = _numbers("joint", "reference [deg]", "position [deg]", "torque [N·m]", "peak torque [N·m]", "limit [N·m]")
+    table = _numbers("joint", "reference", "position", "unit", "torque", "peak torque", "limit", "unit")
     kinematic = result.config.mode == "kinematic"
     for robot in result.plant.robots.values():
-        for axis, limit in zip(robot.axes, robot.gains.torque_limit, strict=True):
+        for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
             reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))
-            angles = [f"{np.rad2deg(values[-1]):.3f}" for values in (reference, position)]
+            ends = [f"{values[-1] / robot.model.user_units[index]:.3f}" for values in (reference, position)]
+            unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
             peak = torque[np.argmax(np.abs(torque))]
             shown_limit = "–" if kinematic else f"{limit:g}"
-            table.add_row(f"{robot.prefix}{axis}", *angles, f"{torque[-1]:.3f}", f"{peak:.3f}", shown_limit)
+            table.add_row(f"{robot.prefix}{axis}", *ends, unit, f"{torque[-1]:.3f}", f"{peak:.3f}", shown_limit, effort)
     return table
 
 
@@ -55,12 +58,31 @@ def findings_table(findings: list[Finding]) -> Table:
 
 def robot_table(robot: RobotModel) -> Table:
     """Return the axes of a robot with their limits."""
-    table = _numbers("axis", "lower [deg]", "upper [deg]", "effort [N·m]")
+    table = _numbers("axis", "lower", "upper", "unit", "effort", "unit")
     table.title = f"{robot.name}: {len(robot.axes)} axes, {robot.base} base"
-    lower, upper = np.rad2deg(robot.axis_limits)
-    for axis, low, high, effort in zip(robot.axes, lower, upper, robot.efforts, strict=True):
-        table.add_row(axis, f"{low:.1f}", f"{high:.1f}", f"{effort:g}")
+    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
+    for index, axis in enumerate(robot.axes):
+        limits = f"{lower[index]:.5g}", f"{upper[index]:.5g}", robot.unit_names[index]
+        table.add_row(axis, *limits, f"{robot.efforts[index]:g}", robot.effort_units[index])
     return table
+
+
+def report_table(report: ImportReport) -> Table:
+    """Return what an import did, a row for each deed; elements to which the same was done share a row."""
+    table = Table("", "element", "what was done", box=None, pad_edge=False)
+    elements: dict[tuple[Kind, str], list[str]] = {}
+    for entry in report.entries:
+        elements.setdefault((entry.kind, entry.text), []).append(entry.element)
+    for kind in KINDS:
+        for (of_kind, text), names in elements.items():
+            if of_kind == kind:
+                table.add_row(f"[{_COLOURS[kind]}]{kind}[/]", Text(_listed(names)), Text(text))
+    return table
+
+
+def _listed(names: list[str], most: int = 4) -> str:
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest
 
 
 def _numbers(first: str, *others: str) -> Table:

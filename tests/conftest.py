@@ -1,14 +1,17 @@
 """What several tests share: a one-joint arm as a URDF text and as a plant, and the plant of the IRB120."""
 
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, RotationalInertia, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
@@ -112,3 +115,29 @@ def irb120(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> Iterator[M
     """The plant alone; not finalized."""
     builder = DiagramBuilder()  # it owns the plant and stays until the test is over
     yield add_irb120(builder)  # noqa: PT022
+
+
+@pytest.fixture
+def published_irb120(tmp_path: Path) -> Path:
+    """Return the URDF of a ROS package: STL meshes by package://, no transmissions, effort 0, a frame as a leaf."""
+    package = tmp_path / "ros" / "arm_support"
+    (package / "urdf").mkdir(parents=True)
+    (package / "meshes").mkdir()
+    (package / "package.xml").write_text("<package format='2'><name>arm_support</name></package>")
+    ours = models_root() / "irb120"
+    robot = ET.parse(ours / "irb120.urdf").getroot()
+    for transmission in robot.findall("transmission"):
+        robot.remove(transmission)
+    for limit in robot.iter("limit"):
+        limit.set("effort", "0")
+    for mesh in robot.iter("mesh"):
+        file = ours / mesh.get("filename")
+        trimesh.load(file, force="mesh").export(package / "meshes" / f"{file.stem}.STL")
+        mesh.set("filename", f"package://arm_support/meshes/{file.stem}.stl")
+    ET.SubElement(robot, "link", name="base")
+    frame = ET.SubElement(robot, "joint", name="base_link-base", type="fixed")
+    ET.SubElement(frame, "parent", link="base_link")
+    ET.SubElement(frame, "child", link="base")
+    file = package / "urdf" / "arm.urdf"
+    ET.ElementTree(robot).write(file)
+    return file

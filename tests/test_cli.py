@@ -7,7 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from simrob_drake.cli import BAD_INPUT, DIVERGED, run_command
+from simrob_drake.cli import run_command
+from simrob_drake.cli.app import BAD_INPUT
+from simrob_drake.cli.stations import DIVERGED
 
 
 @pytest.fixture(autouse=True)
@@ -105,10 +107,10 @@ MISTAKES = {
         "no.csv: cannot be read",
     ),
     "a missing URDF": (
-        ["run", "irb120_dynamic", "--set", "robot.model=null", "--set", "robot.urdf=no.urdf"],
-        "no.urdf: cannot be read",
+        ["run", "irb120_dynamic", "--set", "robot.urdf=no.urdf"],
+        "no.urdf: there is no such file",
     ),
-    "a missing URDF to check": (["check", "no.urdf"], "no.urdf: cannot be read"),
+    "a missing URDF to check": (["check", "no.urdf"], "no.urdf: there is no such file"),
     "a duration of nothing": (["run", "irb120_dynamic", "--duration", "0"], "duration"),
     "a word for a duration": (["run", "irb120_dynamic", "--duration", "long"], "Invalid value for '--duration'"),
     "an unknown option": (["run", "irb120_dynamic", "--ot", "x"], "No such option: --ot"),

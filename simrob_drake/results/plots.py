@@ -20,10 +20,10 @@ from simrob_drake.stations.robots import StationRobot
 _DPI = 110
 _VALUE, _REFERENCE, _ERROR, _LIMIT, _STOP = "#1f6fb4", "#e08214", "#8c2d7a", "#b2182b", "#d7301f"
 _NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one further away would flatten the curve
-_QUANTITIES = {"deg": "position", "N·m": "torque", "m": "position"}
+_QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
 _TRUSTED = 0.95  # the part of a diverging run that sets the scale
 _HUGE = 1e9  # nobody reads larger values off a plot
-_SMALLEST_SPAN = {"deg": 0.1, "N·m": 0.01, "m": 0.001}  # of a plot: less is noise, which is not blown up
+_SMALLEST_SPAN = {"deg": 0.1, "N·m": 0.01, "N": 0.01, "m": 0.001}  # of a plot: less is noise, which is not blown up
 
 
 def save_plots(result: SimulationResult, folder: Path) -> list[Path]:
@@ -63,8 +63,8 @@ def _figures(result: SimulationResult, robot: StationRobot) -> Iterator[tuple[st
 def _position_figure(result: SimulationResult, robot: StationRobot) -> Figure:
     """Draw each axis against its reference and, where there can be one, the error below."""
     dynamic = result.config.mode == "dynamic"
-    grid = _Grid(result, robot, "joint positions", cells=robot.axes, units=["deg", "deg"] if dynamic else ["deg"])
-    reference, position = (np.rad2deg(result.axes(signal, robot.name)) for signal in ("q_ref", "q"))
+    grid = _Grid(result, robot, "joint positions", cells=robot.axes, units=robot.model.unit_names, errors=dynamic)
+    reference, position = (result.axes(signal, robot.name) / robot.model.user_units for signal in ("q_ref", "q"))
     for panels, wanted, reached in zip(grid.cells, reference.T, position.T, strict=True):
         grid.draw(panels[0], reached, "position", _VALUE)
         grid.draw(panels[0], wanted, "reference", _REFERENCE, dashed=True)
@@ -76,43 +76,50 @@ def _position_figure(result: SimulationResult, robot: StationRobot) -> Figure:
 
 
 def _torque_figure(result: SimulationResult, robot: StationRobot) -> Figure:
-    grid = _Grid(result, robot, "joint torques", cells=robot.axes, units=["N·m"])
+    grid = _Grid(result, robot, "joint torques", cells=robot.axes, units=robot.model.effort_units)
     torques = result.axes("tau", robot.name).T
-    for (panel,), torque, limit in zip(grid.cells, torques, robot.gains.torque_limit, strict=True):
+    limits = zip(robot.gains.torque_limit, robot.model.effort_units, strict=True)
+    for (panel,), torque, (limit, unit) in zip(grid.cells, torques, limits, strict=True):
         grid.draw(panel, torque, "torque", _VALUE)
         for sign in (-1, 1):
             if _NEAR * (sign * torque).max() >= limit:
                 grid.draw(panel, np.full_like(torque, sign * limit), "torque limit", _LIMIT, dashed=True)
-        grid.note(panel, f"limit ±{limit:g} N·m" if np.isfinite(limit) else "no limit")
+        grid.note(panel, f"limit ±{limit:g} {unit}" if np.isfinite(limit) else "no limit")
     return grid.finished()
 
 
 def _tcp_figure(result: SimulationResult, robot: StationRobot) -> Figure:
     title = f"position of the tool '{robot.tcp}' in the world"
-    grid = _Grid(result, robot, title, cells=["x", "y", "z"], units=["m"])
+    grid = _Grid(result, robot, title, cells=["x", "y", "z"], units=["m"] * 3)
     for (panel,), coordinate in zip(grid.cells, result.pose("tcp", robot.name)[:, :3].T, strict=True):
         grid.draw(panel, coordinate, "tool centre point", _VALUE)
     return grid.finished()
 
 
 class _Grid:
-    """A figure with one cell an axis; a cell has a panel a unit, one above the other, the first one the largest."""
+    """A figure with one cell an axis, each in its unit; a cell has a panel for the value and one for the error."""
 
     def __init__(
-        self, result: SimulationResult, robot: StationRobot, title: str, *, cells: Sequence[str], units: Sequence[str]
+        self,
+        result: SimulationResult,
+        robot: StationRobot,
+        title: str,
+        *,
+        cells: Sequence[str],
+        units: Sequence[str],
+        errors: bool = False,
     ) -> None:
-        self._result, self._units = result, units
+        self._result, self._units, self._ratios = result, units, [3, 1.3] if errors else [3]
         columns = len(cells) if len(cells) <= 3 else int(np.ceil(np.sqrt(len(cells))))
         rows = -(-len(cells) // columns)
-        self._size = max(3.4 * columns, 8.0), (2.9 if len(units) > 1 else 2.2) * rows + 1.3
+        self._size = max(3.4 * columns, 8.0), (2.9 if errors else 2.2) * rows + 1.3
         self._figure = Figure(figsize=self._size)
-        places = self._figure.add_gridspec(
-            rows, columns, **self._edges(), wspace=0.28, hspace=0.3 if len(units) > 1 else 0.4
-        )
+        places = self._figure.add_gridspec(rows, columns, **self._edges(), wspace=0.28, hspace=0.3 if errors else 0.4)
         self.cells = [self._cell(places[divmod(index, columns)], name) for index, name in enumerate(cells)]
-        for panels in self.cells[::columns]:
-            for panel, unit in zip(panels, units, strict=True):
-                panel.set_ylabel(f"error [{unit}]" if panel is not panels[0] else f"{_QUANTITIES[unit]} [{unit}]")
+        for index, (panels, unit) in enumerate(zip(self.cells, units, strict=True)):
+            if index % columns == 0 or unit != units[index - 1]:
+                for panel in panels:
+                    panel.set_ylabel(f"error [{unit}]" if panel is not panels[0] else f"{_QUANTITIES[unit]} [{unit}]")
         for panels in self.cells[-columns:]:
             panels[-1].set_xlabel("time [s]")
         of_robot = "" if result.config.only_robot else f", {robot.name}"
@@ -130,8 +137,8 @@ class _Grid:
 
     def finished(self) -> Figure:
         """Return the figure, with a legend and, where the run was stopped, its end and the reason."""
-        for panels in self.cells:
-            for panel, unit in zip(panels, self._units, strict=True):
+        for panels, unit in zip(self.cells, self._units, strict=True):
+            for panel in panels:
                 self._fit(panel, _SMALLEST_SPAN[unit])
         if self._result.stopped_by:
             self._mark_stop()
@@ -146,7 +153,7 @@ class _Grid:
         return {"left": 0.75 / width, "right": 1 - 0.2 / width, "bottom": 0.5 / height, "top": 1 - top / height}
 
     def _cell(self, place: SubplotSpec, name: str) -> list[Axes]:
-        ratios = [3, 1.3][: len(self._units)]
+        ratios = self._ratios
         inner = place.subgridspec(len(ratios), 1, height_ratios=ratios, hspace=0.12)
         panels = [self._figure.add_subplot(inner[row, 0]) for row in range(len(ratios))]
         panels[0].set_title(name, loc="left", fontsize=10)

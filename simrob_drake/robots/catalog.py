@@ -14,12 +14,13 @@ from pydantic import BeforeValidator, Field
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.paths import models_root
+from simrob_drake.robots.bodies import links_without_inertia
+from simrob_drake.robots.tools import tool_links
 from simrob_drake.robots.urdf import (
     joint_effort,
     joint_limits,
-    last_link,
-    links_without_inertia,
     movable_joints,
+    name_of,
     read_urdf,
     root_link,
 )
@@ -93,7 +94,7 @@ class RobotModel(Strict):
     @property
     def links_without_inertia(self) -> list[str]:
         """Moving links that have no inertia, which only a kinematic station can take."""
-        return links_without_inertia(self.element)
+        return links_without_inertia(self.element, floating=self.base == "floating")
 
     @property
     def axis_limits(self) -> tuple[Vector, Vector]:
@@ -107,6 +108,32 @@ class RobotModel(Strict):
     def efforts(self) -> Vector:
         """Largest torque of every axis' motor in the URDF, shape (n,) [N·m]."""
         return np.array([joint_effort(self.element, axis.joint) for axis in self.axes.values()])
+
+    @cached_property
+    def slides(self) -> tuple[bool, ...]:
+        """Whether each axis slides instead of turning; then keys in ``..._deg`` hold metres, and torques are forces."""
+        kinds = {name_of(joint): joint.get("type") for joint in self.element.iterfind("joint")}
+        return tuple(kinds.get(axis.joint) == "prismatic" for axis in self.axes.values())
+
+    @property
+    def user_units(self) -> Vector:
+        """What one unit of a user's figures is in SI, shape (n,): rad per degree, or 1 m for an axis that slides."""
+        return np.where(self.slides, 1.0, np.deg2rad(1.0))
+
+    @property
+    def home(self) -> Vector:
+        """The home posture, shape (n,) [rad or m]."""
+        return self.user_units * self.axis_vector(self.home_deg, "home_deg")
+
+    @property
+    def unit_names(self) -> list[str]:
+        """The unit of every axis in a user's figures: ``deg`` or ``m``."""
+        return ["m" if slides else "deg" for slides in self.slides]
+
+    @property
+    def effort_units(self) -> list[str]:
+        """The unit of every axis' effort: ``N·m`` or ``N``."""
+        return ["N" if slides else "N·m" for slides in self.slides]
 
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
         """Spread a number, a list or a mapping over the axes.
@@ -166,24 +193,29 @@ def load_robot_from_urdf(path: Path) -> RobotModel:
     Raises:
         InvalidModel: the file cannot be read or has a defect.
     """
-    beside = path.parent / ROBOT_FILE
-    if beside.is_file():
-        described = _described_robot(path.parent)
-        if described.urdf_path.resolve() == path.resolve():
-            return described
+    described = described_robot(path)
+    if described is not None:
+        return described
     root = read_urdf(path)
     check_urdf(root, path)
     if not movable_joints(root):
         raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
-    tool = last_link(root)
     return RobotModel(
         name=root.get("name", path.stem),
         folder=path.resolve().parent,
         urdf=path.name,
         root=root_link(root),
         axes={joint: Axis(joint=joint) for joint in movable_joints(root)},
-        tools={tool: tool},
+        tools={tool: tool for tool in tool_links(root)},
     )
+
+
+def described_robot(path: Path) -> RobotModel | None:
+    """Return the robot of the ``robot.yaml`` beside a URDF if it describes this file."""
+    if not (path.parent / ROBOT_FILE).is_file():
+        return None
+    described = _described_robot(path.parent)
+    return described if described.urdf_path.resolve() == path.resolve() else None
 
 
 def _described_robot(folder: Path) -> RobotModel:

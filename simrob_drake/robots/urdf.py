@@ -73,28 +73,6 @@ def root_link(root: ET.Element) -> str:
     return next(name_of(link) for link in root.iterfind("link") if name_of(link) not in children)
 
 
-def last_link(root: ET.Element) -> str:
-    """Return the first link, in file order, at the end of a chain: where an arm carries its tool."""
-    parents = {link_of(j, "parent") for j in root.iterfind("joint")}
-    return next(name_of(link) for link in root.iterfind("link") if name_of(link) not in parents)
-
-
-def links_without_inertia(root: ET.Element) -> list[str]:
-    """Return the moving links that have no mass, nor anything with mass rigidly attached: no dynamics for them."""
-    weightless = {name_of(link) for link in root.iterfind("link") if mass_of(link) == 0}
-    fixed = {link_of(j, "child"): link_of(j, "parent") for j in root.iterfind("joint") if j.get("type") == "fixed"}
-
-    def carrier(link: str) -> str:
-        while link in fixed:
-            link = fixed[link]
-        return link
-
-    links = [name_of(link) for link in root.iterfind("link")]
-    heavy = {carrier(link) for link in links if link not in weightless}
-    moved = [link_of(j, "child") for j in root.iterfind("joint") if j.get("type") in MOVABLE_JOINTS]
-    return [link for link in moved if carrier(link) not in heavy]
-
-
 def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
     """Return a copy of a robot that can be parsed from memory: its mesh names are absolute.
 

@@ -23,7 +23,7 @@ _NUMBERS = {
 }
 """How many numbers each attribute holds."""
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _WORLD = "world"  # Drake's own link
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from simrob_drake.frames import Vector
+from simrob_drake.importer.cache import import_summary
 from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant, add_plant
@@ -44,6 +45,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     check_references(diagram, ports)
     findings = [Finding("ok", "references", "all within the joint limits")]
     for robot in ports.plant.robots.values():
+        findings += _import_findings(config, robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
             findings += _holding_findings(diagram, ports, robot)
     if config.mode == "dynamic":
@@ -80,6 +82,14 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
         return "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step"
     key = "solver.time_step" if isinstance(config.solver, DiscreteSolver) else "solver.max_step or solver.accuracy"
     return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
+
+
+def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
+    urdf = config.robots[robot.name].urdf
+    if urdf is None or robot.model.folder == urdf.parent.resolve():
+        return []
+    text = f"{import_summary(robot.model)}; `simrob check {urdf}` tells all"
+    return [Finding("ok", f"import of {urdf.name}", text)]
 
 
 def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot) -> list[Finding]:

@@ -73,9 +73,10 @@ def check_references(diagram: Diagram, ports: StationPorts) -> None:
         outside = (positions < lower - 1e-9) | (positions > upper + 1e-9)
         if outside.any():
             row, axis = np.argwhere(outside)[0]
-            low, high, value = np.rad2deg([lower[axis], upper[axis], positions[row, axis]])
+            unit, name = robot.model.user_units[axis], robot.model.unit_names[axis]
+            low, high, value = np.array([lower[axis], upper[axis], positions[row, axis]]) / unit
             raise InvalidParameter(
                 f"reference of {robot.prefix}{robot.axes[axis]}",
-                f"{value:.1f} deg at {times[row]:.2f} s",
-                f"within the joint's limits of {low:.1f} to {high:.1f} deg",
+                f"{value:.5g} {name} at {times[row]:.2f} s",
+                f"within the joint's limits of {low:.5g} to {high:.5g} {name}",
             )

@@ -1,6 +1,7 @@
 """What a station file may say: the fields below are the YAML schema, their comments its documentation.
 
-All values are SI units and radians, except where a name ends in ``_deg``. A value "per axis" is one number for all
+All values are SI units and radians, except where a name ends in ``_deg``: that is degrees, and metres for an axis that
+slides. A value "per axis" is one number for all
 axes, a list in axis order, or a mapping by axis name.
 """
 
@@ -11,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import ORIGIN, Colour, NotNegative, Pose, Positive, Triple
 from simrob_drake.stations.monitor_config import Monitors
@@ -51,12 +53,14 @@ class ServoConfig(Strict):
 
 
 class RobotConfig(Strict):
-    """A robot of the station: one of the package by name, or any clean URDF by path."""
+    """A robot of the station: one of the package by name, or any URDF by path."""
 
     model: str | None = None
     """A robot's name, of `simrob list`."""
     urdf: Path | None = None
-    """A URDF file instead of a model; relative paths start at the station's file."""
+    """A URDF file instead of a model; relative paths start at the station's file. One with defects is imported."""
+    import_options: ImportOptions | None = None
+    """Choices for the import of the URDF, which then takes place in any case."""
     base: Pose = ORIGIN
     """Pose of the root link in the world, [x y z Rz Ry Rx]."""
     initial_deg: AxisValues = 0.0
@@ -72,6 +76,8 @@ class RobotConfig(Strict):
     def _one_origin(self) -> RobotConfig:
         if (self.model is None) == (self.urdf is None):
             raise ValueError("a robot has either a model or a urdf")
+        if self.urdf is None and self.import_options is not None:
+            raise ValueError("import_options go with a urdf")
         return self
 
 

@@ -22,6 +22,10 @@ STATION_SUFFIXES = (".yaml", ".yml")
 ONLY_ROBOT = "robot"
 """The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
 
+_ROBOTS = (ONLY_ROBOT, "robots")
+_ORIGINS = {"urdf": ("model",), "model": ("urdf", "import_options")}
+"""What a robot can come from, and which keys of its section a change of that takes away."""
+
 _KINDS = {"reference": ReferenceConfig, "solver": SolverConfig}
 
 
@@ -89,6 +93,9 @@ def _override(content: dict[str, Any], key: list[str], value: Any, path: Path) -
             raise InvalidConfig(path, ".".join(key[: depth + 1]), f"is {child!r}, so it has no key '{key[depth + 1]}'")
         node = child
     section = key[-2] if len(key) > 1 else ""
+    if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:
+        for other in _ORIGINS[key[-1]]:
+            node.pop(other, None)
     if key[-1] == "kind" and section in _KINDS and node.get("kind") != value:
         _change_kind(node, _KINDS[section], value)
     if isinstance(value, Mapping) and value and isinstance(node.get(key[-1]), dict):
@@ -129,6 +136,9 @@ def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any
         for owner, key in ((section, "urdf"), (section.get("reference"), "file")):
             if isinstance(owner, dict) and isinstance(owner.get(key), str):
                 owner[key] = str(folder / owner[key])
+        options = section.get("import_options")
+        if isinstance(options, dict) and isinstance(options.get("mesh_path"), list):
+            options["mesh_path"] = [str(folder / str(place)) for place in options["mesh_path"]]
     return result
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_from_urdf
+from simrob_drake.importer.cache import robot_from_file
+from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot
 from simrob_drake.robots.pieces import PieceModel, load_piece
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.yaml_files import validated
@@ -18,7 +19,7 @@ def robot_model(config: StationConfig, robot: str) -> RobotModel:
     """Return the model of one of the station's robots."""
     entry = config.robots[robot]
     if entry.urdf is not None:
-        return load_robot_from_urdf(entry.urdf)
+        return robot_from_file(entry.urdf, entry.import_options)
     return load_robot(str(entry.model))
 
 
@@ -72,12 +73,13 @@ def initial_position(config: StationConfig, robot: str, model: RobotModel) -> Ve
     Raises:
         InvalidParameter: a start outside the joint limits.
     """
-    position = np.deg2rad(model.axis_vector(config.robots[robot].initial_deg, f"robots.{robot}.initial_deg"))
+    position = model.user_units * model.axis_vector(config.robots[robot].initial_deg, f"robots.{robot}.initial_deg")
     lower, upper = model.axis_limits
-    for axis, value, low, high in zip(model.axes, position, lower, upper, strict=True):
-        if not low <= value <= high:
-            limits = f"within {np.rad2deg(low):.1f} to {np.rad2deg(high):.1f} deg"
-            raise InvalidParameter(f"initial_deg of {axis}", float(np.rad2deg(value)), limits)
+    for index, axis in enumerate(model.axes):
+        if not lower[index] <= position[index] <= upper[index]:
+            low, high, value = np.array([lower[index], upper[index], position[index]]) / model.user_units[index]
+            limits = f"within {low:.5g} to {high:.5g} {model.unit_names[index]}"
+            raise InvalidParameter(f"initial_deg of {axis}", f"{value:.5g}", limits)
     return position
 
 

@@ -56,7 +56,7 @@ def add_reference(
         return add_sine(
             builder,
             robot.initial,
-            np.deg2rad(robot.model.axis_vector(wanted.amplitude_deg, "reference.amplitude_deg")),
+            robot.model.user_units * robot.model.axis_vector(wanted.amplitude_deg, "reference.amplitude_deg"),
             frequency=wanted.frequency,
             phase=np.deg2rad(robot.model.axis_vector(wanted.phase_deg, "reference.phase_deg")),
             name=name,
@@ -98,17 +98,17 @@ def _trajectory(config: ReferenceConfig, robot: StationRobot) -> Trajectory:
     start = robot.initial
     match config:
         case Hold():
-            return hold(start if config.target_deg is None else _radians(config.target_deg, robot, start))
+            return hold(start if config.target_deg is None else _si(config.target_deg, robot, start))
         case Ramp():
-            target = _radians(config.target_deg, robot, start)
+            target = _si(config.target_deg, robot, start)
             return ramp(start, target, duration=config.duration, start_time=config.start)
         case Move():
-            target = _radians(config.target_deg, robot, start)
+            target = _si(config.target_deg, robot, start)
             return move(start, target, duration=config.duration, start_time=config.start)
         case Sequence():
             targets = [start]
             for waypoint in config.targets:
-                targets.append(_radians(waypoint.target_deg, robot, targets[-1]))
+                targets.append(_si(waypoint.target_deg, robot, targets[-1]))
             return sequence(start, [waypoint.time for waypoint in config.targets], targets[1:])
         case Table():
             samples = read_table(config.file, robot.axes)
@@ -126,9 +126,10 @@ def _through(samples: Samples, robot: StationRobot, *, linear: bool) -> Trajecto
     return table(samples[0], positions, linear=linear)
 
 
-def _radians(values: AxisValues, robot: StationRobot, otherwise: Vector) -> Vector:
-    """Return degrees per axis in radians; axes that a mapping leaves out stay where they were."""
-    return np.deg2rad(robot.model.axis_vector(values, "reference.target_deg", np.rad2deg(otherwise)))
+def _si(values: AxisValues, robot: StationRobot, otherwise: Vector) -> Vector:
+    """Return a user's figures per axis in SI; axes that a mapping leaves out stay where they were."""
+    units = robot.model.user_units
+    return np.asarray(units * robot.model.axis_vector(values, "reference.target_deg", otherwise / units))
 
 
 def _numbers(row: list[str], places: list[int], file: Path, line: int) -> list[float]:

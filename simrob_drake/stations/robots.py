@@ -65,8 +65,8 @@ def add_robot(plant: MultibodyPlant, config: StationConfig, name: str, *, collis
     entry, model, servo = config.robots[name], robot_model(config, name), config.servo_of(name)
     if config.mode == "dynamic" and model.links_without_inertia:
         listed = ", ".join(model.links_without_inertia)
-        problem = f"the moving links {listed} have no inertia; only a kinematic station can take them"
-        raise InvalidModel(model.urdf_path, "", problem)
+        remedy = "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true"
+        raise InvalidModel(entry.urdf or model.urdf_path, "", f"the moving links {listed} have no inertia; {remedy}")
     carried = [piece for piece in pieces_outward(config) if carrier(config, piece) == name]
     urdf = _with_pieces(config, name, model, carried)
     instance = add_urdf(plant, urdf, name=name, where=model.urdf_path, collision=collision)

@@ -10,12 +10,12 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.errors import InvalidModel, UnknownName
+from simrob_drake.robots.bodies import links_without_inertia
 from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.tools import tool_links
 from simrob_drake.robots.urdf import (
     joint_effort,
     joint_limits,
-    last_link,
-    links_without_inertia,
     movable_joints,
     read_urdf,
     root_link,
@@ -77,7 +77,7 @@ def test_a_clean_urdf_tells_its_joints_and_ends(write_urdf: Write, one_joint_urd
     assert joint_effort(root, "shoulder") == 10.0
     assert joint_effort(root, "flange") == 0.0
     assert root_link(root) == "base"
-    assert last_link(root) == "tip"
+    assert tool_links(root) == ["tip"]
 
 
 def test_a_continuous_joint_needs_an_effort_but_no_range(write_urdf: Write, one_joint_urdf: str) -> None:

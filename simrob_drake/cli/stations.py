@@ -1,44 +1,31 @@
-"""The command line: ``simrob list | run | check | diagram``.
-
-Exit codes: 0 done, a monitor's stop included; 2 bad input, with one line on the error stream that says what, where and
-what would be right; 3 the simulation diverged, 130 the user interrupted it, both with the partial result saved.
-"""
+"""The commands about stations: list, run, check, diagram."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
-from typer.exceptions import TyperException
 
-import simrob_drake
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.cli.robots import ROBOT_SUFFIXES, Estimate, MeshPath, examine_file
+from simrob_drake.cli.screen import console, errors
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import SUMMARY, default_folder
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.robots.catalog import load_robot, load_robot_from_urdf, robot_names
+from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.robots.pieces import load_piece, piece_names
 from simrob_drake.simulate import simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
-from simrob_drake.tables import convergence_table, findings_table, result_table, robot_table
+from simrob_drake.tables import convergence_table, findings_table, result_table
 from simrob_drake.yaml_files import parse_yaml
 
-BAD_INPUT, DIVERGED, INTERRUPTED = 2, 3, 130
-
-app = typer.Typer(
-    help="Build, control, program and watch robot stations.",
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
-console = Console(width=None if sys.stdout.isatty() else 160)
-errors = Console(stderr=True, soft_wrap=True)
+DIVERGED, INTERRUPTED = 3, 130
 
 StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
 SetOption = Annotated[
@@ -47,36 +34,6 @@ SetOption = Annotated[
 ]
 
 
-def main() -> None:
-    """Run the command line and leave with its exit code."""
-    sys.exit(run_command(sys.argv[1:]))
-
-
-def run_command(arguments: list[str]) -> int:
-    """Run a command and return its exit code; errors of the user go to the error stream in one line."""
-    try:
-        code = app(arguments, standalone_mode=False)
-    except (SimrobError, TyperException) as problem:
-        tell = getattr(problem, "format_message", problem.__str__)  # usage errors name the option there
-        print(f"simrob: {' '.join(tell().split())}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("simrob: interrupted", file=sys.stderr)
-        return INTERRUPTED
-    return code if isinstance(code, int) else 0
-
-
-@app.callback(invoke_without_command=True)
-def version(
-    show: Annotated[bool, typer.Option("--version", help="Show the version and exit.", is_eager=True)] = False,
-) -> None:
-    """Say which version this is."""
-    if show:
-        console.print(simrob_drake.__version__)
-        raise typer.Exit
-
-
-@app.command("list")
 def list_all() -> None:
     """List the stations, robots and pieces that come with the package."""
     rows = [
@@ -92,7 +49,6 @@ def list_all() -> None:
         console.print()
 
 
-@app.command()
 def run(
     station: StationArgument,
     duration: Annotated[float | None, typer.Option(help="Simulated time [s], in place of the station's.")] = None,
@@ -128,23 +84,20 @@ def run(
     return {"diverged": DIVERGED, "interrupted": INTERRUPTED}.get(result.ending, 0)
 
 
-@app.command()
 def check(
-    station: Annotated[str, typer.Argument(metavar="STATION|FILE.urdf", help="A station, or a robot's URDF.")],
+    station: Annotated[str, typer.Argument(metavar="STATION|FILE.urdf", help="A station, or a robot's file.")],
     set_: SetOption = None,
+    mesh_path: MeshPath = None,
+    estimate_inertia: Estimate = False,
 ) -> None:
-    """Say before any run what a station's robots need, and what will go wrong."""
-    if Path(station).suffix in (".urdf", ".xacro"):
-        robot = load_robot_from_urdf(Path(station))
-        console.print(robot_table(robot))
-        weightless = robot.links_without_inertia
-        console.print(f"links without inertia: {', '.join(weightless) or 'none'}", highlight=False)
+    """Say before any run what a station's robots need, and what will go wrong; or what an import would do."""
+    if Path(station).suffix in ROBOT_SUFFIXES:
+        examine_file(Path(station), mesh_path, estimate_inertia)
         return
     findings = check_station(load_station(station, _overrides(set_)))
     console.print(findings_table(findings))
 
 
-@app.command()
 def diagram(
     station: StationArgument,
     out: Annotated[Path | None, typer.Option(help="FILE.svg, .dot or .mmd; DOT on the screen unless given.")] = None,
@@ -201,5 +154,4 @@ def _converge(result: SimulationResult) -> None:
     console.print(convergence_table(result, simulate(tight)))
 
 
-if __name__ == "__main__":
-    main()
+COMMANDS: dict[str, Callable[..., Any]] = {"list": list_all, "run": run, "check": check, "diagram": diagram}

@@ -1,0 +1,5 @@
+"""``python -m simrob_drake.cli`` does what ``simrob`` does."""
+
+from simrob_drake.cli.app import main
+
+main()

@@ -1,0 +1,76 @@
+"""Robots by path: clean URDFs as they are, all others imported into a cache that is keyed by content."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+import simrob_drake
+from simrob_drake.errors import OutputError, SimrobError
+from simrob_drake.importer.importing import REPORT_FILE, import_robot
+from simrob_drake.importer.mesh_places import mesh_files
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.reading.source import read_source
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel, load_robot_from_urdf
+from simrob_drake.robots.urdf import with_absolute_meshes
+from simrob_drake.yaml_files import read_yaml
+
+CACHE_VARIABLE = "XDG_CACHE_HOME"
+
+
+def robot_from_file(path: Path, options: ImportOptions | None = None) -> RobotModel:
+    """Return the robot of any URDF: read as it is if it is clean, imported once if it is not.
+
+    Args:
+        path: the file.
+        options: of the import; where some are given, the file is imported though it may be clean.
+
+    Raises:
+        InvalidModel: a defect that no import can repair.
+        OutputError: the cache cannot be written.
+    """
+    if options is None:
+        try:
+            robot = load_robot_from_urdf(path)
+            with_absolute_meshes(robot.element, robot.folder)
+        except SimrobError:
+            pass
+        else:
+            return robot
+    return _imported_once(path.resolve(), options or ImportOptions())
+
+
+def import_summary(robot: RobotModel) -> str:
+    """Return what an import did to a robot, in one line; empty if it was not imported."""
+    file = robot.folder / REPORT_FILE
+    return str(json.loads(file.read_text(encoding="utf-8"))["summary"]) if file.is_file() else ""
+
+
+def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
+    folder = _cache_root() / _key(source, options)
+    if not (folder / REPORT_FILE).is_file():
+        try:
+            import_robot(source, folder, options, apart=False)
+        except OutputError:
+            if not (folder / REPORT_FILE).is_file():  # else another process was quicker
+                raise
+    urdf = str(read_yaml(folder / ROBOT_FILE)["urdf"])
+    return load_robot_from_urdf(folder / urdf)
+
+
+def _cache_root() -> Path:
+    caches = Path(os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache")
+    return caches / "simrob_drake" / "robots"
+
+
+def _key(source: Path, options: ImportOptions) -> str:
+    """Return a name that changes with all that the result depends on, and is never the file's own."""
+    digest = hashlib.sha256(f"{simrob_drake.__version__} {options.model_dump_json()}".encode())
+    robot = read_source(source, ImportReport(source))
+    beside = [file for file in (source, source.parent / ROBOT_FILE) if file.is_file()]
+    for file in (*beside, *mesh_files(robot, source=source, options=options)):
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()[:32]

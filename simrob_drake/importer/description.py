@@ -1,0 +1,62 @@
+"""The first draft of an imported robot's ``robot.yaml``."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import yaml
+
+from simrob_drake.importer.gains import first_gains
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.catalog import RobotModel
+
+_HEADER = """\
+# Draft of an import; edit it freely.
+# axes: the joints in the order of every vector; rename an axis as `elbow: {joint: joint_3, sign: -1}`.
+# tools: frames of the URDF whose pose a station can follow; the first is where pieces are attached.
+"""
+
+
+def draft(robot: RobotModel, report: ImportReport) -> str:
+    """Return the text of a ``robot.yaml``.
+
+    Args:
+        robot: the imported robot, with its base decided.
+        report: of the import, which the home posture and the gains are added to.
+    """
+    content: dict[str, Any] = {
+        "name": robot.name,
+        "description": f"{robot.name}, imported",
+        "source": report.source.name,
+        "urdf": robot.urdf,
+        "base": robot.base,
+        "root": robot.root,
+        "axes": list(robot.axes),
+        "tools": robot.tools,
+    }
+    home = _home_deg(robot)
+    if home:
+        content["home_deg"] = home
+        report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {', '.join(home)}: they start midway")
+    if not robot.links_without_inertia:
+        content["servo"] = _servo(robot)
+        report.add("defaulted", "robot.yaml", "servo gains from the mass matrix")
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+    return _HEADER + text
+
+
+def _home_deg(robot: RobotModel) -> dict[str, float]:
+    """Return the axes [deg] that cannot be at zero, in the middle of their range."""
+    lower, upper = robot.axis_limits
+    return {
+        axis: round(math.degrees((low + high) / 2), 3)
+        for axis, low, high in zip(robot.axes, lower, upper, strict=True)
+        if not low <= 0 <= high
+    }
+
+
+def _servo(robot: RobotModel) -> dict[str, Any]:
+    gains = first_gains(robot)
+    per_axis = {"kp": gains.kp, "kd": gains.kd}
+    return {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in per_axis.items()}

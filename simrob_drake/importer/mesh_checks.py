@@ -1,0 +1,145 @@
+"""Look into the bytes of a mesh file before a library does: nothing may grow beyond what the file holds."""
+
+from __future__ import annotations
+
+import re
+import struct
+import xml.etree.ElementTree as ET
+import xml.parsers.expat
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from simrob_drake.importer.mesh_references import decoded, gltf_header
+
+_STL_HEADER, _STL_FACE = 84, 50  # bytes
+_MOST_NODES = 20_000
+_MOST_ITEMS = 30_000_000
+_MOST_BYTES = 300_000_000
+
+
+class UnreadableMesh(Exception):
+    """No mesh can be had from a file; the text says why."""
+
+
+def checked(data: bytes, kind: str) -> tuple[bytes, list[str]]:
+    """Return the bytes that a mesh library may read, and what was mended in them, in words.
+
+    Raises:
+        UnreadableMesh: the file is cut off, empty, or asks for far more than it holds.
+    """
+    if not data.strip(b"\0 \t\r\n"):
+        raise UnreadableMesh("is empty")
+    check: Callable[[bytes], tuple[bytes, list[str]]] | None = _CHECKS.get(kind)
+    return (data, []) if check is None else check(data)
+
+
+def _stl(data: bytes) -> tuple[bytes, list[str]]:
+    """Cut what follows the last face of a binary STL off; one that has less than it says is no mesh."""
+    if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1000]:  # binary ones may begin so, too
+        return _obj(data)
+    if len(data) < _STL_HEADER:
+        raise UnreadableMesh(f"is not readable as STL: {len(data)} bytes are less than its header")
+    (count,) = struct.unpack("<I", data[80:84])
+    there = (len(data) - _STL_HEADER) // _STL_FACE
+    if count > there:
+        raise UnreadableMesh(f"is cut off: of its {count} faces {there} are there")
+    if count == 0:
+        raise UnreadableMesh("holds no triangles")
+    end = _STL_HEADER + count * _STL_FACE
+    return data[:end], [f"{len(data) - end} bytes after its last face left out"] if len(data) > end else []
+
+
+def _obj(data: bytes) -> tuple[bytes, list[str]]:
+    """Write a text in UTF-8: comments and names of materials are often in another encoding."""
+    return decoded(data).encode(), []
+
+
+def _dae(data: bytes) -> tuple[bytes, list[str]]:
+    """Refuse document types, entities, archives, and nodes that multiply; tell the up axis."""
+    _refuse_document_type(data)
+    try:
+        root = ET.fromstring(data)
+    except (ET.ParseError, ValueError, LookupError) as problem:
+        raise UnreadableMesh(f"is not readable as DAE ({problem})") from problem
+    if _node_count(root) > _MOST_NODES:
+        raise UnreadableMesh(f"has more than {_MOST_NODES} nodes, or nodes within themselves")
+    up = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
+    return data, [] if up == "Z_UP" else [f"its up axis {up} is ignored, as ROS does"]
+
+
+def _refuse_document_type(data: bytes) -> None:
+    def refuse(*_: Any) -> NoReturn:
+        raise UnreadableMesh("declares entities or a document type, which a mesh never needs")
+
+    class Started(Exception):
+        """The outermost element has begun; document types stand before it."""
+
+    def start(*_: Any) -> NoReturn:
+        raise Started
+
+    parser = xml.parsers.expat.ParserCreate()
+    parser.StartDoctypeDeclHandler, parser.EntityDeclHandler, parser.StartElementHandler = refuse, refuse, start
+    try:
+        parser.Parse(data, True)
+    except Started:
+        return
+    except (xml.parsers.expat.ExpatError, ValueError, LookupError) as problem:
+        raise UnreadableMesh(f"is not readable as DAE ({problem})") from problem
+
+
+def _node_count(root: ET.Element) -> int:
+    """Return how many nodes a COLLADA scene has once its instances are put in; too many for a circle."""
+    named = {f"#{node.get('id')}": node for node in root.iter() if node.tag.endswith("}node")}
+    counts: dict[int, int] = {}
+
+    def count(node: ET.Element, depth: int) -> int:
+        if id(node) not in counts:
+            if depth > 200:
+                return _MOST_NODES + 1
+            counts[id(node)] = _MOST_NODES + 1  # until it is known: a node within itself
+            targets = (named.get(child.get("url", "")) for child in node if child.tag.endswith("}instance_node"))
+            inner = [child for child in node if child.tag.endswith("}node")]
+            below = (count(child, depth + 1) for child in (*inner, *(t for t in targets if t is not None)))
+            counts[id(node)] = min(_MOST_NODES + 1, 1 + sum(below))
+        return counts[id(node)]
+
+    return max((count(scene, 0) for scene in root.iter() if scene.tag.endswith("}visual_scene")), default=0)
+
+
+def _gltf(data: bytes) -> tuple[bytes, list[str]]:
+    """Refuse files whose numbers and slices are larger than any mesh's."""
+    header = gltf_header(data)
+    if not isinstance(header, dict):
+        raise UnreadableMesh("is not readable as glTF")
+    items = sum(_figures(header, "accessors", "count"))
+    sliced = sum(_figures(header, "bufferViews", "byteLength"))
+    if items > _MOST_ITEMS or sliced > _MOST_BYTES or len(_figures(header, "nodes", "mesh")) > _MOST_NODES:
+        raise UnreadableMesh("asks for more numbers than a mesh has")
+    return data, []
+
+
+def _figures(header: dict[str, Any], key: str, name: str) -> list[int]:
+    """Return one figure of each entry of a list; 0 where there is none, too many where it is none."""
+    entries = header.get(key, [])
+    if not isinstance(entries, list):
+        return [_MOST_BYTES + 1]
+    values = [entry.get(name, 0) if isinstance(entry, dict) else None for entry in entries]
+    return [value if type(value) is int and value >= 0 else _MOST_BYTES + 1 for value in values]
+
+
+def _counted(data: bytes) -> tuple[bytes, list[str]]:
+    """Refuse a PLY whose header counts more than the file has bytes."""
+    head = data[: data.find(b"end_header")] if b"end_header" in data[:100_000] else data[:10_000]
+    if any(int(count) > len(data) for count in re.findall(rb"element\s+\w+\s+(\d{1,18})\b", head)):
+        raise UnreadableMesh("is cut off: its header counts more than is there")
+    return data, []
+
+
+_CHECKS: dict[str, Callable[[bytes], tuple[bytes, list[str]]]] = {
+    ".stl": _stl,
+    ".obj": _obj,
+    ".dae": _dae,
+    ".gltf": _gltf,
+    ".glb": _gltf,
+    ".ply": _counted,
+}

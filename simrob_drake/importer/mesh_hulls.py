@@ -1,0 +1,167 @@
+"""Shapes to collide with: the convex hull of a mesh, or the tightest box around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from scipy.spatial import ConvexHull, QhullError
+
+from simrob_drake.frames import Vector
+from simrob_drake.importer.mesh_checks import UnreadableMesh
+from simrob_drake.importer.mesh_parts import Part
+
+MOST_CORNERS = 130
+"""A convex body with that many corners has at most 256 faces: contact stays quick, and no robot needs more."""
+_CLOSE = 1e-3
+"""Corners are left out while the hull stays within this part of the mesh's size, in each direction."""
+_GROWTH = 0.3
+"""By which part the corners of a hull may grow in a round: slow growth spreads them better, and takes longer."""
+_THIN = 1e-4
+"""A mesh thinner than half of this part of its size is flat, and made this thick: the next import finds it solid."""
+
+
+@dataclass(frozen=True)
+class Hull:
+    """A convex body.
+
+    Attributes:
+        part: its surface.
+        gap: how far the farthest point of the mesh sticks out [m].
+        thickened: how thick a flat mesh was made [m]; 0 for a solid one.
+    """
+
+    part: Part
+    gap: float
+    thickened: float
+
+
+def hull_of(points: Vector) -> Hull:
+    """Return the convex hull of points (n, 3), with as many corners as it needs but no more than `MOST_CORNERS`.
+
+    The corners are points of the mesh, so the hull is never larger; its bounding box is the mesh's.
+
+    Raises:
+        UnreadableMesh: the points are too close together.
+    """
+    solid, thickness = _thick(points)
+    corners = solid[_convex(solid).vertices]
+    chosen, gap = _fewest(corners)
+    return Hull(_surface(corners[chosen].round(9) + 0.0), gap, thickness)
+
+
+def is_hull(part: Part) -> bool:
+    """Return whether a mesh is a convex body already, with no more corners than contact should have."""
+    if len(part.faces) > 2 * MOST_CORNERS or not _closed(part):
+        return False
+    solid, thickness = _thick(part.vertices)
+    if thickness:
+        return False
+    first, second, third = (solid[part.faces[:, corner]] - solid.mean(axis=0) for corner in range(3))
+    volume = float(np.einsum("ij,ij->", first, np.cross(second, third))) / 6
+    return abs(volume - _convex(solid).volume) <= 1e-6 * volume
+
+
+def box_of(points: Vector) -> tuple[Vector, RigidTransform, float]:
+    """Return the size (3,) [m] and the pose of the tightest box around points (n, 3), and how thick it was made.
+
+    The box stands along the axes where that costs less than 2 % of its volume: such figures can be read.
+    """
+    from trimesh.bounds import oriented_bounds
+
+    solid, thickness = _thick(points)
+    lower, upper = solid.min(axis=0), solid.max(axis=0)
+    straight = upper - lower
+    to_box, size = oriented_bounds(solid[_convex(solid).vertices])  # type: ignore[no-untyped-call]
+    if np.prod(straight) <= 1.02 * np.prod(size):
+        return straight.round(9), RigidTransform(((lower + upper) / 2).round(9) + 0.0), thickness
+    pose = np.linalg.inv(to_box)
+    if np.linalg.det(pose[:3, :3]) < 0:
+        pose[:3, 0] *= -1  # a box looks the same mirrored
+    turn = RotationMatrix.ProjectToRotationMatrix(pose[:3, :3])
+    return np.asarray(size).round(9), RigidTransform(turn, pose[:3, 3].round(9) + 0.0), thickness
+
+
+def _thick(points: Vector) -> tuple[Vector, float]:
+    """Return points that fill a volume, and how thick flat ones were made for that [m]."""
+    centre = points.mean(axis=0)
+    _, axes = np.linalg.eigh(np.cov((points - centre).T))
+    along = (points - centre) @ axes
+    least = _THIN * float(np.ptp(along, axis=0).max())
+    flat = np.ptp(along, axis=0) < least / 2
+    for axis in np.flatnonzero(flat):
+        offset = axes[:, axis] * least / 2
+        points = np.concatenate([points - offset, points + offset])
+    return points, least if flat.any() else 0.0
+
+
+def _convex(points: Vector) -> ConvexHull:
+    try:
+        return ConvexHull(points)
+    except QhullError as problem:
+        raise UnreadableMesh("is too thin or too small for a convex hull") from problem
+
+
+def _fewest(corners: Vector) -> tuple[list[int], float]:
+    """Choose corners, the farthest out first, until the hull of the chosen ones is close or they are many.
+
+    How far out is measured in the directions of the body's own axes, along each as a part of its length there: a
+    needle stays as round as a ball.
+
+    Returns:
+        the indices of the chosen ones in order, and how far the others stick out at most [m].
+    """
+    centred = corners - corners.mean(axis=0)
+    along = centred @ np.linalg.eigh(np.cov(centred.T))[1]
+    even = along / np.ptp(along, axis=0)
+    chosen, rest = _extremes(np.hstack([corners, even])), np.arange(len(corners))
+    while len(rest) and len(chosen) < MOST_CORNERS:
+        planes = _convex(even[chosen]).equations
+        above = _heights(even[rest], planes)
+        out = above.max(axis=1)
+        tops = np.unique(above.argmax(axis=0))  # the farthest over each face, as quickhull does
+        tops = tops[out[tops] > max(_CLOSE, 0.5 * out.max())]
+        room = min(MOST_CORNERS - len(chosen), max(1, int(_GROWTH * len(chosen))))
+        chosen += rest[tops[np.argsort(-out[tops], kind="stable")][:room]].tolist()
+        rest = rest[out > _CLOSE]  # the hull only grows: what is within stays within
+    gap = _heights(corners, _convex(corners[chosen]).equations).max()
+    return sorted(chosen), max(0.0, float(gap))
+
+
+def _heights(points: Vector, planes: Vector) -> Vector:
+    """Return how far each point (n, 3) is over each plane (m, 4), as (n, m)."""
+    heights: Vector = np.einsum("ik,jk->ij", points, planes[:, :3]) + planes[:, 3]
+    return heights
+
+
+def _extremes(points: Vector) -> list[int]:
+    """Return the first points at each end of each column, and more until they fill a volume of the last three."""
+    chosen = {int(index) for index in (*points.argmin(axis=0), *points.argmax(axis=0))}
+    even = points[:, -3:]
+    for _ in range(3):
+        middle = even[sorted(chosen)].mean(axis=0)
+        _, sizes, axes = np.linalg.svd(even[sorted(chosen)] - middle, full_matrices=True)
+        if len(sizes) == 3 and sizes[2] > 1e-3:
+            break
+        chosen.add(int(abs((even - middle) @ axes[2]).argmax()))
+    return sorted(chosen)
+
+
+def _surface(points: Vector) -> Part:
+    """Return the surface of the convex hull of points, its faces seen counterclockwise from outside."""
+    hull = _convex(points)
+    vertices, index = points[hull.vertices], np.full(len(points), -1)
+    index[hull.vertices] = np.arange(len(hull.vertices))
+    faces = index[hull.simplices]
+    first, second, third = (vertices[faces[:, corner]] for corner in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(second - first, third - first), hull.equations[:, :3]) < 0
+    faces[inward] = faces[inward, ::-1]
+    return Part(vertices, faces.astype(np.int64))
+
+
+def _closed(part: Part) -> bool:
+    """Return whether every edge belongs to two faces that run along it in opposite directions."""
+    edges = np.concatenate([part.faces[:, [0, 1]], part.faces[:, [1, 2]], part.faces[:, [2, 0]]])
+    forth = {(a, b) for a, b in edges.tolist()}
+    return len(forth) == len(edges) and all((b, a) in forth for a, b in forth)

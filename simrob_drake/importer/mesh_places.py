@@ -1,0 +1,273 @@
+"""Find the file behind the name of a mesh, and only where meshes may be read from."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
+
+from simrob_drake.errors import shortened
+from simrob_drake.importer.mesh_packages import MANIFEST, find_package, is_file
+from simrob_drake.importer.mesh_references import references
+from simrob_drake.importer.options import ImportOptions
+
+__all__ = ["MANIFEST", "MeshMissing", "MeshOutside", "MeshPlaces", "Place", "mesh_files", "package_root"]
+
+_NETWORK = ("http", "https", "ftp")
+_LEVELS = 4
+"""How far up from the URDF the manifest of its package may lie."""
+_INNER = ("urdf", "urdfs", "xacro", "robot", "robots", "description", "model", "models")
+"""Names of folders that lie inside a package and hold its URDF."""
+
+
+class MeshMissing(Exception):
+    """No file is behind a name; the text says what was looked for."""
+
+
+class MeshOutside(Exception):
+    """The file behind a name is none that may be read."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a file lies.
+
+    Attributes:
+        path: the file, with no symbolic links in it.
+        note: what had to be mended in its name; empty where it was right.
+    """
+
+    path: Path
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class _Name:
+    """A name taken apart: in which package it is, and the path from there."""
+
+    package: str
+    path: str
+    scheme: str
+
+
+@dataclass
+class MeshPlaces:
+    """Where the meshes of one robot may lie.
+
+    Attributes:
+        source: the URDF, an absolute path.
+        mesh_path: further folders that the user allows.
+    """
+
+    source: Path
+    mesh_path: tuple[Path, ...] = ()
+    _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
+    _found: dict[str, Place] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        """Know the folders that every name is looked for in."""
+        self.root = package_root(self.source)
+        self.mesh_path = tuple(_resolved(folder) for folder in self.mesh_path)
+
+    def find(self, uri: str) -> Place:
+        """Return the file of a mesh.
+
+        Names begin with ``package://``, ``model://``, ``file://`` or nothing, and may hold backslashes, %20 and
+        letters in the wrong case. A path that is not there as a whole is tried by its end: authors leave their own
+        folders in, and rename packages.
+
+        Raises:
+            MeshMissing: it is nowhere.
+            MeshOutside: it lies outside of the folders that may be read.
+        """
+        if uri not in self._found:
+            self._found[uri] = self._find(uri)
+        return self._found[uri]
+
+    def needed_by(self, path: Path) -> tuple[dict[str, Path], list[str]]:
+        """Return the files that a mesh asks for, such as textures, by its names for them, and the missing names.
+
+        Raises:
+            MeshOutside: one lies outside of the folders that may be read.
+            OSError: the mesh cannot be read.
+        """
+        found: dict[str, Path] = {}
+        missing: list[str] = []
+        for name in references(path):
+            try:
+                found[name] = self._beside(path, _file_name(name)).path
+            except MeshMissing:
+                missing.append(name)
+                continue
+            if path.suffix.lower() == ".obj":  # its libraries name textures
+                inner, lost = self.needed_by(found[name])
+                found |= inner
+                missing += lost
+        return found, missing
+
+    def _beside(self, owner: Path, name: str) -> Place:
+        told = _named(name)
+        last = PurePosixPath(told.path).name
+        if told.scheme in _NETWORK or not last:
+            raise MeshMissing("is no file beside the mesh")
+        if told.package:
+            return self.find(name)
+        return self._first(name, told, [owner.parent / told.path], [owner.parent / last])
+
+    def _find(self, uri: str) -> Place:
+        told = _named(uri)
+        if told.scheme in _NETWORK:
+            raise MeshMissing("is on the network, where nothing is read from; download it beside the URDF")
+        return self._first(uri, told, self._exact(told), self._by_end(told))
+
+    def _first(self, uri: str, told: _Name, exact: Iterable[Path], other: Iterable[Path]) -> Place:
+        """Return the first candidate that is a file and may be read, by its exact name or in another case."""
+        outside: Path | None = None
+        for candidate, right in (*((path, True) for path in exact), *((path, False) for path in other)):
+            path, same = _existing(candidate)
+            if path is None:
+                continue
+            if self._allowed(path):
+                return Place(path, "" if right and same else f"found as {self._shown(path)}")
+            outside = outside or path
+        if outside is not None:
+            allowed = ", ".join(str(folder) for folder in self._roots())
+            raise MeshOutside(
+                f"mesh '{shortened(uri)}': lies outside of the allowed folders ({allowed}); "
+                f"allow it with --mesh-path {outside.parent}"
+            )
+        package = f"; package '{told.package}' is not found, name its folder with --mesh-path DIR"
+        unknown = told.package and self._package(told.package) is None
+        raise MeshMissing(f"there is no such file{package if unknown else ''}")
+
+    def _exact(self, told: _Name) -> Iterator[Path]:
+        """Yield where a name says that the file is."""
+        if not told.package:
+            yield self.source.parent / told.path
+            return
+        folder = self._package(told.package)
+        if folder is not None:
+            yield folder / told.path
+
+    def _by_end(self, told: _Name) -> Iterator[Path]:
+        """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
+        parts = [part for part in PurePosixPath(told.path).parts if part not in ("/", "..", ".")]
+        for start in range(len(parts)):
+            for folder in dict.fromkeys((self.root, self.source.parent, *self.mesh_path)):
+                yield folder.joinpath(*parts[start:])
+
+    def _package(self, name: str) -> Path | None:
+        if name not in self._packages:
+            self._packages[name] = find_package(name, root=self.root, mesh_path=self.mesh_path)
+        return self._packages[name]
+
+    def _shown(self, path: Path) -> Path:
+        root = _resolved(self.root)
+        return path.relative_to(root) if path.is_relative_to(root) else path
+
+    def _roots(self) -> list[Path]:
+        packages = [folder for folder in self._packages.values() if folder is not None]
+        return list(dict.fromkeys((_resolved(self.root), *map(_resolved, packages), *self.mesh_path)))
+
+    def _allowed(self, path: Path) -> bool:
+        return any(path.is_relative_to(folder) for folder in self._roots())
+
+
+def package_root(source: Path) -> Path:
+    """Return the folder of a URDF's own package.
+
+    It is the nearest one with a ``package.xml``. Without any it is the URDF's folder, or the one above where the
+    folder's name says that it is only a part of the package.
+    """
+    folder = source.parent
+    for candidate in [folder, *folder.parents][: _LEVELS + 1]:
+        if is_file(candidate / MANIFEST):
+            return candidate
+    inner = folder.name.lower() in _INNER and folder.parent != Path(folder.anchor)
+    return folder.parent if inner else folder
+
+
+def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:
+    """Return every file that a robot's meshes are read from, as far as it exists and may be read, in order.
+
+    Args:
+        robot: the ``robot`` element.
+        source: the URDF, an absolute path.
+        options: where meshes may lie.
+    """
+    places, found = MeshPlaces(source, options.mesh_path), dict[Path, None]()
+    for name in dict.fromkeys(mesh.get("filename", "") for mesh in robot.iter("mesh")):
+        try:
+            path = places.find(name).path
+            found |= dict.fromkeys((path, *places.needed_by(path)[0].values()))
+        except (MeshMissing, MeshOutside, OSError):
+            continue
+    return list(found)
+
+
+def _file_name(name: str) -> str:
+    """Return the file in the argument of a material library's map, without options such as ``-s 1 1 1``."""
+    return name.rsplit(maxsplit=1)[-1] if re.match(r"-[a-z]", name) else name
+
+
+def _named(uri: str) -> _Name:
+    """Take a name apart."""
+    text = re.sub(r"^\$\(find ([\w.-]+)\)/*", r"package://\1/", uri.strip().replace("\\", "/"))
+    scheme, found, rest = text.partition("://")
+    scheme = scheme.lower()
+    if not found:
+        return _Name("", re.sub(r"^[A-Za-z]:/", "/", text), "")
+    if scheme in ("package", "model"):
+        package, _, path = rest.partition("/")
+        return _Name(unquote(package), path.lstrip("/"), scheme)
+    return _Name("", re.sub(r"^/[A-Za-z]:/", "/", rest), scheme)
+
+
+def _existing(path: Path) -> tuple[Path | None, bool]:
+    """Return the file with this path, without symbolic links in it, and whether its letters are in the same case."""
+    for name in dict.fromkeys((str(path), unquote(str(path)))):  # a name may well hold %20 itself
+        if is_file(Path(name)):
+            return _resolved(Path(name)), True
+        found = _in_any_case(Path(name))
+        if found is not None:
+            return _resolved(found), False
+    return None, False
+
+
+def _in_any_case(path: Path) -> Path | None:
+    """Return the file whose path differs in the case of letters only; the first of several in order."""
+    folder = Path(path.anchor)
+    for part in path.parts[1:]:
+        exact = folder / part
+        if part == ".." or _exists(exact):
+            folder = exact
+            continue
+        close = next((name for name in _names_in(folder) if name.lower() == part.lower()), None)
+        if close is None:
+            return None
+        folder = folder / close
+    return folder if is_file(folder) else None
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return sorted(entry.name for entry in folder.iterdir())
+    except (OSError, ValueError):
+        return []
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError, RuntimeError):
+        return False
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):  # links that go in a circle, names that no file can have
+        return path.absolute()

@@ -1,0 +1,260 @@
+"""Load a mesh file of any format into plain parts."""
+
+from __future__ import annotations
+
+import io
+import logging
+import struct
+import warnings
+import xml.parsers.expat
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+from xml.etree.ElementTree import ParseError
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.importer.mesh_checks import UnreadableMesh, checked
+from simrob_drake.importer.mesh_parts import Part, Rgba, of_one_look
+from simrob_drake.importer.mesh_references import LARGEST_FILE, MESH_FORMATS, decoded
+from simrob_drake.importer.textures import usable
+
+_MOST_FACES = 1_500_000
+"""More take more than a gigabyte of memory to decimate."""
+_MOST_SHADED = 200_000
+"""A mesh with more faces is decimated, which leaves nothing of its normals."""
+_MOST_COLOURS = 16
+"""A mesh with more vertex colours than that gets their mean: each colour is a shape of its own in the simulator."""
+_GARBAGE = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    ImportError,
+    LookupError,
+    MemoryError,
+    NameError,
+    NotImplementedError,
+    OSError,
+    ParseError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    struct.error,
+    xml.parsers.expat.ExpatError,
+)
+"""What mesh libraries raise on files that hold no mesh, found by feeding them damaged files."""
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """What was read from a file.
+
+    Attributes:
+        parts: one for each colour or texture, in metres but for what a URDF's scale says.
+        data: the bytes of the file, if it is an OBJ, which may stay as it is.
+        notes: what is worth knowing, in words.
+    """
+
+    parts: list[Part]
+    data: bytes
+    notes: list[str] = field(default_factory=list)
+
+
+def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
+    """Read a mesh file.
+
+    COLLADA's unit is applied; its up axis is not, as in ROS, where a URDF's origins are written for that. glTF has Y
+    upwards by definition and is turned, as Drake turns it.
+
+    Args:
+        path: the file, which may be read.
+        others: the files that it may ask for, under the names that it uses.
+
+    Raises:
+        UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
+    """
+    kind = path.suffix.lower()
+    if kind not in MESH_FORMATS:
+        raise UnreadableMesh(f"is of a format '{kind}' that is not read; {', '.join(MESH_FORMATS)} are")
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_FILE:
+            raise UnreadableMesh(
+                f"has {size / 1e6:.0f} MB; the largest that is read has {LARGEST_FILE / 1e6:.0f} MB, "
+                "so decimate it (in MeshLab or Blender) to less than 100000 faces"
+            )
+        data = path.read_bytes()
+    except OSError as problem:
+        raise UnreadableMesh(f"cannot be read ({problem.strerror or problem})") from problem
+    content, notes = checked(data, kind)
+    try:
+        with _quiet():
+            parts = of_one_look(_parts(_loaded(content, kind, others), kind, notes))
+    except _garbage(kind) as problem:
+        reason = " ".join(str(problem).split())[:120] or type(problem).__name__
+        raise UnreadableMesh(f"is not readable as {kind.removeprefix('.').upper()} ({reason})") from problem
+    if not parts:
+        raise UnreadableMesh("holds no triangles")
+    return MeshFile(parts, data if kind == ".obj" else b"", notes)
+
+
+def _loaded(data: bytes, kind: str, others: Mapping[str, Path]) -> Any:
+    import trimesh
+
+    name = kind.removeprefix(".")
+    return trimesh.load_scene(io.BytesIO(data), file_type=name, resolver=_resolver(others), process=False)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep a mesh library from writing its tracebacks and warnings on the screen: what matters is told by us."""
+    log = logging.getLogger("trimesh")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.setLevel(level)
+
+
+def _garbage(kind: str) -> tuple[type[Exception], ...]:
+    if kind != ".dae":
+        return _GARBAGE
+    from collada.common import DaeError
+
+    return (*_GARBAGE, DaeError)
+
+
+def _resolver(others: Mapping[str, Path]) -> Any:
+    """Return what hands a mesh library the files that it asks for: those that were found and allowed, no other."""
+    from trimesh.resolvers import Resolver
+
+    class Allowed(Resolver):
+        def __init__(self) -> None:
+            pass
+
+        def write(self, name: str, data: Any) -> NoReturn:
+            raise NotImplementedError
+
+        def namespaced(self, namespace: str) -> NoReturn:
+            raise NotImplementedError
+
+        def get(self, key: str) -> bytes:
+            path = others.get(key.strip())
+            if path is None or path.stat().st_size > LARGEST_FILE:
+                raise FileNotFoundError(key)
+            data = path.read_bytes()
+            return decoded(data).encode() if path.suffix.lower() == ".mtl" else data
+
+        def keys(self) -> list[str]:
+            return list(others)
+
+    return Allowed()
+
+
+def _parts(scene: Any, kind: str, notes: list[str]) -> Iterator[Part]:
+    """Yield the parts of a scene, each geometry where its nodes place it."""
+    from trimesh import Trimesh
+
+    nodes = [(scene.graph[node]) for node in scene.graph.nodes_geometry]
+    placed = [(matrix, scene.geometry[name]) for matrix, name in nodes]
+    meshes = [(matrix, mesh) for matrix, mesh in placed if isinstance(mesh, Trimesh) and len(mesh.faces)]
+    if sum(len(mesh.faces) for _, mesh in meshes) > _MOST_FACES:
+        raise UnreadableMesh(f"has more than {_MOST_FACES} faces; decimate it")
+    turn = _Y_UP if kind in (".gltf", ".glb") else np.eye(4)
+    for matrix, mesh in meshes:
+        place = turn @ (np.diag([*[_unit(mesh)] * 3, 1.0]) @ matrix if kind == ".dae" else matrix)
+        if np.isfinite(place).all():
+            yield from (part.moved(place) for part in _looks(mesh, kind, notes))
+
+
+_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+
+
+def _unit(mesh: Any) -> float:
+    """Return COLLADA's unit [m]; 1 where it is none."""
+    from trimesh.units import unit_conversion
+
+    try:
+        length = unit_conversion(mesh.units or "meters", "meters")
+    except _GARBAGE:
+        return 1.0
+    return float(length) if np.isfinite(length) and length > 0 else 1.0
+
+
+def _looks(mesh: Any, kind: str, notes: list[str]) -> Iterator[Part]:
+    """Yield the parts of one geometry, each with one colour or texture."""
+    plain = _plain(mesh)
+    visual = mesh.visual
+    if visual.kind == "texture":
+        yield _textured(plain, mesh, kind)
+    elif visual.kind in ("vertex", "face") and len(visual.face_colors) == len(mesh.faces):
+        yield from _coloured(plain, visual.face_colors, notes)
+    else:
+        yield plain
+
+
+def _plain(mesh: Any) -> Part:
+    """Return a geometry without its look; faces that point at no vertex are left out."""
+    vertices = np.asarray(mesh.vertices, dtype=float).reshape(-1, 3)
+    faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+    normals = mesh._cache.cache.get("vertex_normals")  # asking the mesh for them would make them up
+    part = Part(vertices, faces)
+    inside = np.all((faces >= 0) & (faces < len(vertices)), axis=1)
+    lost = normals is None or np.shape(normals) != vertices.shape or len(faces) > _MOST_SHADED
+    if lost or not inside.all():
+        return part.only(inside)
+    corners = np.asarray(normals, dtype=float)[faces]
+    lengths = np.linalg.norm(corners, axis=-1)
+    good = np.isfinite(corners).all() and bool((lengths > 1e-6).all())
+    return Part(vertices, faces, corners / lengths[..., None]) if good else part
+
+
+def _textured(plain: Part, mesh: Any, kind: str) -> Part:
+    """Return a geometry with its material: a texture where it has one that can be shown, else a colour."""
+    material, uv = mesh.visual.material, mesh.visual.uv
+    image = usable(getattr(material, "baseColorTexture", None) or getattr(material, "image", None))
+    rgba = _material_colour(material, linear=kind in (".gltf", ".glb"))
+    if image is not None and uv is not None and len(uv) == len(mesh.vertices) and len(plain.faces) == len(mesh.faces):
+        corners = np.asarray(uv, dtype=float)[plain.faces][..., :2]
+        if np.isfinite(corners).all():
+            return Part(plain.vertices, plain.faces, plain.normals, corners, image=image)
+    return Part(plain.vertices, plain.faces, plain.normals, rgba=rgba)
+
+
+def _material_colour(material: Any, *, linear: bool) -> Rgba:
+    colour = np.asarray(material.main_color, dtype=float)[:4] / 255
+    if linear:  # glTF's factors are amounts of light
+        colour[:3] = np.where(colour[:3] <= 0.0031308, 12.92 * colour[:3], 1.055 * colour[:3] ** (1 / 2.4) - 0.055)
+    opacity = getattr(material, "kwargs", {}) or {}
+    try:  # MTL: d is the opacity, Tr is what lacks to it
+        alpha = float(opacity["d"][0]) if "d" in opacity else 1 - float(opacity["tr"][0]) if "tr" in opacity else None
+    except (ValueError, IndexError, TypeError):
+        alpha = None
+    return _rgba([*colour[:3], colour[3] if alpha is None else alpha])
+
+
+def _coloured(plain: Part, colours: Any, notes: list[str]) -> Iterator[Part]:
+    """Yield a part for each colour of the faces, or one with their mean where they are many."""
+    if len(plain.faces) != len(colours):
+        yield plain
+        return
+    distinct, which = np.unique(np.asarray(colours), axis=0, return_inverse=True)
+    if len(distinct) > _MOST_COLOURS:
+        notes.append(f"{len(distinct)} colours of its vertices become their mean")
+        distinct, which = np.mean(colours, axis=0, keepdims=True), np.zeros(len(colours), dtype=int)
+    for index, colour in enumerate(distinct):
+        part = plain.only(which.reshape(-1) == index)
+        yield Part(part.vertices, part.faces, part.normals, rgba=_rgba(np.asarray(colour) / 255))
+
+
+def _rgba(colour: Any) -> Rgba:
+    """Return a colour with figures from 0 to 1; one that nobody could see is opaque instead."""
+    values: Vector = np.nan_to_num(np.clip(np.asarray(colour, dtype=float), 0, 1), nan=1.0).round(4)
+    red, green, blue, alpha = values.tolist()
+    return red, green, blue, alpha if alpha > 0.01 else 1.0

@@ -1,0 +1,69 @@
+"""Whether a robot stands on its foot or floats."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from typing import Literal
+
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.repairs.tree import children_of, subtree
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.urdf import MOVABLE_JOINTS, link_of, root_link
+
+FLOATING_MARK = "simrob_base"
+"""Attribute of a robot from the repair of its joints to the choice of its base: a floating joint held its root."""
+
+_WORLD = re.compile(r"(robot_)?world(_link)?(_\d+)?", re.IGNORECASE)
+_LEG_JOINTS = 3
+_WHEELS = 3
+
+Base = Literal["fixed", "floating"]
+
+
+def choose_base(robot: ET.Element, options: ImportOptions, report: ImportReport) -> Base:
+    """Return how the robot's root is held, and tell why; the mark that led to it is taken away."""
+    base, why = find_base(robot, options)
+    robot.attrib.pop(FLOATING_MARK, None)
+    how = "" if options.base != "auto" else f"; --base {'floating' if base == 'fixed' else 'fixed'} changes that"
+    report.add("read", f"link '{root_link(robot)}'", f"{base} base: {why}{how}")
+    return base
+
+
+def find_base(robot: ET.Element, options: ImportOptions) -> tuple[Base, str]:
+    """Return how the robot's root is held, and why."""
+    if options.base != "auto":
+        return options.base, "as chosen"
+    root = root_link(robot)
+    if robot.get(FLOATING_MARK) is not None:
+        return "floating", "a floating joint held it"
+    if _WORLD.fullmatch(root):
+        return "fixed", "its root link is the world"
+    branches = [subtree(robot, link_of(joint, "child"))[1] for joint in branch_joints(robot, root)]
+    legs = sum(1 + _movable(joints) >= _LEG_JOINTS for joints in branches)
+    if legs >= 2:
+        return "floating", f"{legs} branches of {_LEG_JOINTS} and more joints start at it, as legs do"
+    starts = branch_joints(robot, root)
+    wheels = sum(
+        start.get("type") == "continuous" and _movable(joints) <= 1
+        for start, joints in zip(starts, branches, strict=True)
+    )
+    if wheels >= _WHEELS:
+        return "floating", f"{wheels} continuous joints start at it, as wheels do"
+    return "fixed", "no pair of legs and no wheels start at it"
+
+
+def branch_joints(robot: ET.Element, root: str) -> list[ET.Element]:
+    """Return the movable joints that start at a link or at what is rigidly joined to it."""
+    joints_at, rigid, found = children_of(robot), [root], []
+    for link in rigid:
+        for joint in joints_at[link]:
+            if joint.get("type") == "fixed":
+                rigid.append(link_of(joint, "child"))
+            else:
+                found.append(joint)
+    return found
+
+
+def _movable(joints: list[ET.Element]) -> int:
+    return sum(joint.get("type") in MOVABLE_JOINTS for joint in joints)

@@ -1,0 +1,158 @@
+"""Every link and joint has a name of its own, and whoever names one names the same."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.urdf import DRAKE, link_of, name_of
+
+WORLD = "world"
+"""Drake's own link; no robot's link can have its name."""
+
+_HELD = ("parent", "child", "frame")
+_PLACES = {"link", "visual", "collision", "inertial"}
+
+
+def repair_names(robot: ET.Element, report: ImportReport) -> None:
+    """Give the robot, its links and its joints names that are there and that differ, in place.
+
+    Raises:
+        InvalidModel: two different links have one name, so that nobody knows which one a joint means.
+    """
+    _strip(robot, report)
+    if not name_of(robot):
+        robot.set("name", report.source.stem or "robot")
+        report.add("repaired", "<robot>", f"has no name; called '{name_of(robot)}' after its file")
+    _name_links(robot, report)
+    _name_joints(robot, report)
+    _part_links(robot, report)
+    _part_joints(robot, report)
+    _rename_world(robot, report)
+
+
+def free_name(wanted: str, taken: Iterable[str]) -> str:
+    """Return a name that nobody has yet: the wanted one, or that with a number."""
+    names = set(taken)
+    if wanted not in names:
+        return wanted
+    number = 2
+    while f"{wanted}_{number}" in names:
+        number += 1
+    return f"{wanted}_{number}"
+
+
+def names(robot: ET.Element, tag: str) -> list[str]:
+    """Return the names of all links, or joints, in file order."""
+    return [name_of(element) for element in robot.iterfind(tag)]
+
+
+def without_name(element: ET.Element) -> str:
+    """Return what an element holds but for its name, to compare elements by."""
+    attributes = {key: value for key, value in element.attrib.items() if key != "name"}
+    return f"{element.tag}{sorted(attributes.items())}[{','.join(_content(child) for child in element)}]"
+
+
+def _content(element: ET.Element) -> str:
+    text = (element.text or "").strip()
+    children = ",".join(_content(child) for child in element)
+    return f"{element.tag}{sorted(element.attrib.items())}{text}[{children}]"
+
+
+def _references(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
+    """Yield every attribute that names a link: element and key."""
+    for top in robot:
+        for element in top.iter():
+            if element.tag in _HELD or element.tag == f"{DRAKE}member":
+                yield element, "link"
+
+
+def _strip(robot: ET.Element, report: ImportReport) -> None:
+    """Take blanks from both ends of names, and of whatever names them: most readers would not find them again."""
+    for top in (robot, *robot):
+        for element in [top] if top is robot else top.iter():
+            for key in ("name", "link", "joint"):
+                value = element.get(key, "")
+                if value != value.strip():
+                    element.set(key, value.strip())
+                    report.add(
+                        "repaired", f"<{element.tag}>", f"{key}='{value}' has blanks around it; '{value.strip()}'"
+                    )
+
+
+def _name_links(robot: ET.Element, report: ImportReport) -> None:
+    nameless = [link for link in robot.iterfind("link") if not name_of(link)]
+    ends = {link_of(joint, end) for joint in robot.iterfind("joint") for end in ("parent", "child")}
+    missing = sorted(ends - set(names(robot, "link")) - {"", WORLD})
+    for index, link in enumerate(nameless):
+        sure = len(nameless) == len(missing) == 1  # then only this one can be meant
+        name = missing[0] if sure else free_name(f"link_{index + 1}", {*names(robot, "link"), *ends})
+        link.set("name", name)
+        report.add(
+            "repaired", f"link '{name}'", "had no name" + ("; a joint asks for one of this name" if sure else "")
+        )
+
+
+def _name_joints(robot: ET.Element, report: ImportReport) -> None:
+    for joint in robot.iterfind("joint"):
+        if not name_of(joint):
+            name = free_name(f"{link_of(joint, 'parent')}_to_{link_of(joint, 'child')}", names(robot, "joint"))
+            joint.set("name", name)
+            report.add("repaired", f"joint '{name}'", "had no name; called after its links")
+
+
+def _part_links(robot: ET.Element, report: ImportReport) -> None:
+    """Drop a second link of the same name where it says nothing new."""
+    first: dict[str, ET.Element] = {}
+    for link in list(robot.iterfind("link")):
+        name = name_of(link)
+        other = first.setdefault(name, link)
+        if other is link:
+            continue
+        if len(link) and len(other) and without_name(link) != without_name(other):
+            raise report.refusal(f"link '{name}'", "stands twice with different contents; rename or remove one of them")
+        spare = other if len(link) > len(other) else link
+        first[name] = link if spare is other else other
+        robot.remove(spare)
+        report.add("dropped", f"link '{name}'", "stands twice; the one that says nothing new is left out")
+
+
+def _part_joints(robot: ET.Element, report: ImportReport) -> None:
+    """Drop a second joint that is the same, and rename one that only has the same name."""
+    first: dict[str, ET.Element] = {}
+    for joint in list(robot.iterfind("joint")):
+        name = name_of(joint)
+        other = first.setdefault(name, joint)
+        if other is joint:
+            continue
+        if without_name(joint) == without_name(other):
+            robot.remove(joint)
+            report.add("dropped", f"joint '{name}'", "stands twice, word for word")
+        elif link_of(joint, "child") == link_of(other, "child"):
+            raise report.refusal(f"joint '{name}'", "stands twice with different contents; remove one of them")
+        else:
+            new = free_name(name, names(robot, "joint"))
+            joint.set("name", new)
+            first[new] = joint
+            report.add(
+                "repaired", f"joint '{new}'", f"was a second joint called '{name}'; whoever names that gets the first"
+            )
+
+
+def _rename_world(robot: ET.Element, report: ImportReport) -> None:
+    """Give a link called like Drake's world another name, and make one where a joint starts at it without it."""
+    references = [(element, key) for element, key in _references(robot) if element.get(key) == WORLD]
+    own = next((link for link in robot.iterfind("link") if name_of(link) == WORLD), None)
+    meant = own is not None or any(element.tag == "parent" for element, _ in references)
+    if not meant:
+        return
+    new = free_name(f"robot_{WORLD}", names(robot, "link"))
+    if own is None:
+        robot.insert(0, ET.Element("link", name=new))
+        report.add("repaired", f"link '{new}'", f"a joint starts at '{WORLD}', which is no link; an empty one made")
+    else:
+        own.set("name", new)
+        report.add("repaired", f"link '{new}'", f"was called '{WORLD}', as is Drake's own link")
+    for element, key in references:
+        element.set(key, new)

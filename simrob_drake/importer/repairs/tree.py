@@ -1,0 +1,164 @@
+"""Links and joints make one tree: what hangs nowhere is dropped where nothing is lost, and refused where it is."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+from simrob_drake.errors import nearest
+from simrob_drake.importer.repairs.names import names
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, link_of, name_of
+
+_GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")
+
+
+def repair_tree(robot: ET.Element, report: ImportReport) -> None:
+    """Make one tree of a robot's links and joints, in place.
+
+    Raises:
+        InvalidModel: it has no link, a loop, a link with two parents, or several trees of which none is the robot.
+    """
+    if not names(robot, "link"):
+        raise report.refusal("", "has no link")
+    dangling = _drop_dangling(robot, report)
+    _refuse_two_parents(robot, report)
+    _refuse_loops(robot, report)
+    _keep_one_tree(robot, dangling, report)
+    drop_lost_frames(robot, report)
+
+
+def children_of(robot: ET.Element) -> dict[str, list[ET.Element]]:
+    """Return the joints that start at each link."""
+    joints: dict[str, list[ET.Element]] = {name: [] for name in names(robot, "link")}
+    for joint in robot.iterfind("joint"):
+        joints[link_of(joint, "parent")].append(joint)
+    return joints
+
+
+def subtree(robot: ET.Element, link: str) -> tuple[list[str], list[ET.Element]]:
+    """Return the links that hang on a link, itself first, and the joints between them."""
+    joints_at, links, joints = children_of(robot), [link], []
+    for name in links:
+        for joint in joints_at[name]:
+            joints.append(joint)
+            links.append(link_of(joint, "child"))
+    return links, joints
+
+
+def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
+    """Leave out, in place, Drake's frames, groups and bushings where they name what is not there."""
+    links = set(names(robot, "link"))
+    welded = {link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") == "fixed"}
+    taken = set(links)
+    for frame in list(robot.iterfind("frame")):
+        name = name_of(frame)
+        if not name or name in taken or frame.get("link") not in links:
+            robot.remove(frame)
+            report.add("dropped", f"frame '{name}'", "its link is not there, or its name is missing or taken")
+        taken.add(name)
+    for group in list(robot.iterfind(f"{DRAKE}collision_filter_group")):
+        members = {member.get("link", "") for member in group.iterfind(f"{DRAKE}member")}
+        name = f"collision filter group '{name_of(group)}'"
+        if not name_of(group) or name in taken or not members or not members <= links - welded:
+            robot.remove(group)
+            report.add("dropped", name, "its name is missing or taken, or a member is no link or welded to another")
+        taken.add(name)
+    kept = {name_of(group) for group in robot.iterfind(f"{DRAKE}collision_filter_group")}
+    for group in robot.iterfind(f"{DRAKE}collision_filter_group"):
+        for other in [other for tag in _GROUPS for other in group.findall(tag) if name_of(other) not in kept]:
+            group.remove(other)
+            report.add("dropped", f"collision filter group '{name_of(group)}'", f"'{name_of(other)}' is no group")
+    for bushing in list(robot.iterfind(f"{DRAKE}linear_bushing_rpy")):
+        ends = {frame.get("name", "") for tag in "AC" for frame in bushing.iterfind(f"{DRAKE}bushing_frame{tag}")}
+        if len(ends) != 2 or not ends <= taken:
+            robot.remove(bushing)
+            report.add("dropped", "drake:linear_bushing_rpy", "a frame of it is not there")
+
+
+def _drop_dangling(robot: ET.Element, report: ImportReport) -> list[tuple[str, str]]:
+    """Leave out joints that do not join two links, and return their names with what is wrong."""
+    links = set(names(robot, "link"))
+    by_case = {link.lower(): link for link in links}
+    dropped = []
+    for joint in list(robot.iterfind("joint")):
+        where = f"joint '{name_of(joint)}'"
+        for end in ("parent", "child"):
+            link, element = link_of(joint, end), joint.find(end)
+            if link in links:
+                continue
+            meant = by_case.get(link.lower())
+            if element is not None and meant is not None and len(by_case) == len(links):
+                element.set("link", meant)
+                report.add("repaired", where, f"its {end} '{link}' is no link; '{meant}', which differs in case")
+                continue
+            robot.remove(joint)
+            problem = f"its {end} '{link}' is no link{nearest(link, links)}" if link else f"it has no {end}"
+            if end == "parent" and joint.get("type") in MOVABLE_JOINTS and link_of(joint, "child") in links:
+                raise report.refusal(where, f"{problem}; without it the robot falls apart")
+            report.add("dropped", where, f"{problem}; the joint is left out")
+            dropped.append((where, problem))
+            break
+    return dropped
+
+
+def _refuse_two_parents(robot: ET.Element, report: ImportReport) -> None:
+    held: dict[str, str] = {}
+    for joint in robot.iterfind("joint"):
+        name, child = name_of(joint), link_of(joint, "child")
+        if link_of(joint, "parent") == child:
+            raise report.refusal(f"joint '{name}'", f"joins link '{child}' to itself")
+        if child in held:
+            raise report.refusal(
+                f"link '{child}'", f"is the child of two joints, '{held[child]}' and '{name}'; a URDF is a tree"
+            )
+        held[child] = name
+
+
+def _refuse_loops(robot: ET.Element, report: ImportReport) -> None:
+    parents = {link_of(joint, "child"): link_of(joint, "parent") for joint in robot.iterfind("joint")}
+    sound: set[str] = set()
+    for link in names(robot, "link"):
+        way: dict[str, None] = {}  # in order, and quick to ask
+        while link not in way and link not in sound and link in parents:
+            way[link] = None
+            link = parents[link]  # noqa: PLW2901  # walk up
+        if link in way:
+            listed = list(way)
+            loop = [link, *reversed(listed[listed.index(link) :])]
+            raise report.refusal("", f"has a loop: {' - '.join(loop)}; a URDF is a tree, so leave one joint out")
+        sound.update(way)
+
+
+def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], report: ImportReport) -> None:
+    """Keep the one tree that is the robot: the only one that moves, or if none does, the largest."""
+    held = {link_of(joint, "child") for joint in robot.iterfind("joint")}
+    roots = [name for name in names(robot, "link") if name not in held]
+    if len(roots) == 1:
+        return
+    trees = {root: subtree(robot, root) for root in roots}
+    moving = [root for root, (_, joints) in trees.items() if any(joint.get("type") != "fixed" for joint in joints)]
+    largest = max(roots, key=lambda root: len(trees[root][0]))
+    alone = sum(len(links) == len(trees[largest][0]) for links, _ in trees.values()) == 1
+    kept = moving[0] if len(moving) == 1 else largest
+    if len(moving) > 1 or (not moving and not alone):
+        for where, problem in dangling:
+            raise report.refusal(where, f"{problem}; without it the robot falls apart")
+        listed = _listed(moving or roots)
+        raise report.refusal("", f"has {len(moving or roots)} root links ({listed}); join them to one tree by joints")
+    for root in roots:
+        if root != kept:
+            _drop_tree(robot, *trees[root], report)
+
+
+def _drop_tree(robot: ET.Element, links: list[str], joints: list[ET.Element], report: ImportReport) -> None:
+    for joint in joints:
+        robot.remove(joint)
+    for link in [link for link in robot.iterfind("link") if name_of(link) in set(links)]:
+        robot.remove(link)
+    with_it = f" with {_listed(links[1:])}" if links[1:] else ""
+    report.add("dropped", f"link '{links[0]}'", f"no joint leads to it; left out{with_it}")
+
+
+def _listed(items: list[str], longest: int = 6) -> str:
+    more = f" and {len(items) - longest} more" if len(items) > longest else ""
+    return ", ".join(items[:longest]) + more

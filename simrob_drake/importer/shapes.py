@@ -1,0 +1,61 @@
+"""Rewrite the shapes of a robot so that a simulator takes them: primitives checked, meshes as OBJ files.
+
+Colours are as in RViz: a mesh that brings its own keeps them, and the URDF's material colours the others. Every colour
+of a mesh becomes a ``<visual>`` of its own; a texture stays with its mesh.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from copy import deepcopy
+from pathlib import Path
+
+from simrob_drake.importer.collisions import Collisions
+from simrob_drake.importer.mesh_library import MeshLibrary
+from simrob_drake.importer.mesh_places import MeshOutside, MeshPlaces, mesh_files
+from simrob_drake.importer.mesh_writing import MeshWriter
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.shape_elements import ShapeNames, check_geometry, drop, shapes_of
+from simrob_drake.importer.visuals import Visuals
+
+__all__ = ["import_shapes", "mesh_files"]
+
+
+def import_shapes(
+    robot: ET.Element, *, source: Path, folder: Path | None, options: ImportOptions, report: ImportReport
+) -> None:
+    """Rewrite every ``<visual>`` and ``<collision>`` of a robot, in place, and write its meshes.
+
+    Args:
+        robot: the ``robot`` element with unique names and origins that are numbers.
+        source: the URDF, an absolute path; relative mesh names start at its folder.
+        folder: where ``meshes/`` is written; None writes nothing.
+        options: where meshes may lie, and what collisions become.
+        report: takes a note of everything that is done.
+
+    Raises:
+        InvalidModel: a mesh, or a file that it names, lies outside of the folders that may be read.
+    """
+    library = MeshLibrary(MeshPlaces(source, options.mesh_path))
+    writer, names = MeshWriter(folder), ShapeNames(robot)
+    visuals = Visuals(library, writer, names, report)
+    collisions = Collisions(library, writer, names, report, options.collision)
+    try:
+        for link in robot.iterfind("link"):
+            _check_shapes(link, report)
+            drawn = [deepcopy(element) for element in link.iterfind("visual")]
+            visuals.rewrite(link)
+            collisions.rewrite(link, drawn)
+        collisions.finish(robot)
+    except MeshOutside as problem:
+        raise report.refusal("", str(problem)) from problem
+
+
+def _check_shapes(link: ET.Element, report: ImportReport) -> None:
+    """Drop what is no shape."""
+    for tag in ("visual", "collision"):
+        for where, element in shapes_of(link, tag):
+            problem = check_geometry(element, where, report)
+            if problem:
+                drop(link, element, where, problem, report)

@@ -1,0 +1,122 @@
+"""A first station for a robot of which only the URDF is known: one that runs at once, to be changed by its owner."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from pydrake.geometry import Role
+from pydrake.math import RigidTransform
+
+from simrob_drake.frames import Vector
+from simrob_drake.importer.cache import robot_from_file
+from simrob_drake.importer.gains import first_gains
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.alone import lone_robot
+from simrob_drake.robots.catalog import RobotModel
+
+_STEP = 20.0, 0.05  # how far the first move goes: deg, and m for an axis that slides
+_ROOM = 0.4  # and at most this part of the way to the joint's limit
+_BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+
+_ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
+_ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e-3}
+
+
+def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: Path | None = None) -> str:
+    """Return the YAML text of a first station.
+
+    A robot with a fixed base moves all joints a little way under joint torque. One with a floating base is put on a
+    floor and holds its posture. A robot without inertias moves kinematically.
+
+    Args:
+        urdf: the file, raw or imported.
+        options: of the import, written into the station.
+        folder: where the station's file will be, which relative paths start from.
+
+    Raises:
+        InvalidModel: the robot cannot be imported.
+    """
+    robot = robot_from_file(urdf, options)
+    kinematic = bool(robot.links_without_inertia)
+    floating = robot.base == "floating" and not kinematic
+    content: dict[str, Any] = {
+        "description": f"{robot.name}: first station",
+        "mode": "kinematic" if kinematic else "dynamic",
+        "robot": _robot(robot, urdf.resolve(), options, folder),
+    }
+    if not kinematic:
+        content["servo"] = _servo(robot, "implicit" if floating else "per_joint")
+    content["reference"] = {"kind": "hold"} if floating else _first_move(robot)
+    content["floor"] = {"size": 3}
+    if floating:
+        content["robot"]["base"] = [0.0, 0.0, _height(robot), 0.0, 0.0, 0.0]
+        content["contact"] = {"model": "point"}
+    if not kinematic:
+        content["solver"] = _ON_FEET if floating else _ARM
+    content["duration"] = 3.0
+    return _header(robot, kinematic) + yaml.safe_dump(
+        content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
+    )
+
+
+def _header(robot: RobotModel, kinematic: bool) -> str:
+    text = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"
+    if kinematic:
+        missing = ", ".join(robot.links_without_inertia)
+        text += f"# Kinematic, since these links have no inertia: {missing}.\n"
+        text += "# For motion by torque set robot.import_options to {estimate_inertia: true} and mode to dynamic.\n"
+    return text
+
+
+def _robot(robot: RobotModel, urdf: Path, options: ImportOptions | None, folder: Path | None) -> dict[str, Any]:
+    near = folder is not None and urdf.is_relative_to(folder.resolve())
+    section: dict[str, Any] = {"urdf": str(urdf.relative_to(folder.resolve()) if near and folder else urdf)}
+    if options is not None:
+        section["import_options"] = options.model_dump(mode="json", exclude_defaults=True)
+    if robot.home_deg:
+        section["initial_deg"] = robot.home_deg
+    return section
+
+
+def _servo(robot: RobotModel, realization: str) -> dict[str, Any]:
+    gains = first_gains(robot)
+    figures = {"kp": gains.kp, "kd": gains.kd, "torque_limit": robot.efforts}
+    return {"realization": realization, **{key: _by_axis(robot, values) for key, values in figures.items()}}
+
+
+def _by_axis(robot: RobotModel, values: Vector) -> float | dict[str, float]:
+    """Return one number if it is the same for all axes."""
+    if len(set(values.tolist())) == 1:
+        return float(values[0])
+    return dict(zip(robot.axes, values.tolist(), strict=True))
+
+
+def _first_move(robot: RobotModel) -> dict[str, Any]:
+    """Return a move of every axis to the side where it has more room."""
+    home = robot.axis_vector(robot.home_deg, "home_deg")
+    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
+    room = np.where(upper - home >= home - lower, upper - home, lower - home)
+    step = np.where(robot.slides, _STEP[1], _STEP[0])
+    target = home + np.sign(room) * np.minimum(step, _ROOM * np.abs(room))
+    return {"kind": "move", "target_deg": _by_axis(robot, np.round(target, 4)), "duration": 1.5}
+
+
+def _height(robot: RobotModel) -> float:
+    """Return how high the root link is above the robot's lowest point at home [m]."""
+    lone = lone_robot(robot)
+    context = lone.plant.CreateDefaultContext()
+    inspector = lone.scene_graph.model_inspector()
+    lowest = 0.0
+    for role in (Role.kProximity, Role.kIllustration):
+        for geometry in inspector.GetAllGeometryIds(role):
+            box = inspector.GetObbInGeometryFrame(geometry)
+            body = lone.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+            pose: RigidTransform = lone.plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry)
+            corners = pose @ box.pose() @ (_BOX_SIGNS * box.half_width()).T
+            lowest = min(lowest, float(corners[2].min()))
+        if lowest < 0:
+            break  # what collides is what stands
+    return round(-lowest, 6)

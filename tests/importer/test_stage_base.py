@@ -1,0 +1,61 @@
+"""Fixed or floating: by choice, by what the file says, and by the shape of the robot."""
+
+import xml.etree.ElementTree as ET
+
+import pytest
+from repair_stages import joint
+
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.repairs.base import choose_base
+from simrob_drake.importer.report import ImportReport
+
+
+def robot(branches: list[list[str]], root: str = "body", foot: str = "") -> ET.Element:
+    """Return a robot whose branches are lists of joint types; they start at a plate fixed to the root."""
+    parts = [f'<link name="{root}">{foot}</link>', '<link name="plate"/>', joint("plate", root, "plate")]
+    for number, kinds in enumerate(branches):
+        names = ["plate", *(f"l{number}{step}" for step in range(len(kinds)))]
+        for parent, child, kind in zip(names[:-1], names[1:], kinds, strict=True):
+            parts += [f'<link name="{child}"/>', joint(f"j{child}", parent, child, kind)]
+    return ET.fromstring(f"<robot name='r'>{''.join(parts)}</robot>")
+
+
+LEG = ["revolute", "continuous", "revolute"]
+WHEEL = ["continuous"]
+
+
+@pytest.mark.parametrize(
+    ("element", "base", "reason"),
+    [
+        (robot([LEG * 2]), "fixed", "no pair of legs and no wheels start at it"),
+        (robot([LEG, LEG]), "floating", "2 branches of 3 and more joints start at it"),
+        (robot([LEG, LEG[:2]]), "fixed", "no pair of legs"),
+        (robot([LEG, ["fixed", *LEG]]), "floating", "2 branches"),
+        (robot([LEG, ["revolute", "fixed", "fixed"]]), "fixed", "no pair of legs"),
+        (robot([WHEEL] * 4), "floating", "4 continuous joints start at it, as wheels do"),
+        (robot([WHEEL, WHEEL, ["continuous", "continuous"]]), "floating", "3 continuous joints"),
+        (robot([WHEEL] * 2), "fixed", "no wheels"),
+        (robot([LEG, LEG], root="robot_world"), "fixed", "its root link is the world"),
+        (robot([LEG, LEG], root="world_link"), "fixed", "its root link is the world"),
+        (robot([LEG, LEG], root="underworld"), "floating", "2 branches"),
+    ],
+)
+def test_the_base_is_found_and_the_reason_told(tmp_path, element, base, reason):
+    report = ImportReport(tmp_path / "a.urdf")
+    assert choose_base(element, ImportOptions(), report) == base
+    [entry] = report.entries
+    assert entry.kind == "read"
+    assert entry.text.startswith(f"{base} base: ")
+    assert reason in entry.text
+    assert entry.text.endswith(f"--base {'floating' if base == 'fixed' else 'fixed'} changes that")
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+@pytest.mark.parametrize("root", ["body", "world_link"])
+def test_a_choice_wins(tmp_path, base, root):
+    report = ImportReport(tmp_path / "a.urdf")
+    element = robot([LEG, LEG], root=root)
+    element.set("simrob_base", "floating")
+    assert choose_base(element, ImportOptions(base=base), report) == base
+    assert report.entries[0].text == f"{base} base: as chosen"
+    assert element.get("simrob_base") is None

@@ -1,0 +1,145 @@
+"""Every movable joint has one motor, strong and fast enough to move what hangs on it."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from repair_stages import ARM, DRIVE, END, INERTIA, LIMIT, Repaired, joint, with_defect
+
+HAND = f'<link name="hand"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>{INERTIA}</inertial></link>'
+ELBOW = joint("elbow", "tip", "hand", "revolute", f'<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>{LIMIT}')
+TWO = with_defect(END, f"{HAND}{ELBOW}{END}")  # tip lies 0.3 m above the shoulder
+G = 9.80665
+
+
+def drive(*joints: str, kind: str = "<type>SimpleTransmission</type>", name: str = "d", gears: str = "") -> str:
+    inside = "".join(f'<joint name="{joint}"/><actuator name="{joint}_m">{gears}</actuator>' for joint in joints)
+    return f'<transmission name="{name}">{kind}{inside}</transmission>'
+
+
+ROS2 = "<plugin>transmission_interface/SimpleTransmission</plugin>"
+DRIVES = [
+    pytest.param("", "defaulted", "joints 'shoulder', 'elbow': no transmission drives them", id="none"),
+    pytest.param(drive("shoulder", "elbow"), "repaired", "drives 2 joints; each gets a motor of its own", id="both"),
+    pytest.param(DRIVE * 2 + drive("elbow"), "dropped", "'drive': 'shoulder' has a motor already", id="twice"),
+    pytest.param(DRIVE + drive("elbow", kind=ROS2), "repaired", "written as Drake reads it; Simple", id="ROS 2"),
+    pytest.param(DRIVE + drive("elbow", kind=""), "repaired", "has no type", id="no type"),
+    pytest.param(
+        DRIVE + drive("elbow", kind="<type>FourBarLinkageTransmission</type>"),
+        "repaired",
+        "its type is 'FourBarLinkageTransmission', which Drake does not simulate; SimpleTransmission of 'elbow'",
+        id="four bars",
+    ),
+    pytest.param(
+        drive("shoulder", "elbow", kind="<type>DifferentialTransmission</type>"),
+        "repaired",
+        "drives 2 joints; each gets a motor of its own: SimpleTransmission of 'shoulder', 'elbow'",
+        id="differential",
+    ),
+    pytest.param(
+        DRIVE + drive("elbow") + drive("flange"), "dropped", "'flange' is no joint that moves", id="fixed joint"
+    ),
+    pytest.param(DRIVE + drive("elbow") + drive("none"), "dropped", "'none' is no joint", id="no such joint"),
+    pytest.param(DRIVE + drive("elbow") + drive(), "dropped", "drives no joint", id="no joint"),
+    pytest.param(
+        DRIVE + drive("elbow").replace("elbow_m", "motor"), "repaired", "a second motor called 'motor'", id="motors"
+    ),
+    pytest.param(DRIVE + drive("elbow").replace("elbow_m", ""), "repaired", "written as Drake", id="nameless"),
+    pytest.param(
+        DRIVE + drive("elbow", gears='<drake:gear_ratio value="0"/>'), "dropped", "its gear_ratio is no", id="gear 0"
+    ),
+    pytest.param(
+        DRIVE + drive("elbow", gears="<mechanicalReduction>?</mechanicalReduction>"),
+        "dropped",
+        "its mechanicalReduction is no number",
+        id="reduction",
+    ),
+]
+
+
+@pytest.mark.parametrize(("drives", "kind", "words"), DRIVES)
+def test_every_joint_gets_one_motor(tmp_path, drives, kind, words):
+    done = Repaired(with_defect(DRIVE, drives, TWO), tmp_path)
+    assert any(words in line for line in done.told(kind)), done.report.entries
+    motors = [done.plant.get_joint_actuator(index) for index in done.plant.GetJointActuatorIndices()]
+    assert sorted(motor.joint().name() for motor in motors) == ["elbow", "shoulder"]
+
+
+def test_gears_stay(tmp_path):
+    gears = (
+        '<drake:gear_ratio value="100"/><drake:rotor_inertia value="1e-4"/><mechanicalReduction>1</mechanicalReduction>'
+    )
+    for kind, changed in (("<type>SimpleTransmission</type>", False), ("", True)):
+        text = with_defect(DRIVE, drive("shoulder", kind=kind, gears=gears))
+        done = Repaired(text, tmp_path)
+        motor = done.plant.GetJointActuatorByName("shoulder_m")
+        assert motor.default_gear_ratio() == 100
+        assert motor.default_rotor_inertia() == 1e-4
+        assert done.report.changed is changed
+
+
+def effort(done: Repaired, name: str) -> float:
+    motors = [done.plant.get_joint_actuator(index) for index in done.plant.GetJointActuatorIndices()]
+    return next(motor.effort_limit() for motor in motors if motor.joint().name() == name)
+
+
+@pytest.mark.parametrize("bad", ['effort="0"', "", 'effort="-5"', 'effort="nan"'])
+def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, bad):
+    done = Repaired(TWO.replace('effort="10"', bad), tmp_path)
+    shoulder = 3 * G * (1 * 0.1 + 2 * (0.3 + 0.1 + 0.2))  # by hand: both masses, stretched out
+    assert effort(done, "shoulder") == pytest.approx(39)
+    assert shoulder == pytest.approx(38.2, abs=0.1)
+    assert effort(done, "elbow") == 12  # 3 · g · 2 kg · 0.2 m = 11.8 N·m
+    assert any("<limit>: " in line and "; 39 N·m, by what it carries" in line for line in done.told("defaulted"))
+
+
+def test_a_light_wrist_is_not_a_toy_beside_a_strong_shoulder(tmp_path):
+    text = with_defect('effort="10"', 'effort="500"', TWO).replace(ELBOW, ELBOW.replace('effort="10"', 'effort="0"'))
+    done = Repaired(text, tmp_path)
+    assert effort(done, "shoulder") == 500
+    assert effort(done, "elbow") == 50
+    limitless = Repaired(text.replace('effort="500"', 'effort="1e9"'), tmp_path)
+    assert effort(limitless, "shoulder") == 1e9
+    assert effort(limitless, "elbow") == 12
+
+
+def test_the_least_efforts_and_those_without_masses(tmp_path):
+    light = TWO.replace('"10"', '"0"').replace('mass value="2"', 'mass value="1e-6"').replace('"1"/>', '"1e-6"/>')
+    light = light.replace('"0.01"', '"1e-9"')
+    assert effort(Repaired(light, tmp_path), "elbow") == 1
+    slide = light.replace('type="revolute"', 'type="prismatic"')
+    assert effort(Repaired(slide, tmp_path), "elbow") == 10
+    start, end = ARM.index("<inertial>"), ARM.index("</inertial>") + len("</inertial>")
+    bare = (ARM[:start] + ARM[end:]).replace('effort="10"', 'effort="0"')
+    guessed = Repaired(bare, tmp_path)
+    assert effort(guessed, "shoulder") == 10
+    assert any(line.endswith("10 N·m, a guess, for no mass is known") for line in guessed.told("defaulted"))
+
+
+def test_a_prismatic_joint_lifts_three_times_what_hangs_on_it(tmp_path):
+    done = Repaired(TWO.replace('type="revolute"', 'type="prismatic"').replace('effort="10"', ""), tmp_path)
+    assert effort(done, "shoulder") == 89  # 3 · g · 3 kg = 88.3 N
+    assert effort(done, "elbow") == 59
+
+
+def test_the_legs_of_a_floating_robot_can_carry_it(tmp_path):
+    limit = '<limit lower="-1" upper="1" velocity="1"/>'
+    parts = ['<link name="trunk">', HAND.partition(">")[2].replace('"2"', '"30"')]
+    for side in "lr":
+        names = ["trunk", *(f"{side}{number}" for number in (1, 2, 3))]
+        for parent, child in pairwise(names):
+            inside = f'<origin xyz="0 0 -0.2"/><axis xyz="0 1 0"/>{limit}'
+            parts += [HAND.replace("hand", child), joint(f"j_{child}", parent, child, "revolute", inside)]
+    done = Repaired(f'<robot name="walker">{"".join(parts)}</robot>', tmp_path)
+    assert done.base == "floating"
+    hip = G * (30 + 3 * 2) * (0.2 + 0.2 + 0.2)  # all but the leg itself, at the end of the leg
+    assert hip <= effort(done, "j_l1") <= 1.1 * hip
+
+
+@pytest.mark.parametrize("bad", ['velocity="0"', "", 'velocity="-1"'])
+def test_a_missing_velocity_is_a_half_turn_or_a_metre_a_second(tmp_path, bad):
+    turning = Repaired(with_defect('velocity="3"', bad), tmp_path)
+    assert turning.plant.GetJointByName("shoulder").velocity_upper_limits() == pytest.approx([np.pi])
+    assert any("'shoulder' <limit>: no velocity above 0; 3.142 rad/s" in line for line in turning.told("defaulted"))
+    sliding = Repaired(with_defect('velocity="3"', bad).replace("revolute", "prismatic"), tmp_path)
+    assert sliding.plant.GetJointByName("shoulder").velocity_upper_limits() == [1.0]

@@ -1,0 +1,240 @@
+"""What is not quite XML is read and told; what could harm, or is something else, is refused in one line."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from repair_stages import ARM
+
+from simrob_drake.errors import InvalidModel
+from simrob_drake.importer.reading import source, xacro
+from simrob_drake.importer.reading.source import read_source
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.urdf import DRAKE, movable_joints
+
+BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"><link name="l"/></robot>'
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:property name="len" value="0.3"/><link name="base"/></robot>"""
+
+
+def read(path: Path, content: bytes):
+    path.write_bytes(content)
+    report = ImportReport(path)
+    return read_source(path, report), report
+
+
+def told(report: ImportReport) -> list[tuple[str, str]]:
+    return [(entry.kind, f"{entry.element} {entry.text}".strip()) for entry in report.entries]
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(InvalidModel) as problem:
+        read_source(path, ImportReport(path))
+    message = str(problem.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    return message
+
+
+def test_a_clean_file_is_read_without_a_word(tmp_path):
+    robot, report = read(tmp_path / "a.urdf", ARM.encode())
+    assert movable_joints(robot) == ["shoulder"]
+    assert report.entries == []
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        pytest.param(b"", "is empty", id="empty"),
+        pytest.param(b" \n ", "is empty", id="blank"),
+        pytest.param(b"solid cube", "is not XML: syntax error at line 1, column 1", id="text"),
+        pytest.param(b"<robot>\n <link></robot>", "mismatched tag at line 2, column 10", id="mismatch"),
+        pytest.param(b"\n\n<robot>\n <link></robot>", "at line 4, column 10", id="line numbers hold"),
+        pytest.param(b"\x7fELF\0\0\0\1", "is a binary file", id="binary"),
+        pytest.param(b"<robot/><robot/>", "junk after document element at line 1", id="two robots"),
+        pytest.param(b'<robot a="1" a="2"/>', "duplicate attribute", id="attribute twice"),
+        pytest.param(b"<robot>&nbsp;</robot>", "undefined entity", id="unknown entity"),
+        pytest.param(BOMB.encode(), "declares a document type or entities", id="entity bomb"),
+        pytest.param(b'<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>', "document type", id="doctype"),
+        pytest.param(b"<a>" * 500 + b"</a>" * 500, "more than 60 deep", id="deep"),
+        pytest.param(b'<sdf version="1.9"/>', "<sdf>: this is an SDF file", id="sdf"),
+        pytest.param(b"<mujoco/>", "<mujoco>: this is an MJCF file", id="mjcf"),
+        pytest.param(b"<COLLADA/>", "<COLLADA>: this is a COLLADA mesh", id="dae"),
+        pytest.param(b"<cube/>", "<cube>: the outermost element of a URDF is <robot>", id="else"),
+        pytest.param(b"\xff\xfea", "cannot be read as UTF-16-LE text", id="half a character"),
+    ],
+)
+def test_what_is_no_urdf_is_refused(tmp_path, content, words):
+    path = tmp_path / "a.urdf"
+    path.write_bytes(content)
+    assert words in refusal(path)
+
+
+def test_files_that_are_none_are_refused(tmp_path):
+    assert "there is no such file" in refusal(tmp_path / "none.urdf")
+    assert "is a folder" in refusal(tmp_path)
+    pipe = tmp_path / "pipe.urdf"
+    os.mkfifo(pipe)
+    assert "is no regular file" in refusal(pipe)
+    assert "cannot be read" in refusal(tmp_path / ("a" * 300))
+
+
+def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(source, "MAX_BYTES", 1_000_000)
+    path = tmp_path / "a.urdf"
+    path.write_bytes(b"<robot>" + b" " * 1_000_001 + b"</robot>")
+    assert "is larger than 1 MB" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        pytest.param(b"\xef\xbb\xbf" + ARM.encode(), "begins with a byte order mark (UTF-8)", id="mark"),
+        pytest.param(ARM.encode("utf-16"), "begins with a byte order mark (UTF-16-LE)", id="utf-16"),
+        pytest.param(
+            b'<?xml version="1.0" encoding="utf-8"?>' + ARM.replace("base", "pié").encode("cp1252"),
+            "is not utf-8, as it says or should be; read as cp1252",
+            id="not the encoding it claims",
+        ),
+        pytest.param(
+            b'<?xml version="1.0" encoding="klingon"?>' + ARM.encode(), "is not klingon", id="unknown encoding"
+        ),
+        pytest.param(b' \n<?xml version="1.0"?>' + ARM.encode(), "blanks before <?xml", id="late declaration"),
+        pytest.param(b"<!-- a -- b -->" + ARM.encode(), "1 comment(s) hold --", id="dashes in a comment"),
+    ],
+)
+def test_what_readers_do_not_mind_is_mended_and_told(tmp_path, content, words):
+    robot, report = read(tmp_path / "a.urdf", content)
+    assert movable_joints(robot) == ["shoulder"]
+    [(kind, text)] = told(report)
+    assert kind == "repaired"
+    assert words in text
+
+
+def test_an_encoding_is_heeded(tmp_path):
+    text = '<?xml version="1.0" encoding="iso-8859-1"?><robot name="cañón"/>'
+    robot, report = read(tmp_path / "a.urdf", text.encode("latin-1"))
+    assert robot.get("name") == "cañón"
+    assert report.entries == []
+
+
+def test_undeclared_prefixes_are_no_error(tmp_path):
+    text = ARM.replace("<link ", '<gazebo:plugin ros:speed="3"/><link ros:mass="1" ', 1)
+    robot, report = read(tmp_path / "a.urdf", text.encode())
+    assert told(report) == [
+        ("dropped", "<gazebo:plugin> 1 ×: of a namespace that no simulation uses"),
+        ("dropped", "attribute ros:mass 1 ×: of a namespace that no simulation uses"),
+    ]
+    assert all(":" not in element.tag for element in robot.iter())
+
+
+@pytest.mark.parametrize(
+    ("declared", "prefix"),
+    [("", "drake"), (' xmlns:drake="elsewhere"', "drake"), (' xmlns:d="http://drake.mit.edu"', "d")],
+)
+def test_elements_of_drake_stay_however_they_are_declared(tmp_path, declared, prefix):
+    text = ARM.replace('velocity="3"', f'velocity="3" {prefix}:acceleration="7"').replace("<robot", f"<robot{declared}")
+    robot, report = read(tmp_path / "a.urdf", text.encode())
+    limit = robot.find("joint/limit")
+    assert limit is not None
+    assert limit.get(f"{DRAKE}acceleration") == "7"
+    assert report.entries == []
+
+
+def test_a_default_namespace_changes_no_name(tmp_path):
+    robot, report = read(tmp_path / "a.urdf", ARM.replace("<robot", '<robot xmlns="http://ros.org"').encode())
+    assert (robot.tag, report.entries) == ("robot", [])
+
+
+def test_comments_that_hide_elements_are_told_once(tmp_path):
+    hidden = '<!-- <visual><geometry><mesh filename="old.dae"/></geometry></visual> --><!-- <joint name="x"> -->'
+    _, report = read(tmp_path / "a.urdf", ARM.replace("<link ", f"{hidden}<!-- by <a@b.c> --><link ", 1).encode())
+    [(kind, text)] = told(report)
+    assert kind == "read"
+    assert text.startswith("2 comment(s) hide elements (")
+    assert "1 <visual>" in text
+    assert "1 <joint>" in text
+
+
+def test_a_mere_declaration_of_xacro_is_no_xacro(tmp_path):
+    text = ARM.replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"')
+    for name in ("a.urdf", "a.xacro"):
+        robot, report = read(tmp_path / name, text.encode())
+        assert movable_joints(robot) == ["shoulder"]
+        assert report.entries == []
+
+
+def test_without_xacro_it_is_said_how(tmp_path, monkeypatch):
+    monkeypatch.setattr(xacro, "_command", lambda: None)
+    path = tmp_path / "arm.urdf"
+    path.write_text(XACRO)
+    assert "install xacro (pip install xacro) or expand it: xacro arm.urdf > arm.urdf" in refusal(path)
+    plain = tmp_path / "arm.xacro"
+    plain.write_text('<robot name="${name}"/>')
+    assert "is a xacro file" in refusal(plain)
+
+
+def fake_xacro(folder: Path, monkeypatch, body: str) -> None:
+    """Make a package called xacro that the interpreter finds; its main() has the body."""
+    package = folder / "packages" / "xacro"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(f"import sys\ndef main():\n    {body}\n")
+    monkeypatch.syspath_prepend(package.parent)
+    monkeypatch.setenv("PYTHONPATH", str(package.parent))
+
+
+def test_the_package_expands_in_a_process_of_its_own(tmp_path, monkeypatch):
+    fake_xacro(tmp_path, monkeypatch, "print(open(sys.argv[1]).read().replace('<xacro:arm/>', '<link name=\"a\"/>'))")
+    text = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>'
+    robot, report = read(tmp_path / "a.xacro", text.encode())
+    assert [link.get("name") for link in robot.iterfind("link")] == ["a"]
+    assert told(report) == [("read", "xacro, expanded")]
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("sys.exit('warning: w\\nerror: unknown macro\\nwhen processing a')", "error: unknown macro when processing a"),
+        ("raise ImportError('no rospack')", "ImportError: no rospack"),
+        ("sys.exit(3)", "no reason given"),
+        ("print(open(sys.argv[1]).read())", "still holds xacro elements"),
+        ("print('<robot')", "is not XML"),
+    ],
+)
+def test_what_xacro_complains_of_is_one_line(tmp_path, monkeypatch, body, words):
+    fake_xacro(tmp_path, monkeypatch, body)
+    path = tmp_path / "a.xacro"
+    path.write_text(XACRO)
+    assert words in refusal(path)
+
+
+def test_a_xacro_without_end_is_stopped(tmp_path, monkeypatch):
+    fake_xacro(tmp_path, monkeypatch, "import time; time.sleep(60)")
+    monkeypatch.setattr(xacro, "TIME_LIMIT", 0.5)
+    path = tmp_path / "a.xacro"
+    path.write_text(XACRO)
+    start = time.monotonic()
+    assert "did not end within 0.5 s" in refusal(path)
+    assert time.monotonic() - start < 10
+
+
+def test_the_program_is_used_where_the_package_is_not(tmp_path, monkeypatch):
+    program = tmp_path / "bin" / "xacro"
+    program.parent.mkdir()
+    program.write_text('#!/bin/sh\necho \'<robot name="by_program"><link name="l"/></robot>\'\n')
+    program.chmod(0o755)
+    monkeypatch.setattr(xacro.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    robot, _ = read(tmp_path / "a.xacro", XACRO.encode())
+    assert robot.get("name") == "by_program"
+
+
+def test_a_folder_called_xacro_is_not_taken_for_the_package(tmp_path):
+    (tmp_path / "xacro").mkdir()
+    code = "from simrob_drake.importer.reading import xacro; print(xacro._command())"
+    environment = {**os.environ, "PATH": "/nowhere", "PYTHONPATH": f"{Path(source.__file__).parents[2]}:{tmp_path}"}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, check=True)
+    assert done.stdout.decode().strip() == "None"

@@ -1,0 +1,37 @@
+"""A robot alone in a plant."""
+
+import numpy as np
+import pytest
+
+from simrob_drake.robots.alone import lone_robot
+from simrob_drake.robots.catalog import load_robot
+
+
+def test_the_robot_stands_at_its_home_posture():
+    robot = load_robot("irb120")
+    lone = lone_robot(robot)
+    context = lone.plant.CreateDefaultContext()
+    np.testing.assert_allclose(lone.plant.GetPositions(context), np.deg2rad([0, 0, 0, 0, 90, 0]))
+    tool = lone.plant.GetFrameByName("tool0").CalcPoseInWorld(context).translation()
+    np.testing.assert_allclose(tool, [0.302, 0.0, 0.558], atol=1e-9)
+
+
+def test_axes_turn_in_their_sense():
+    robot = load_robot("irb120")
+    axes = {name: axis.model_copy(update={"sign": -1}) for name, axis in robot.axes.items()}
+    lone = lone_robot(robot.model_copy(update={"axes": axes}))
+    context = lone.plant.CreateDefaultContext()
+    lone.set_axes(context, np.full(6, 0.3))
+    np.testing.assert_allclose(lone.plant.GetPositions(context), np.full(6, -0.3))
+
+
+def test_a_free_base_can_move():
+    lone = lone_robot(load_robot("irb120"), floating=True)
+    assert lone.plant.num_velocities() == 6 + 6
+    velocities = np.arange(12.0)
+    np.testing.assert_array_equal(lone.of_axes(velocities), np.arange(6.0, 12.0))
+
+
+def test_size_is_the_spread_of_the_links():
+    lone = lone_robot(load_robot("irb120").model_copy(update={"home_deg": 0.0}))
+    assert lone.size == pytest.approx(0.63, abs=1e-9)  # the highest joint above the foot, facts of the arm

@@ -1,0 +1,68 @@
+"""First stations for robots of which only the URDF is known: they run at once."""
+
+import numpy as np
+import pytest
+
+from simrob_drake.importer.cache import CACHE_VARIABLE
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.paths import models_root
+from simrob_drake.simulate import simulate
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.draft import draft_station
+from simrob_drake.stations.load import load_station
+
+
+@pytest.fixture(autouse=True)
+def _cache(tmp_path, monkeypatch):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+
+
+def drafted(tmp_path, urdf, options=None):
+    file = tmp_path / "first.yaml"
+    file.write_text(draft_station(urdf, options, folder=tmp_path))
+    return load_station(file)
+
+
+def test_an_arm_follows_its_first_move(tmp_path):
+    config = drafted(tmp_path, models_root() / "irb120" / "irb120.urdf")
+    assert not [finding for finding in check_station(config) if finding.level == "warning"]
+    result = simulate(config, progress=False)
+    assert result.ending == "completed"
+    moved = np.rad2deg(np.abs(result.axes("q")[-1] - result.axes("q")[0]))
+    assert (moved > 15).all()
+    assert np.rad2deg(np.abs(result.axes("q_ref")[-1] - result.axes("q")[-1])).max() < 1.1  # gains allow a sag of 1 deg
+
+
+def test_a_floating_robot_stands_on_the_floor(tmp_path):
+    config = drafted(tmp_path, models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating"))
+    assert config.contact is not None
+    result = simulate(config, duration=1.0, progress=False)
+    assert result.ending == "completed"
+    base = result.pose("base")
+    assert base[0, 2] == pytest.approx(0.0, abs=1e-6)  # the foot of the arm is at its origin
+    assert base[-1, 2] == pytest.approx(0.0, abs=2e-3)
+
+
+def test_a_robot_without_inertias_moves_kinematically(tmp_path, one_joint_urdf, write_urdf):
+    start, end = one_joint_urdf.index("<inertial>"), one_joint_urdf.index("</inertial>") + len("</inertial>")
+    urdf = write_urdf(one_joint_urdf[:start] + one_joint_urdf[end:])
+    config = drafted(tmp_path, urdf)
+    assert config.mode == "kinematic"
+    assert simulate(config, duration=0.5, progress=False).ending == "completed"
+    assert "upper" in draft_station(urdf)  # the link is named in the comment
+    estimated = drafted(tmp_path, urdf, ImportOptions(estimate_inertia=True))
+    assert estimated.mode == "dynamic"
+    assert simulate(estimated, duration=0.5, progress=False).ending == "completed"
+
+
+def test_an_axis_that_slides_moves_by_metres(tmp_path, one_joint_urdf, write_urdf):
+    urdf = write_urdf(one_joint_urdf.replace("revolute", "prismatic"))
+    config = drafted(tmp_path, urdf)
+    result = simulate(config, progress=False)
+    assert result["q.shoulder"][-1] == pytest.approx(0.05, abs=0.005)
+
+
+def test_paths_are_relative_to_the_station_where_that_is_near(tmp_path, one_joint_urdf, write_urdf):
+    urdf = write_urdf(one_joint_urdf)
+    assert "urdf: robot/arm.urdf" in draft_station(urdf, folder=tmp_path)
+    assert f"urdf: {urdf}" in draft_station(urdf, folder=tmp_path / "elsewhere")

@@ -1,0 +1,112 @@
+"""The commands about robots, from the outside: import, view, station, and check of a file."""
+
+import json
+import signal
+import subprocess
+import sys
+import urllib.request
+
+import pytest
+
+from simrob_drake.cli import run_command
+from simrob_drake.cli.app import BAD_INPUT
+from simrob_drake.importer.cache import CACHE_VARIABLE
+
+RAW = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper">
+    <inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
+    <visual><geometry><box size="0.1 0.1 0.3"/></geometry><material name="undefined"/></visual>
+  </link>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="0" velocity="0"/>
+  </joint>
+</robot>
+"""
+
+
+@pytest.fixture(autouse=True)
+def _apart(tmp_path, monkeypatch):
+    """Work in an empty folder beside the source, with a cache of one's own."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+
+
+@pytest.fixture
+def raw(tmp_path):
+    (tmp_path / "source").mkdir()
+    file = tmp_path / "source" / "arm.urdf"
+    file.write_text(RAW)
+    return file
+
+
+def test_import_tells_what_it_did_and_where_the_robot_is(raw, tmp_path, capsys):
+    assert run_command(["import", str(raw)]) == 0
+    out = capsys.readouterr().out
+    assert "arm_imported/arm.urdf" in out
+    assert "undefined" in out
+    report = json.loads((tmp_path / "work" / "arm_imported" / "report.json").read_text())
+    assert report["summary"] in out
+
+
+def test_check_of_a_file_reports_and_writes_nothing(raw, tmp_path, capsys):
+    assert run_command(["check", str(raw)]) == 0
+    out = capsys.readouterr().out
+    assert "shoulder" in out
+    assert "defaulted" in out
+    assert list((tmp_path / "work").iterdir()) == []
+    assert not (tmp_path / "cache").exists()
+
+
+def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
+    assert run_command(["station", str(raw)]) == 0
+    assert run_command(["run", "arm.yaml", "--duration", "0.2", "--out", "r", "--no-recording"]) == 0
+    assert "q.shoulder" in (tmp_path / "work" / "r" / "signals.csv").read_text().splitlines()[0]
+    assert run_command(["check", "arm.yaml"]) == 0
+    assert "import of arm.urdf" in capsys.readouterr().out
+    assert run_command(["station", str(raw)]) == BAD_INPUT
+    assert "--force" in capsys.readouterr().err
+
+
+def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
+    setting = f"robot.urdf={published_irb120}"
+    arguments = ["run", "irb120_dynamic", "--set", setting, "--duration", "0.2", "--no-recording", "--out", "r"]
+    assert run_command(arguments) == 0
+    text = (tmp_path / "work" / "r" / "station.yaml").read_text()
+    assert str(published_irb120) in text
+    assert "model: irb120" not in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["import", "none.urdf"], "none.urdf"),
+        (["import", "{raw}", "--out", "{raw.parent}/out"], "within the source"),
+        (["import", "{raw}", "--collision", "sphere"], "sphere"),
+        (["import", "{raw}", "--density", "-1", "--estimate-inertia"], "density"),
+        (["station", "{raw}", "--out", "station.txt"], ".yaml"),
+        (["view", "irb121"], "did you mean 'irb120'"),
+        (["view", "none.urdf"], "none.urdf"),
+        (["check", "none.urdf"], "none.urdf"),
+    ],
+)
+def test_bad_input_is_one_line(raw, tmp_path, capsys, arguments, says):
+    assert run_command([argument.format(raw=raw) for argument in arguments]) == BAD_INPUT
+    captured = capsys.readouterr()
+    assert says in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_view_shows_the_robot_until_it_is_interrupted(raw):
+    command = [sys.executable, "-u", "-m", "simrob_drake.cli", "view", str(raw)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as window:
+        line = window.stdout.readline()
+        url = line.split()[-1]
+        assert url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(url) as page:
+            assert page.status == 200
+        window.send_signal(signal.SIGINT)
+        assert window.wait(timeout=20) == 130
+        assert "Traceback" not in window.stderr.read()
