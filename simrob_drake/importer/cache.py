@@ -10,7 +10,7 @@ from pathlib import Path
 import simrob_drake
 from simrob_drake.errors import OutputError, SimrobError
 from simrob_drake.importer.importing import REPORT_FILE, import_robot
-from simrob_drake.importer.mesh_places import mesh_files
+from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.importer.report import ImportReport

@@ -15,7 +15,7 @@ import yaml
 from simrob_drake.errors import OutputError
 from simrob_drake.folders import check_folder, filled_at_once
 from simrob_drake.importer.description import draft
-from simrob_drake.importer.mesh_places import MANIFEST, package_root
+from simrob_drake.importer.meshes.places import MANIFEST, package_root
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
@@ -24,9 +24,9 @@ from simrob_drake.importer.repairs.drives import repair_drives
 from simrob_drake.importer.repairs.inertias import repair_inertias
 from simrob_drake.importer.repairs.joints import repair_joints
 from simrob_drake.importer.repairs.materials import repair_materials
+from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.repairs.structure import repair_structure
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.importer.shapes import import_shapes
 from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel, described_robot, load_robot_from_urdf
 from simrob_drake.robots.urdf_check import check_urdf
 

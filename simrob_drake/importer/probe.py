@@ -46,7 +46,11 @@ def _complaint(file: Path) -> str | None:
     if child.returncode == 0:
         return None
     said = (child.stdout.strip() or child.stderr.strip()).splitlines()
-    return shortened(said[-1], 300) if said else f"the process ended with code {child.returncode}"
+    return (
+        shortened(said[-1].removeprefix(f"{file}: "), 300)
+        if said
+        else f"the process ended with code {child.returncode}"
+    )
 
 
 def _culprit(file: Path) -> str:

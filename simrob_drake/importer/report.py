@@ -65,4 +65,8 @@ class ImportReport:
 
     def as_json(self) -> dict[str, Any]:
         """Return what is written to the report file."""
-        return {"source": str(self.source), "summary": self.summary(), "entries": [asdict(entry) for entry in self.entries]}
+        return {
+            "source": str(self.source),
+            "summary": self.summary(),
+            "entries": [asdict(entry) for entry in self.entries],
+        }

@@ -88,4 +88,3 @@ class RobotView:
         """Close the window and its port."""
         del self._sliders, self._plant, self._diagram, self._meshcat
         gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
-

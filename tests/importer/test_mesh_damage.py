@@ -9,9 +9,9 @@ import pytest
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
-from simrob_drake.importer.mesh_checks import UnreadableMesh
-from simrob_drake.importer.mesh_library import Mesh, MeshLibrary
-from simrob_drake.importer.mesh_places import MeshOutside, MeshPlaces
+from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.library import Mesh, MeshLibrary
+from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
 
 KINDS = ["stl", "stl_ascii", "obj", "ply", "ply_ascii", "off", "dae", "glb", "gltf"]
 

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from simrob_drake.importer.mesh_checks import UnreadableMesh
-from simrob_drake.importer.mesh_hulls import MOST_CORNERS, box_of, hull_of, is_hull
-from simrob_drake.importer.mesh_parts import Part
+from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.hulls import MOST_CORNERS, box_of, hull_of, is_hull
+from simrob_drake.importer.meshes.parts import Part
 
 TURN = RigidTransform(RollPitchYaw(0.3, -0.7, 1.1), [0.5, -0.2, 0.9])
 

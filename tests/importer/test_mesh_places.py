@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from simrob_drake.importer.mesh_places import MeshMissing, MeshOutside, MeshPlaces, mesh_files, package_root
+from simrob_drake.importer.meshes.places import MeshMissing, MeshOutside, MeshPlaces, mesh_files, package_root
 from simrob_drake.importer.options import ImportOptions
 
 MANIFEST = "<package><name>{}</name></package>"

@@ -17,8 +17,8 @@ from trimesh.visual.material import PBRMaterial
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.importer.shapes import import_shapes
 from simrob_drake.robots.merge import pose_of
 
 BOUNDS = [[0.25, 0.4, 0.5], [0.35, 0.6, 0.9]]
@@ -148,17 +148,18 @@ def test_a_clean_obj_is_copied_byte_for_byte(imported: Import, package: Path) ->
 def test_each_colour_becomes_a_visual_as_in_rviz(imported: Import) -> None:
     result = imported(
         f'<material name="base_visual_1"><color rgba="0 1 0 1"/></material><link name="base"><visual name="v">'
-        f'<origin xyz="0 0 1"/>{MESH.format("two.dae")}<material name="base_visual_1"/></visual></link>'
+        f'<origin xyz="0 0 1"/>{MESH.format("two.dae")}<material name="base_visual_1"/></visual>'
+        '<visual name="v_2"><geometry><sphere radius="1"/></geometry></visual></link>'
     )
     visuals = result.robot.findall("link/visual")
-    assert [visual.get("name") for visual in visuals] == ["v", "v_2"]
-    assert [pose_of(visual).translation()[2] for visual in visuals] == [1, 1]
+    assert [visual.get("name") for visual in visuals] == ["v", "v_3", "v_2"]
+    assert [pose_of(visual).translation()[2] for visual in visuals] == [1, 1, 0]
     colours = [visual.find("material/color") for visual in visuals]
     assert [colour.get("rgba") for colour in colours if colour is not None] == ["1 0 0 1", "0 0 1 1"]
     names = [material.get("name") for material in result.robot.iter("material")]
     assert len(set(names)) == 3
     assert "2 colours, a <visual> for each; the URDF's material gives way to its own look" in result.told()
-    assert len(shapes_in_drake(result, Role.kIllustration)) == 2
+    assert len(shapes_in_drake(result, Role.kIllustration)) == 3
 
 
 def test_a_texture_stays_with_its_mesh(imported: Import, package: Path) -> None:
@@ -273,7 +274,7 @@ def test_a_mesh_outside_of_the_package_refuses_the_robot(imported: Import, packa
             text = f'<link name="a"><{tag}>{MESH.format(name)}</{tag}></link>'
             with pytest.raises(InvalidModel) as problem:
                 imported(text)
-            assert f"mesh '{name}': lies outside of the allowed folders" in str(problem.value)
+            assert f"arm.urdf: link 'a': mesh '{name}': lies outside of the allowed folders" in str(problem.value)
             assert f"allow it with --mesh-path {tmp_path}" in str(problem.value)
             assert imported(text, mesh_path=(tmp_path,)).meshes(tag) == [f"meshes/a_{tag}_1.obj"]
 

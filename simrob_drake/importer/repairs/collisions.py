@@ -9,13 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
-from simrob_drake.importer.mesh_checks import UnreadableMesh
-from simrob_drake.importer.mesh_hulls import box_of, hull_of, is_hull
-from simrob_drake.importer.mesh_library import Mesh, MeshLibrary, Scale
-from simrob_drake.importer.mesh_parts import points_of
-from simrob_drake.importer.mesh_writing import MeshWriter
-from simrob_drake.importer.report import ImportReport
-from simrob_drake.importer.shape_elements import (
+from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
+from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, Scale
+from simrob_drake.importer.meshes.parts import points_of
+from simrob_drake.importer.meshes.writing import MeshWriter
+from simrob_drake.importer.repairs.shape_elements import (
     ShapeNames,
     drop,
     mesh_name,
@@ -25,6 +24,7 @@ from simrob_drake.importer.shape_elements import (
     shapes_of,
     tell_mesh,
 )
+from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.merge import place, pose_of
 from simrob_drake.robots.urdf import DRAKE, drop_collision
 
@@ -75,11 +75,11 @@ class Collisions:
     def _fall_back(
         self, link: ET.Element, drawn: Sequence[ET.Element], failed: list[tuple[str, ET.Element, str]]
     ) -> None:
-        """Put the meshes that a link shows in the place of those that it should collide with."""
+        """Put the shapes that a link shows in the place of the meshes that it should collide with."""
         for where, element, problem in failed[1:]:
             drop(link, element, where, problem, self.report)
         where, element, problem = failed[0]
-        made = self._of_visuals(link, [visual for visual in drawn if mesh_of(visual) is not None])
+        made = self._of_visuals(link, drawn)
         if made:
             link.remove(element)
             self.report.add("repaired", where, f"{problem}; the shape of the link's visuals is taken")

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from simrob_drake.errors import shortened
-from simrob_drake.importer.mesh_library import Mesh, Scale
-from simrob_drake.importer.primitives import PRIMITIVES, defect_of, numbers_in
+from simrob_drake.importer.meshes.library import Mesh, Scale
+from simrob_drake.importer.repairs.names import free_name
+from simrob_drake.importer.repairs.primitives import PRIMITIVES, defect_of, numbers_in
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import name_of
 
@@ -34,16 +35,13 @@ class ShapeNames:
 
     def material(self, name: str) -> str:
         """Return a name like this one that no material has."""
-        taken = {element.get("name") for element in self.robot.iter("material")}
-        free = (f"{name}{f'_{number}' if number > 1 else ''}" for number in range(1, len(taken) + 2))
-        return next(candidate for candidate in free if candidate not in taken)
+        return free_name(name, (name_of(element) for element in self.robot.iter("material")))
 
     def _stem(self, link: str) -> str:
         if link not in self._stems:
             clean = re.sub(r"[^A-Za-z0-9_]", "_", link)[:80] or "link"
-            taken = {stem.lower() for stem in self._stems.values()}  # some disks do not tell A from a
-            free = (f"{clean}{f'_{number}' if number > 1 else ''}" for number in range(1, len(taken) + 2))
-            self._stems[link] = next(stem for stem in free if stem.lower() not in taken)
+            free = free_name(clean.lower(), map(str.lower, self._stems.values()))  # some disks do not tell A from a
+            self._stems[link] = clean + free[len(clean) :]
         return self._stems[link]
 
 

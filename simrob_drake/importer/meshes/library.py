@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from simrob_drake.importer.mesh_checks import UnreadableMesh
-from simrob_drake.importer.mesh_mending import decimate, mend
-from simrob_drake.importer.mesh_parts import Part, face_count, size_of
-from simrob_drake.importer.mesh_places import MeshMissing, MeshPlaces
-from simrob_drake.importer.mesh_reading import read_mesh
-from simrob_drake.importer.mesh_writing import may_stay
+from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.mending import decimate, mend
+from simrob_drake.importer.meshes.parts import Part, face_count, size_of
+from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
+from simrob_drake.importer.meshes.reading import read_mesh
+from simrob_drake.importer.meshes.writing import may_stay
 
 Scale = tuple[float, float, float]
 _KEPT = 4

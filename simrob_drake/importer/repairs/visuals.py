@@ -7,12 +7,12 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from simrob_drake.importer.mesh_checks import UnreadableMesh
-from simrob_drake.importer.mesh_library import Mesh, MeshLibrary, Scale
-from simrob_drake.importer.mesh_parts import Part, Rgba
-from simrob_drake.importer.mesh_writing import MeshWriter
-from simrob_drake.importer.report import ImportReport
-from simrob_drake.importer.shape_elements import (
+from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, Scale
+from simrob_drake.importer.meshes.parts import Part, Rgba
+from simrob_drake.importer.meshes.writing import MeshWriter
+from simrob_drake.importer.repairs.names import free_name
+from simrob_drake.importer.repairs.shape_elements import (
     ShapeNames,
     drop,
     mesh_name,
@@ -22,6 +22,8 @@ from simrob_drake.importer.shape_elements import (
     shapes_of,
     tell_mesh,
 )
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.urdf import name_of
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Visuals:
         place = list(link).index(element)
         link.remove(element)
         for index, file in enumerate(drawn):
-            link.insert(place + index, self._element(element, file, index))
+            link.insert(place + index, self._element(link, element, file))
 
     def _written(self, link: ET.Element, uri: str, scale: Scale) -> tuple[Mesh, list[_Drawn]]:
         """Return what a mesh has become; a mesh that several links show is written once, named by the first."""
@@ -80,11 +82,11 @@ class Visuals:
         name = self.writer.write(part, role="visual", stem=self.names.next(link, "visual"), original=loaded.original)
         return _Drawn(name, part.rgba, part.image is not None)
 
-    def _element(self, element: ET.Element, file: _Drawn, index: int) -> ET.Element:
+    def _element(self, link: ET.Element, element: ET.Element, file: _Drawn) -> ET.Element:
         """Return the visual of one file of a mesh; where the mesh gives it no look the URDF's material stays."""
         visual = deepcopy(element)
-        if index and visual.get("name"):
-            visual.set("name", f"{visual.get('name')}_{index + 1}")
+        if name_of(visual):
+            visual.set("name", free_name(name_of(visual), map(name_of, link.iterfind("visual"))))
         set_shape(visual, ET.Element("mesh", filename=file.name))
         if file.rgba or file.textured:
             for material in visual.findall("material"):

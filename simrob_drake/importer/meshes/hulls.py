@@ -9,8 +9,8 @@ from pydrake.math import RigidTransform, RotationMatrix
 from scipy.spatial import ConvexHull, QhullError
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.mesh_checks import UnreadableMesh
-from simrob_drake.importer.mesh_parts import Part
+from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.parts import Part
 
 MOST_CORNERS = 130
 """A convex body with that many corners has at most 256 faces: contact stays quick, and no robot needs more."""

@@ -10,8 +10,8 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from simrob_drake.errors import shortened
-from simrob_drake.importer.mesh_packages import MANIFEST, find_package, is_file
-from simrob_drake.importer.mesh_references import references
+from simrob_drake.importer.meshes.packages import MANIFEST, find_package, is_file
+from simrob_drake.importer.meshes.references import references
 from simrob_drake.importer.options import ImportOptions
 
 __all__ = ["MANIFEST", "MeshMissing", "MeshOutside", "MeshPlaces", "Place", "mesh_files", "package_root"]
@@ -19,6 +19,8 @@ __all__ = ["MANIFEST", "MeshMissing", "MeshOutside", "MeshPlaces", "Place", "mes
 _NETWORK = ("http", "https", "ftp")
 _LEVELS = 4
 """How far up from the URDF the manifest of its package may lie."""
+_ENDS = 12
+"""How many parts of a path that is wrong at its beginning are tried."""
 _INNER = ("urdf", "urdfs", "xacro", "robot", "robots", "description", "model", "models")
 """Names of folders that lie inside a package and hold its URDF."""
 
@@ -154,7 +156,7 @@ class MeshPlaces:
 
     def _by_end(self, told: _Name) -> Iterator[Path]:
         """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
-        parts = [part for part in PurePosixPath(told.path).parts if part not in ("/", "..", ".")]
+        parts = [part for part in PurePosixPath(told.path).parts if part not in ("/", "..", ".")][-_ENDS:]
         for start in range(len(parts)):
             for folder in dict.fromkeys((self.root, self.source.parent, *self.mesh_path)):
                 yield folder.joinpath(*parts[start:])

@@ -9,7 +9,7 @@ import xml.parsers.expat
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from simrob_drake.importer.mesh_references import decoded, gltf_header
+from simrob_drake.importer.meshes.references import decoded, gltf_header
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _MOST_NODES = 20_000

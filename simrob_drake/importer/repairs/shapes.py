@@ -10,14 +10,15 @@ import xml.etree.ElementTree as ET
 from copy import deepcopy
 from pathlib import Path
 
-from simrob_drake.importer.collisions import Collisions
-from simrob_drake.importer.mesh_library import MeshLibrary
-from simrob_drake.importer.mesh_places import MeshOutside, MeshPlaces, mesh_files
-from simrob_drake.importer.mesh_writing import MeshWriter
+from simrob_drake.importer.meshes.library import MeshLibrary
+from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces, mesh_files
+from simrob_drake.importer.meshes.writing import MeshWriter
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.repairs.collisions import Collisions
+from simrob_drake.importer.repairs.shape_elements import ShapeNames, check_geometry, drop, shapes_of
+from simrob_drake.importer.repairs.visuals import Visuals
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.importer.shape_elements import ShapeNames, check_geometry, drop, shapes_of
-from simrob_drake.importer.visuals import Visuals
+from simrob_drake.robots.urdf import name_of
 
 __all__ = ["import_shapes", "mesh_files"]
 
@@ -41,15 +42,15 @@ def import_shapes(
     writer, names = MeshWriter(folder), ShapeNames(robot)
     visuals = Visuals(library, writer, names, report)
     collisions = Collisions(library, writer, names, report, options.collision)
-    try:
-        for link in robot.iterfind("link"):
-            _check_shapes(link, report)
-            drawn = [deepcopy(element) for element in link.iterfind("visual")]
+    for link in robot.iterfind("link"):
+        _check_shapes(link, report)
+        drawn = [deepcopy(element) for element in link.iterfind("visual")]
+        try:
             visuals.rewrite(link)
             collisions.rewrite(link, drawn)
-        collisions.finish(robot)
-    except MeshOutside as problem:
-        raise report.refusal("", str(problem)) from problem
+        except MeshOutside as problem:
+            raise report.refusal(f"link '{name_of(link)}'", str(problem)) from problem
+    collisions.finish(robot)
 
 
 def _check_shapes(link: ET.Element, report: ImportReport) -> None:
