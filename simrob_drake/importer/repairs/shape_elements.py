@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from simrob_drake.errors import shortened
 from simrob_drake.importer.meshes.library import Mesh, Scale
@@ -103,7 +103,7 @@ def tell_mesh(
     scale = mesh.get("scale")
     told = [*loaded.changes, *(change for change in changes if change)]
     told += [f"scaled by {scale}"] if scale is not None else []
-    faces = f"{mesh_name(mesh)} ({loaded.faces} faces)"
+    faces = f"mesh '{PurePath(mesh.get('filename', '')).name}' ({loaded.faces} faces)"
     files = become[0] if len(become) == 1 else f"{become[0]} to {Path(become[-1]).name}"
     if loaded.original is not None and not told:
         report.add("read", where, f"{faces} is {files} as it was")
