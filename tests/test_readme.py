@@ -7,6 +7,8 @@ import pytest
 
 from simrob_drake import load_station, station_names
 from simrob_drake.cli import run_command
+from simrob_drake.importer.cache import CACHE_VARIABLE
+from simrob_drake.results.robot_view import RobotView
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted(ROOT.glob("README*.md"))
@@ -28,8 +30,14 @@ COMMANDS = [line.split("#")[0].split() for block in fenced("sh") for line in blo
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_a_command_does_its_work(command, tmp_path, monkeypatch):
+def test_a_command_does_its_work(command, tmp_path, monkeypatch, one_joint_urdf):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
+    (tmp_path / "downloads").mkdir()
+    (tmp_path / "downloads" / "arm.urdf").write_text(
+        re.sub(r"<transmission.*</transmission>", "", one_joint_urdf, flags=re.DOTALL)
+    )
     duration = ["--duration", "0.2"] if command[1] == "run" else []
     assert run_command([*command[1:], *duration]) == 0
 

@@ -281,6 +281,7 @@ class TestDivergence:
 
 def test_a_gripper_that_may_touch_comes_to_rest_on_the_floor():
     overrides = {"servo.torque_limit": 12, "floor": {"size": 2}, "duration": 2.0}
+    overrides |= {"servo.realization": "implicit", "solver": {"kind": "discrete", "scheme": "sap", "time_step": 2e-3}}
     through = simulate(load_station("irb120_dynamic", overrides))
     onto = simulate(load_station("irb120_dynamic", {**overrides, "contact": {"model": "point"}}))
     assert through.pose("tcp")[-1, 2] < -0.05

@@ -20,6 +20,7 @@ from rich.table import Table
 
 from simrob_drake import load_station, simulate
 from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
+from tests.benchmarks.importing import imports
 
 REALIZATIONS = ("per_joint", "vector", "implicit")
 ROUNDS = 15
@@ -112,7 +113,7 @@ def _wall_time(command: list[str]) -> float:
 def main() -> None:
     """Print all tables."""
     console = Console()
-    for measure in (against_hand_wired, realtime_rates, monitors, whole_commands):
+    for measure in (against_hand_wired, realtime_rates, monitors, whole_commands, imports):
         console.print(measure())
 
 
