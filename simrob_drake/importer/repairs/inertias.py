@@ -6,24 +6,18 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
-from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
-from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.inertia_estimate import SMALL_MASS, ball, inertia_of_shapes, with_mass
 from simrob_drake.importer.repairs.inertia_figures import Figures, mended, read_figures, write_inertia, write_moments
+from simrob_drake.importer.repairs.inertia_judgement import judge_inertia
 from simrob_drake.importer.repairs.numbers import written
+from simrob_drake.importer.repairs.points_on_axes import take_out_points_on_axes
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.bodies import bodies, carriers
-from simrob_drake.robots.merge import pose_of
 from simrob_drake.robots.urdf import link_of, mass_of, name_of, root_link
-
-_HEAVIEST = 20_000.0  # kg/m³, as tungsten and gold
-_LIGHTEST = 1.0  # kg/m³, as air
-_FAR = 1.0  # m
-_ON_AXIS = 1e-6  # m
 
 
 def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport) -> None:
@@ -40,7 +34,7 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
         figures = _repair(link, report)
         if figures is not None:
             unusable[name_of(link)] = figures
-    unusable |= _take_out_points_on_axes(robot)
+    unusable |= take_out_points_on_axes(robot)
     if options.estimate_inertia:
         _estimate_unusable(robot, unusable, folder, options, report)
     else:
@@ -55,7 +49,7 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
                 "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia",
             )
     for link in robot.iterfind("link"):
-        _judge(link, folder, report)
+        judge_inertia(link, folder, report)
 
 
 def _repair(link: ET.Element, report: ImportReport) -> Figures | None:
@@ -81,47 +75,6 @@ def _repair(link: ET.Element, report: ImportReport) -> Figures | None:
             return None
     link.remove(inertial)
     return figures
-
-
-def _take_out_points_on_axes(robot: ET.Element) -> dict[str, Figures]:
-    """Take out masses without moments where nothing else resists a joint: points on the axis of a chain's last one."""
-    carrier, fixed = (
-        carriers(robot),
-        {link_of(j, "child"): j for j in robot.iterfind("joint") if j.get("type") == "fixed"},
-    )
-    inner = {carrier[link_of(joint, "parent")] for joint in robot.iterfind("joint") if joint.get("type") != "fixed"}
-    taken: dict[str, Figures] = {}
-    for joint in robot.iterfind("joint"):
-        last = link_of(joint, "child")
-        if joint.get("type") not in ("revolute", "continuous") or last in inner:
-            continue
-        points = {}
-        for link in bodies(robot)[last]:
-            inertial = link.find("inertial")
-            if inertial is not None and mass_of(link) > 0:
-                points[name_of(link)] = read_figures(inertial)
-        axis = joint.find("axis")
-        direction = np.array(["1", "0", "0"] if axis is None else axis.get("xyz", "1 0 0").split(), dtype=float)
-        if all(_is_on_axis(figures, _pose_in_body(name, fixed), direction) for name, figures in points.items()):
-            taken |= {name: Figures(figures.mass, None, figures.place) for name, figures in points.items()}
-    for link in robot.iterfind("link"):
-        inertial = link.find("inertial")
-        if name_of(link) in taken and inertial is not None:
-            link.remove(inertial)
-    return taken
-
-
-def _is_on_axis(figures: Figures, pose: RigidTransform, axis: Vector) -> bool:
-    """Whether a link's mass is a point on an axis through the origin of its body, in which the link has the pose."""
-    offset = np.cross(pose @ figures.place.translation(), axis / np.linalg.norm(axis))
-    return figures.moments is not None and not figures.moments.any() and float(np.linalg.norm(offset)) < _ON_AXIS
-
-
-def _pose_in_body(link: str, fixed: dict[str, ET.Element]) -> RigidTransform:
-    pose = RigidTransform()
-    while link in fixed:
-        pose, link = pose_of(fixed[link]) @ pose, link_of(fixed[link], "parent")
-    return pose
 
 
 def _leave_out(robot: ET.Element, unusable: dict[str, Figures], report: ImportReport) -> None:
@@ -194,30 +147,6 @@ def _bodies_without_mass(robot: ET.Element, options: ImportOptions) -> list[str]
     if find_base(robot, options)[0] == "floating":
         moved.insert(0, root_link(robot))
     return [link for link in moved if link not in heavy]
-
-
-def _judge(link: ET.Element, folder: Path | None, report: ImportReport) -> None:
-    """Tell of figures that a body can have, but hardly one of this shape: the usual slips with units."""
-    inertial = link.find("inertial")
-    if inertial is None or mass_of(link) == 0:
-        return
-    figures, solid = read_figures(inertial), inertia_of_shapes(link, folder, 1.0)
-    if solid is None or figures.mass is None or figures.moments is None:
-        return
-    where, volume = f"link '{name_of(link)}' <inertial>", solid.get_mass()
-    density = figures.mass / volume
-    if not _LIGHTEST <= density <= _HEAVIEST:
-        report.add("read", where, f"mass {figures.mass:g} kg in {volume:.3g} m³ is {density:.3g} kg/m³; grams, or mm?")
-    com = solid.get_com()
-    spread = float(np.trace(solid.Shift(com).CalcRotationalInertia().CopyToFullMatrix3())) / volume
-    if not spread > 0:  # lost in rounding: the shapes lie absurdly far out
-        return
-    apart = float(np.linalg.norm(figures.place.translation() - com))
-    if apart > _FAR + 2 * np.sqrt(spread):
-        report.add("read", where, f"its centre of mass lies {apart:.3g} m from the middle of its shapes; in mm?")
-    ratio = float(np.trace(figures.moments)) / figures.mass / spread
-    if ratio > 100 or 0 < ratio < 0.01:
-        report.add("read", where, f"its moments are {ratio:.3g} times those of a solid body of its mass and shapes")
 
 
 def _told(link: ET.Element) -> str:
