@@ -12,7 +12,7 @@ from simrob_drake.programs.arm_geometry import ArmGeometry
 from simrob_drake.programs.plan import How
 from simrob_drake.programs.planner import Planner
 from simrob_drake.programs.solvers import SolverLike
-from simrob_drake.programs.targets import PoseTargets
+from simrob_drake.programs.targets import PoseTargets, WorkObject
 from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
@@ -50,7 +50,7 @@ class Arm(ArmGeometry):
         self,
         targets: PoseTargets,
         *,
-        wobj: object = None,
+        wobj: WorkObject = None,
         solver: SolverLike | None = None,
         stop: bool = False,
         **how: Unpack[How],
@@ -59,7 +59,7 @@ class Arm(ArmGeometry):
         return self.cell.run(self.plan.move_j(targets, wobj=wobj, solver=solver, stop=stop, **how))
 
     def move_l(
-        self, targets: PoseTargets, *, wobj: object = None, solver: SolverLike | None = None, **how: Unpack[How]
+        self, targets: PoseTargets, *, wobj: WorkObject = None, solver: SolverLike | None = None, **how: Unpack[How]
     ) -> SimulationResult:
         """Move the tool along straight lines; see :meth:`Planner.move_l`."""
         return self.cell.run(self.plan.move_l(targets, wobj=wobj, solver=solver, **how))
@@ -69,7 +69,7 @@ class Arm(ArmGeometry):
         via: PoseTargets,
         targets: PoseTargets,
         *,
-        wobj: object = None,
+        wobj: WorkObject = None,
         solver: SolverLike | None = None,
         **how: Unpack[How],
     ) -> SimulationResult:
@@ -84,8 +84,7 @@ class Arm(ArmGeometry):
         self, piece: str, parent: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
     ) -> None:
         """Take a piece with the tool that the arm has now, or hang it on ``parent``; see :meth:`Workcell.attach`."""
-        robot = self.cell.model.robots[self.name]
-        tool = self.cell.config.robots[self.name].tcp or robot.tcp
+        tool = self.cell.model.tool_in_use(self.name)
         own = tool if tool in self.cell.config.pieces else self.name
         self.cell.attach(piece, own if parent is None else parent, frame=frame, pose=pose)
 

@@ -13,7 +13,7 @@ from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transf
 from simrob_drake.programs.kinematics.chain import Chain
 from simrob_drake.programs.kinematics.solutions import require
 from simrob_drake.programs.solvers import SolverLike, solver_for
-from simrob_drake.programs.targets import PoseTargets, world_poses
+from simrob_drake.programs.targets import PoseTargets, WorkObject, world_poses
 from simrob_drake.programs.workcell import Workcell
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import Station
@@ -123,13 +123,13 @@ class ArmGeometry:
         robots = {**config.robots, self.name: entry.model_copy(update=changes)}
         self.cell.change(config.model_copy(update={"robots": robots}))
 
-    def frame(self, wobj: object = None) -> RigidTransform:
+    def frame(self, wobj: WorkObject = None) -> RigidTransform:
         """Return the pose of a work object in the world; see :class:`ArmGeometry`."""
         if wobj is self:
             return as_transform(self.chain.forward(self.reference)[0])
         return self.cell.frame(wobj)
 
-    def pose(self, q: npt.ArrayLike | None = None, wobj: object = None) -> Vector:
+    def pose(self, q: npt.ArrayLike | None = None, wobj: WorkObject = None) -> Vector:
         """Return where the tool is (forward kinematics; SimRob's Pose).
 
         Args:
@@ -146,7 +146,7 @@ class ArmGeometry:
     def joint(
         self,
         pose: PoseTargets,
-        wobj: object = None,
+        wobj: WorkObject = None,
         solver: SolverLike | None = None,
         *,
         start: npt.ArrayLike | None = None,

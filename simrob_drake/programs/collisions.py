@@ -59,7 +59,7 @@ def _names(model: StationModel, query: QueryObject, pair: PenetrationAsPointPair
 
 def _owner(model: StationModel, query: QueryObject, geometry: GeometryId) -> str:
     inspector = query.inspector()
-    shape = inspector.GetName(geometry).split("::")[-1]
+    shape: str = inspector.GetName(geometry).split("::")[-1]
     piece = shape.rpartition("_")[0]  # shapes of pieces are numbered
     if piece in model.config.pieces:
         return piece

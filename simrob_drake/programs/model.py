@@ -86,6 +86,12 @@ class StationModel:
         limits = [min(joint.velocity_upper_limits()[0], -joint.velocity_lower_limits()[0]) for joint in joints]
         return np.array(limits)
 
+    def tool_in_use(self, robot: str) -> str:
+        """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""
+        own, entry = self.robots[robot], self.config.robots[robot]
+        carried = [name for name in own.tools if name in self.config.pieces]
+        return entry.tcp or (carried or list(own.model.tools) or [""])[-1 if carried else 0]
+
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
         """Return a named frame of a piece, its tool centre point unless given.
 

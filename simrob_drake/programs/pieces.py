@@ -8,7 +8,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.programs.model import StationModel
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.names import WORLD, carrier, piece_parent, robot_model
+from simrob_drake.stations.names import WORLD, carrier, piece_parent
 
 
 def reparented(
@@ -47,7 +47,7 @@ def reparented(
         update={"parent": parent, "frame": frame, "pose": tuple(pose_from_transform(place).tolist())}
     )
     changed = config.model_copy(update={"pieces": {**config.pieces, piece: entry}})
-    return _with_tools(config, changed, piece)
+    return _with_tools(model, changed, piece)
 
 
 def _mount_pose(model: StationModel, parent: str, frame: str | None) -> RigidTransform:
@@ -58,22 +58,20 @@ def _mount_pose(model: StationModel, parent: str, frame: str | None) -> RigidTra
     return model.pose(model.flange(parent))
 
 
-def _with_tools(old: StationConfig, new: StationConfig, piece: str) -> StationConfig:
-    """Let the robot that took a piece use its tool centre point, and one that gave it away what carried it."""
-    robots = dict(new.robots)
-    giver, taker = carrier(old, piece), carrier(new, piece)
-    if giver in robots and giver != taker:
-        tcp = robots[giver].tcp
-        if tcp is None or carrier_of_tool(new, giver, tcp) != giver:
-            before = piece_parent(old, piece)
-            flange = next(iter(robot_model(new, giver).tools), None)
-            tool = before if before in new.pieces else flange
-            robots[giver] = robots[giver].model_copy(update={"tcp": tool, "tcp_offset": None})
-    if taker in robots and giver != taker:
+def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationConfig:
+    """Let the robot that took a piece use its tool centre point, and one that gave its tool away what carried it."""
+    robots, giver, taker = dict(new.robots), carrier(model.config, piece), carrier(new, piece)
+    if giver == taker:
+        return new
+    if giver in robots:
+        tool = model.tool_in_use(giver)
+        if tool in new.pieces and carrier(new, tool) != giver:
+            before = piece_parent(model.config, piece)
+            flange = next(iter(model.robots[giver].model.tools), None)
+            changes = {"tcp": before if before in new.pieces else flange, "tcp_offset": None}
+        else:
+            changes = {"tcp": tool or None}
+        robots[giver] = robots[giver].model_copy(update=changes)
+    if taker in robots:
         robots[taker] = robots[taker].model_copy(update={"tcp": piece, "tcp_offset": None})
     return new.model_copy(update={"robots": robots})
-
-
-def carrier_of_tool(config: StationConfig, robot: str, tool: str) -> str:
-    """Return the robot that a tool belongs to; a robot's own tools are its."""
-    return carrier(config, tool) if tool in config.pieces else robot

@@ -22,7 +22,8 @@ Check = Literal["nothing", "limits", "collision"]
 POINT_TIME = 0.1
 """Time that a point of a move takes unless something else is asked [s]; Ts in SimRob."""
 _TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
-_AT_ONCE = 1e-6  # m: targets nearer than this still take a little time
+_AT_ONCE = 1e-6  # m: what the way to a target counts at least
+_LEAST_TIME = 0.01  # s to a target
 
 
 class How(TypedDict, total=False):
@@ -115,7 +116,8 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector
         return duration * np.cumsum(shares) / shares.sum(), False
     if "speed" in how:
         speed = _positive("speed", how["speed"], "m/s")
-        return np.cumsum(PEAK * np.maximum(lengths, _TURN_LENGTH * turns * (lengths < _AT_ONCE)) / speed), False
+        ways = np.where(lengths < _AT_ONCE, _TURN_LENGTH * turns, lengths)
+        return np.cumsum(np.maximum(PEAK * ways / speed, _LEAST_TIME)), False
     return POINT_TIME * points * np.arange(1.0, len(segments) + 1), True
 
 

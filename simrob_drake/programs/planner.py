@@ -20,7 +20,7 @@ from simrob_drake.programs.kinematics.solver import Solver
 from simrob_drake.programs.plan import Check, How, Plan, arrivals, joined, target_name
 from simrob_drake.programs.segments import Segment, joint_segment, pose_segment
 from simrob_drake.programs.solvers import SolverLike, solver_for
-from simrob_drake.programs.targets import PoseTargets, places, world_poses
+from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
 
 POINTS, ARC_POINTS = 10, 20
 """Points on the way to a target unless given, as in SimRob; of arcs."""
@@ -51,7 +51,7 @@ class Planner:
     start: Vector
     solver: SolverLike
     speed_limits: Vector
-    frame: Callable[[object], RigidTransform]
+    frame: Callable[[WorkObject], RigidTransform]
     collide: Callable[[Plan], None]
 
     def move_abs_j(self, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
@@ -75,7 +75,7 @@ class Planner:
         self,
         targets: PoseTargets,
         *,
-        wobj: object = None,
+        wobj: WorkObject = None,
         solver: SolverLike | None = None,
         stop: bool = False,
         **how: Unpack[How],
@@ -109,7 +109,7 @@ class Planner:
         return self.move_abs_j(solutions.positions, stop=stop, **how)
 
     def move_l(
-        self, targets: PoseTargets, *, wobj: object = None, solver: SolverLike | None = None, **how: Unpack[How]
+        self, targets: PoseTargets, *, wobj: WorkObject = None, solver: SolverLike | None = None, **how: Unpack[How]
     ) -> Plan:
         """Plan a move that leads the tool centre point along straight lines, turning about one axis on each.
 
@@ -139,7 +139,7 @@ class Planner:
         via: PoseTargets,
         targets: PoseTargets,
         *,
-        wobj: object = None,
+        wobj: WorkObject = None,
         solver: SolverLike | None = None,
         **how: Unpack[How],
     ) -> Plan:
@@ -233,6 +233,9 @@ class _ArcWay:
 
 
 def _points(how: How, default: int) -> int:
+    for key in how:
+        if key not in How.__annotations__:
+            raise UnknownName("option of a move", key, How.__annotations__)
     points = how.get("points", default)
     if not (isinstance(points, (int, np.integer)) and points >= 1):
         raise InvalidParameter("points", points, "a whole number, 1 or more")

@@ -79,6 +79,8 @@ class Tape:
         """
         if not self.takes:
             raise InvalidParameter("the recording", "empty", "begun with record() before the moves")
+        if duration is not None and not (np.isfinite(duration) and duration > 0):
+            raise InvalidParameter("duration", duration, "a positive time [s]")
         first = self.takes[0]
         pieces: dict[str, list[Piece]] = {robot: [] for robot in first.config.robots}
         begin = 0.0

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.frames import PoseLike, Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.programs.kinematics.poses import Targets, pose_matrices
 
+if TYPE_CHECKING:
+    from simrob_drake.programs.arm_geometry import ArmGeometry
+
+WorkObject: TypeAlias = "str | PoseLike | ArmGeometry | None"
+"""In whose frame targets are: a piece's name (its tool centre point) or one of its frames as ``piece.frame``, a robot's
+name or an arm (its tool centre point), a pose in any form, or None for the world."""
 PoseTargets: TypeAlias = Targets
 """One pose or many, in any form, or places (3,) or (k, 3) that keep the tool's orientation."""
 

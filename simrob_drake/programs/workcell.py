@@ -19,6 +19,7 @@ from simrob_drake.programs.pieces import reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.solvers import SolverLike
 from simrob_drake.programs.tape import Take, Tape
+from simrob_drake.programs.targets import WorkObject
 from simrob_drake.programs.trajectories import Piece, rest, trajectory
 from simrob_drake.programs.window import Window
 from simrob_drake.results.result import SimulationResult
@@ -103,7 +104,7 @@ class Workcell:
         self._model.place({robot: self.position(robot) for robot in self.config.robots})
         return self._model
 
-    def frame(self, wobj: object) -> RigidTransform:
+    def frame(self, wobj: WorkObject) -> RigidTransform:
         """Return the pose of a work object in the world.
 
         Args:

@@ -35,9 +35,12 @@ def add_closed_station(
         starts: by robot, where the configuration's references begin instead of at its initial posture, (n,) [rad].
     """
     ports = add_station(builder, config)
-    for name, start in (starts or {}).items():
-        if name in ports.plant.robots:
-            ports.plant.robots[name].initial = start
+    for robot in ports.plant.robots.values():
+        start = (starts or {}).get(robot.name, robot.initial)
+        if len(start) != len(robot.axes):
+            size = f"a state in which '{robot.name}' is of size {len(start)}"
+            raise InvalidParameter("start", size, f"of a station where it is of size {len(robot.axes)}")
+        robot.initial = start
     given = references or {}
     for robot in ports.plant.robots.values():
         velocity, acceleration = f"{robot.prefix}reference_velocity", f"{robot.prefix}reference_acceleration"

@@ -20,6 +20,8 @@ from rich.table import Table
 
 from simrob_drake import load_station, simulate
 from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
+from tests.benchmarks.kinematics import inverse_kinematics
+from tests.benchmarks.programs import attaching, planning
 
 REALIZATIONS = ("per_joint", "vector", "implicit")
 ROUNDS = 15
@@ -112,7 +114,8 @@ def _wall_time(command: list[str]) -> float:
 def main() -> None:
     """Print all tables."""
     console = Console()
-    for measure in (against_hand_wired, realtime_rates, monitors, whole_commands):
+    measures = (against_hand_wired, realtime_rates, monitors, whole_commands, inverse_kinematics, planning, attaching)
+    for measure in measures:
         console.print(measure())
 
 

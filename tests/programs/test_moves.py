@@ -61,7 +61,9 @@ def test_a_circle_of_two_arcs_comes_back(kinematic):
 
 def test_motion_is_smooth_and_rests_at_both_ends_and_at_corners(kinematic):
     kinematic.move_j([0.05, 0.1, 0.02, *DOWN], wobj="table")
-    trajectory = kinematic.plan.move_l([[0.15, 0.1, 0.02], [0.15, 0.2, 0.02]], wobj="table", times=[1.0, 2.5]).trajectory
+    trajectory = kinematic.plan.move_l(
+        [[0.15, 0.1, 0.02], [0.15, 0.2, 0.02]], wobj="table", times=[1.0, 2.5]
+    ).trajectory
     times = np.linspace(0, 2.5, 5001)
     q, v, a = (trajectory.MakeDerivative(order).vector_values(times) for order in (0, 1, 2))
     np.testing.assert_allclose(np.gradient(q, times, axis=1)[:, 1:-1], v[:, 1:-1], atol=1e-5)  # no jump of q
@@ -231,6 +233,7 @@ class TestBadInput:
             ({"times": [1, 2]}, "1 times"),
             ({"times": [[np.nan]]}, "1 times"),
             ({"points": 0}, "points is 0"),
+            ({"durations": 1}, "no option of a move 'durations'; did you mean 'duration'"),
             ({"points": 2.5}, "points is 2.5"),
             ({"check": "colision"}, "did you mean 'collision'"),
             ({"solver": "analytc"}, "did you mean 'analytic'"),
@@ -254,13 +257,37 @@ class TestBadInput:
 
     def test_a_solver_of_another_tool(self):
         solver = NumericSolver(Arm(self.arm.cell.config, tool="tool0").chain)
-        with pytest.raises(SimrobError, match="one made for arm.chain"):
+        with pytest.raises(SimrobError, match=r"one made for arm\.chain"):
             self.arm.move_j([0.1, 0.1, 0.1], wobj="table", solver=solver)
 
     def test_a_plan_made_for_another_place(self, kinematic):
         stale = Arm(self.arm.cell.config).plan.move_abs_j(HOME)
         with pytest.raises(SimrobError, match="plan of robot is made for another place"):
             self.arm.cell.run(stale)
+
+
+def test_a_move_to_where_the_tool_is_takes_its_time_and_turns_alone_too(kinematic):
+    here = kinematic.pose()
+    for how in ({}, {"speed": 0.1}, {"duration": 0.3}):
+        result = kinematic.move_l(here, **how)
+        np.testing.assert_allclose(result.axes("q"), np.tile(kinematic.position, (len(result.times), 1)), atol=1e-9)
+    kinematic.move_l([*here[:3], *DOWN], speed=0.1)
+    np.testing.assert_allclose(kinematic.pose()[:3], here[:3], atol=1e-9)
+    assert np.abs(kinematic.position - np.array(HOME)).max() > 1.0
+
+
+@pytest.mark.parametrize("solver", ["auto", "numeric", "incremental"])
+def test_a_line_on_which_the_wrist_straightens_is_passed(kinematic, solver):
+    """Axes 4 and 6 line up on the way, and joint 5 changes its sign: no posture jumps."""
+    kinematic.move_abs_j([0, 0.1, 0.2, 0, -0.15, 0])
+    start = kinematic.pose()[:3]
+    end = start + np.array([0, 0, 0.12])
+    result = kinematic.move_l(end, solver=solver)
+    q = positions_between(result)
+    assert q[0, 4] * q[-1, 4] < 0
+    points = kinematic.chain.forward(q)[:, :3, 3]
+    assert off_line(points, start, end).max() < 1e-4
+    assert np.abs(np.diff(q, axis=0)).max() < 0.01
 
 
 def test_a_solver_with_weights_of_its_own(kinematic):
