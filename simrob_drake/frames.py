@@ -1,17 +1,17 @@
-"""Poses at the borders of the package: the pose vector [x y z Rz Ry Rx] and the quaternion form of the ports.
+"""Poses at the borders of the package: pose vectors, homogeneous matrices, the quaternion form of the ports, points.
 
-Inside the package a pose is a :class:`pydrake.math.RigidTransform`. The pose vector is the convention of SimRob:
-metres and radians, with the rotation R = Rz(rz) Ry(ry) Rx(rx).
+Inside the package a pose is a :class:`pydrake.math.RigidTransform`. The pose vector [x y z Rz Ry Rx] is the convention
+of SimRob: metres and radians, with the rotation R = Rz(rz) Ry(ry) Rx(rx).
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from simrob_drake.errors import InvalidParameter
 
@@ -21,6 +21,87 @@ XYZ_QUATERNION_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 """An array of floats of any shape; the shape is in the docstrings."""
+
+
+PoseLike: TypeAlias = RigidTransform | npt.ArrayLike
+"""A pose in any form: a RigidTransform, a pose vector (6,), or a homogeneous matrix (4, 4)."""
+
+_RIGID = 1e-6
+"""By how much a matrix may miss a rotation: printed figures pass, a scaled matrix does not."""
+_APART = 1e-9
+"""Points nearer to each other, or to a line through others, define no frame [m]."""
+
+
+def as_transform(pose: PoseLike) -> RigidTransform:
+    """Turn a pose in any form into a transform.
+
+    Args:
+        pose: a pose vector [x y z Rz Ry Rx] (6,) [m, rad], a matrix (4, 4), or a transform.
+
+    Raises:
+        InvalidParameter: another shape, numbers that are not finite, or a matrix that is no rigid motion.
+    """
+    if isinstance(pose, RigidTransform):
+        return pose
+    if np.shape(pose) != (4, 4):
+        return transform_from_pose(pose)
+    matrix = np.asarray(pose, dtype=float)
+    turn = matrix[:3, :3]
+    rigid = np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
+    if not rigid or np.abs(turn @ turn.T - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
+        raise InvalidParameter("pose", matrix.tolist(), "a rotation, a place, and a last row 0 0 0 1")
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(turn), matrix[:3, 3])
+
+
+def matrix_from_pose(pose: PoseLike) -> Vector:
+    """Turn a pose in any form into a homogeneous matrix, shape (4, 4)."""
+    return np.asarray(as_transform(pose).GetAsMatrix4())
+
+
+def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -> RigidTransform:
+    r"""Return the frame of three points, as robot controllers teach it: x from x1 to x2, y towards y1.
+
+    The origin is the foot of the perpendicular from y1 to the line through x1 and x2:
+    :math:`p_0 = x_1 + \frac{(y_1 - x_1)\cdot d}{d \cdot d} d` with :math:`d = x_2 - x_1`. (SimRob's
+    ``Prod(x1, x2, y1)`` searches for the same point.) The x axis points from there to x2, y to y1, z is their product.
+
+    Args:
+        x1: on the x axis, shape (3,) [m].
+        x2: further on the x axis, beyond the origin, shape (3,) [m].
+        y1: on the y axis, shape (3,) [m].
+
+    Raises:
+        InvalidParameter: points that lie on one line, or x2 at the origin of the frame.
+    """
+    first, second, third = (point(values, name) for values, name in ((x1, "x1"), (x2, "x2"), (y1, "y1")))
+    along = second - first
+    if np.linalg.norm(along) < _APART:
+        raise InvalidParameter("x2", second.tolist(), f"another point than x1 {first.tolist()}")
+    origin = first + (third - first) @ along / (along @ along) * along
+    n, o = second - origin, third - origin
+    if np.linalg.norm(o) < _APART:
+        raise InvalidParameter(
+            "y1", third.tolist(), "off the line through x1 and x2: three collinear points fix no frame"
+        )
+    if np.linalg.norm(n) < _APART:
+        raise InvalidParameter("x2", second.tolist(), "away from the foot of the perpendicular from y1, the origin")
+    n, o = n / np.linalg.norm(n), o / np.linalg.norm(o)
+    return RigidTransform(RotationMatrix(np.column_stack([n, o, np.cross(n, o)])), origin)
+
+
+def point(values: npt.ArrayLike, name: str = "point") -> Vector:
+    """Return three finite numbers as an array (3,) [m].
+
+    Raises:
+        InvalidParameter: anything else; the message calls it ``name``.
+    """
+    try:
+        place = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        place = np.zeros(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise InvalidParameter(name, values, "three finite numbers [x y z] in m")
+    return place
 
 
 def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
@@ -39,9 +120,24 @@ def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
 
 
 def pose_from_transform(transform: RigidTransform) -> Vector:
-    """Turn a transform into a pose vector [x y z Rz Ry Rx], shape (6,) [m, rad]."""
-    angles = RollPitchYaw(transform.rotation()).vector()
-    return np.concatenate([transform.translation(), angles[::-1]])
+    """Turn a transform into a pose vector [x y z Rz Ry Rx], shape (6,) [m, rad]; Ry is within ±π/2.
+
+    Where x points along ±z, Rz and Rx turn about the same axis, and only together they mean something: Rx is what Rz
+    leaves over, so that the pose vector gives the same rotation back to rounding even there.
+    """
+    return poses_from_matrices(transform.GetAsMatrix4())
+
+
+def poses_from_matrices(matrices: Vector) -> Vector:
+    """Turn homogeneous matrices (..., 4, 4) into pose vectors (..., 6), as :func:`pose_from_transform` does."""
+    turn = matrices[..., :3, :3]
+    about_z = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
+    cosine, sine = np.cos(about_z), np.sin(about_z)
+    about_y = np.arctan2(-turn[..., 2, 0], np.hypot(turn[..., 0, 0], turn[..., 1, 0]))
+    about_x = np.arctan2(
+        sine * turn[..., 0, 2] - cosine * turn[..., 1, 2], cosine * turn[..., 1, 1] - sine * turn[..., 0, 1]
+    )
+    return np.concatenate([matrices[..., :3, 3], np.stack([about_z, about_y, about_x], axis=-1)], axis=-1)
 
 
 def xyz_quaternion_from_transform(transform: RigidTransform) -> Vector:

@@ -19,6 +19,7 @@ from simrob_drake.progress import progress_bar
 from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import DIVERGED, INTERRUPTED, Ending, SimulationResult
 from simrob_drake.results.signals import Sampler, signals_of
+from simrob_drake.results.state import State
 from simrob_drake.results.stop_time import cut_at_stop
 from simrob_drake.stations.checks import likely_cause, step_findings
 from simrob_drake.stations.closed import add_closed_station, check_references
@@ -37,6 +38,7 @@ def simulate(
     *,
     reference: Reference | Mapping[str, Reference] | None = None,
     duration: float | None = None,
+    start: State | None = None,
     progress: bool = True,
     on_step: Callable[[float, Vector], None] | None = None,
 ) -> SimulationResult:
@@ -49,6 +51,8 @@ def simulate(
             robots, a mapping by robot. Values are joined by straight lines, as Simulink joins them; in a kinematic
             station by a smooth curve, since a corner has no acceleration.
         duration: in place of the configuration's [s].
+        start: where the station begins, such as the ``final_state`` of another result; time begins at zero all the
+            same, and the configuration's references begin where that run's reference ended.
         progress: show a bar on a terminal.
         on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,); it
             cannot change the run.
@@ -65,7 +69,7 @@ def simulate(
             raise InvalidParameter("duration", duration, "a positive time [s]")
         config = config.model_copy(update={"duration": float(duration)})
     given = _by_robot(config, reference)
-    run = _Run.assembled(config, given)
+    run = _Run.assembled(config, given, start)
     watchers = [] if on_step is None else [_positions_watcher(run.ports, on_step)]
     with progress_bar(f"simulating {config.name}", config.duration, shown=progress) as show:
         if show is not None:
@@ -74,7 +78,7 @@ def simulate(
         began = perf_counter()
         outcome = _advance(run, recorder)
         stepping_time = perf_counter() - began
-    return _evaluated(run, recorder, outcome, stepping_time, given)
+    return _evaluated(run, recorder, outcome, stepping_time, given, start)
 
 
 @dataclass(frozen=True)
@@ -87,13 +91,17 @@ class _Run:
     simulator: Simulator
 
     @classmethod
-    def assembled(cls, config: StationConfig, references: Mapping[str, Trajectory | Samples]) -> _Run:
+    def assembled(
+        cls, config: StationConfig, references: Mapping[str, Trajectory | Samples], start: State | None
+    ) -> _Run:
         builder = DiagramBuilder()
-        ports = add_closed_station(builder, config, references)
+        ports = add_closed_station(builder, config, references, start.references if start else None)
         diagram = builder.Build()
         check_references(diagram, ports)
         simulator = Simulator(diagram)
         apply_solver(simulator, config)
+        if start is not None:
+            start.put(diagram, ports, simulator.get_mutable_context())
         return cls(config, diagram, ports, simulator)
 
 
@@ -174,6 +182,7 @@ def _evaluated(
     outcome: _Outcome,
     stepping_time: float,
     given: Mapping[str, Trajectory | Samples],
+    start: State | None,
 ) -> SimulationResult:
     """Sample the signals of a run that has been stepped."""
     began = perf_counter()
@@ -199,6 +208,8 @@ def _evaluated(
         signal_time=perf_counter() - began,
         references=dict(given),
         warnings=_warnings(run),
+        start=start,
+        final_state=State.of(run.diagram, run.ports, sampler.context_at(sampler.history.end)),
     )
 
 

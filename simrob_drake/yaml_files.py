@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from copy import deepcopy
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -14,6 +16,7 @@ from simrob_drake.errors import InvalidConfig, nearest, shortened
 Model = TypeVar("Model", bound=BaseModel)
 Number = Annotated[float, Field(strict=True)]
 """A number, and no text or truth value that could pass for one."""
+YAML_SUFFIXES = (".yaml", ".yml")
 
 
 _QUOTED = re.compile(r"'([^']+)'")
@@ -65,9 +68,15 @@ def parse_yaml(text: str, where: Path | str) -> Any:
         InvalidConfig: the text is not YAML.
     """
     try:
-        return yaml.load(text, Loader=_Loader)  # a child of SafeLoader: it makes plain data only
+        return deepcopy(_parsed(text))
     except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as problem:  # of yaml too: !!int x, 2001-99-99
         raise InvalidConfig(where, "", f"is not YAML: {' '.join(str(problem).split())}") from problem
+
+
+@lru_cache(maxsize=200)
+def _parsed(text: str) -> Any:
+    """Return the value of a text; the same files are read again whenever a station is rebuilt."""
+    return yaml.load(text, Loader=_Loader)  # a child of SafeLoader: it makes plain data only
 
 
 def validated(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
@@ -119,10 +128,15 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list
     nodes = _branches(schema, schema)
     path: list[str] = []
     known: set[str] = set()
-    for part in location:
+    for depth, part in enumerate(location):
         tagged = [node for node in nodes if node.get("properties", {}).get("kind", {}).get("const") == part]
-        if tagged or _UNION_BRANCH.match(str(part)) or isinstance(part, int):
+        if tagged or _UNION_BRANCH.match(str(part)):
             nodes = tagged or nodes
+            continue
+        if isinstance(part, int):  # a place in a list; what is missing at the end of one is told of the list
+            items = [node["items"] for node in nodes if isinstance(node.get("items"), dict)]
+            below = [branch for item in items for branch in _branches(item, schema)]
+            nodes = below if below and depth < len(location) - 1 else nodes
             continue
         children: list[dict[str, Any]] = []
         for node in nodes:

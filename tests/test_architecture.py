@@ -1,6 +1,8 @@
 """The rules of the house: imports point one way, modules stay small, and nothing heavy is imported on the way."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -8,8 +10,8 @@ import pytest
 import simrob_drake
 
 PACKAGE = Path(simrob_drake.__file__).parent
-ROAD = ["base", "robots", "importer", "blocks", "stations", "results", "simulate", "tables", "cli"]
-BASE = {"errors", "paths", "folders", "frames", "yaml_files", "progress"}
+ROAD = ["base", "robots", "importer", "blocks", "stations", "results", "simulate", "programs", "tables", "cli"]
+BASE = {"errors", "paths", "folders", "frames", "interpolation", "yaml_files", "progress"}
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 
 
@@ -38,3 +40,16 @@ def test_imports_point_to_the_left(file):
 def test_modules_hold_one_concept_each():
     long = {str(file): count for file in MODULES if (count := len(file.read_text().splitlines())) > 300}
     assert long == {}
+
+
+def test_the_package_loads_nothing_heavy():
+    """What draws, solves and reads meshes is loaded where it is first used: `Arm` too."""
+    script = (
+        "import simrob_drake, sys; print([name for name in ('scipy', 'matplotlib', 'trimesh') if name in sys.modules])"
+    )
+    shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
+    assert shown.strip() == "[]"
+    assert {"Arm", "Workcell"} <= set(dir(simrob_drake))
+    assert simrob_drake.Arm.__module__ == "simrob_drake.programs.arm"
+    with pytest.raises(AttributeError, match="no attribute 'Amr'"):
+        _ = simrob_drake.Amr

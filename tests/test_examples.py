@@ -45,3 +45,53 @@ def test_weaker_motors_hold_less():
     ends = {limit: np.rad2deg(result["q.joint_2"][-1]) for limit, result in results.items()}
     assert ends[150.0] == pytest.approx(31.2, abs=0.1)
     assert ends[10.0] == pytest.approx(110, abs=0.1)
+
+
+def test_what_is_drawn_lies_on_the_table():
+    arm, moves = example("irb120_draw").run()
+    tip = example("irb120_draw").drawing(arm, moves)
+    drawn = tip[np.abs(tip[:, 2]) < 1e-6]
+    np.testing.assert_allclose([drawn[:, 0].min(), drawn[:, 1].min()], [0.01, 0.099], atol=1e-3)
+    np.testing.assert_allclose([drawn[:, 0].max(), drawn[:, 1].max()], [0.2643, 0.201], atol=1e-3)  # bulge of the B
+    circle = drawn[(drawn[:, 0] > 0.115) & (drawn[:, 0] < 0.225)]
+    np.testing.assert_allclose(np.linalg.norm(circle[:, :2] - [0.17, 0.15], axis=1), 0.05, atol=1e-4)
+
+
+def test_the_pencil_keeps_to_the_axes_of_the_holes():
+    holes = example("irb120_pencil_into_holes")
+    for hole, way in holes.run().items():
+        assert holes.off_axis(hole, way) < 1e-4
+
+
+@pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
+def test_the_rook_stands_on_its_square(mode):
+    arm, _ = example("irb120_chess").run(mode=mode)
+    off = arm.cell.frame("rook").translation() - arm.cell.frame("chess_board.square_5_5").translation()
+    assert np.linalg.norm(off) < (1e-6 if mode == "kinematic" else 0.02)  # the dynamic arm sags
+    assert arm.cell.config.pieces["pencil"].parent == "gripper"
+    assert arm.cell.config.pieces["rook"].parent == "chess_board"
+
+
+def test_the_dynamic_arm_strays_by_millimetres():
+    ways = example("irb120_same_program").run()
+    off = np.linalg.norm(ways["dynamic"] - ways["kinematic"], axis=1)
+    assert 1e-3 < off.max() < 0.03
+    assert ways["dynamic"][:, 2].mean() < ways["kinematic"][:, 2].mean()  # it hangs lower
+
+
+def test_the_bar_goes_from_hand_to_hand():
+    cell, moves = example("two_arms_handover").run()
+    parents = [move.config.pieces["bar"].parent for move in moves]
+    assert [parents[0], parents[3], parents[7], cell.config.pieces["bar"].parent] == [
+        "world",
+        "left_gripper",
+        "right_gripper",
+        "world",
+    ]
+    np.testing.assert_allclose(cell.frame("bar").translation(), [0.5, 0.3, 0.0], atol=1e-6)
+
+
+def test_the_belt_s_rook_stands_on_the_pallet():
+    cell, _ = example("belt_pick").run()
+    assert cell.config.pieces["rook"].parent == "pallet"
+    np.testing.assert_allclose(cell.frame("rook").translation(), [0.1, 0.4, 0.0626], atol=1e-6)

@@ -6,7 +6,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import (
+    as_transform,
+    matrix_from_pose,
     pose_from_transform,
+    poses_from_matrices,
+    three_point_frame,
     transform_from_pose,
     transform_from_xyz_quaternion,
     xyz_quaternion_from_transform,
@@ -49,7 +53,14 @@ def test_a_pose_survives_the_way_through_a_transform(pose: np.ndarray) -> None:
 def test_at_the_gimbal_lock_the_rotation_survives(tilt: float) -> None:
     transform = transform_from_pose([0, 0, 0, 0.3, tilt, 0.2])
     again = transform_from_pose(pose_from_transform(transform))
-    np.testing.assert_allclose(again.GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-7)
+    np.testing.assert_allclose(again.GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-14)
+
+
+@pytest.mark.parametrize("away", [1e-16, 1e-12, 1e-9, 1e-7, 1e-4])
+def test_near_the_gimbal_lock_the_rotation_survives_too(away: float) -> None:
+    transform = transform_from_pose([0, 0, 0, 0.3, np.pi / 2 - away, 0.2])
+    again = transform_from_pose(pose_from_transform(transform))
+    np.testing.assert_allclose(again.GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-14)
 
 
 @pytest.mark.parametrize("pose", random_poses(20))
@@ -84,3 +95,58 @@ def test_a_pose_needs_six_finite_numbers(pose: list[float]) -> None:
 def test_a_port_pose_needs_seven_finite_numbers(values: list[float]) -> None:
     with pytest.raises(InvalidParameter, match="seven finite numbers"):
         transform_from_xyz_quaternion(values)
+
+
+def test_all_forms_of_a_pose_are_one() -> None:
+    pose = [0.1, -0.2, 0.3, 0.7, -0.4, 1.9]
+    transform = transform_from_pose(pose)
+    for form in (pose, np.array(pose), transform, transform.GetAsMatrix4(), transform.GetAsMatrix4().tolist()):
+        assert as_transform(form).IsNearlyEqualTo(transform, 1e-15)
+        np.testing.assert_allclose(matrix_from_pose(form), transform.GetAsMatrix4(), atol=1e-15)
+    np.testing.assert_allclose(poses_from_matrices(np.array([transform.GetAsMatrix4()] * 2)), [pose, pose], atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [2 * np.eye(4), np.diag([1, 1, -1, 1]), np.full((4, 4), np.nan), np.diag([1.1, 1, 1, 1]), np.eye(4)[::-1]],
+)
+def test_a_matrix_that_is_no_rigid_motion_is_refused(matrix: np.ndarray) -> None:
+    with pytest.raises(InvalidParameter, match="a rotation, a place, and a last row 0 0 0 1"):
+        as_transform(matrix)
+
+
+class TestThreePoints:
+    x1, x2, y1 = (0.4000, 0.1330, 0), (0.1500, -0.3000, 0), (0.7232, -0.0536, 0.1000)
+
+    def test_the_inclined_table_has_its_published_frame(self) -> None:
+        frame = three_point_frame(self.x1, self.x2, self.y1)
+        np.testing.assert_allclose(frame.translation(), [0.4, 0.133, 0], atol=5e-6)
+        published = [[-0.5, -0.8660, 0], [0.8365, -0.4830, 0.2588], [-0.2241, 0.1294, 0.9659]]
+        np.testing.assert_allclose(frame.rotation().matrix().T, published, atol=5e-5)  # printed with four decimals
+        np.testing.assert_allclose(np.rad2deg(pose_from_transform(frame)[3:]), [-120, 0, 15], atol=5e-3)
+
+    def test_the_origin_is_where_the_way_to_y1_is_shortest(self) -> None:
+        x1, x2, y1 = np.random.default_rng(2).normal(size=(3, 3))
+        frame = three_point_frame(x1, x2, y1)
+        parts = np.linspace(-3, 3, 600_001)[:, np.newaxis]
+        way = np.linalg.norm((1 - parts) * x1 + parts * x2 - y1, axis=1)  # SimRob's search for it
+        assert np.linalg.norm(frame.translation() - y1) == pytest.approx(way.min(), abs=1e-9)
+        seen = frame.inverse() @ np.column_stack([x1, x2, y1])
+        np.testing.assert_allclose(seen[1:, :2], 0, atol=1e-12)  # x1 and x2 on the x axis
+        np.testing.assert_allclose(seen[[0, 2], 2], 0, atol=1e-12)
+        assert seen[0, 1] > 0
+        assert seen[1, 2] > 0
+
+    @pytest.mark.parametrize(
+        ("points", "message"),
+        [
+            (([0, 0, 0], [1, 0, 0], [2, 0, 0]), "y1 .* three collinear points fix no frame"),
+            (([0, 0, 0], [0, 0, 0], [0, 1, 0]), "another point than x1"),
+            (([0, 0, 0], [1, 0, 0], [1, 1, 0]), "x2 .* away from the foot of the perpendicular"),
+            (([0, 0], [1, 0, 0], [1, 1, 0]), "x1 .* three finite numbers"),
+            (([0, 0, np.inf], [1, 0, 0], [1, 1, 0]), "x1 .* three finite numbers"),
+        ],
+    )
+    def test_points_that_fix_no_frame_are_refused(self, points: tuple[list[float], ...], message: str) -> None:
+        with pytest.raises(InvalidParameter, match=message):
+            three_point_frame(*points)

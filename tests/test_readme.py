@@ -26,6 +26,12 @@ def test_the_script_runs(tmp_path, monkeypatch, capsys):
     assert len(list((tmp_path / "runs").iterdir())) == 1
 
 
+def test_the_program_runs(capsys):
+    script = next(script for script in fenced("python") if "Arm(" in script)
+    exec(compile(script, "README.md", "exec"), {})
+    assert "ran to its end" in capsys.readouterr().out
+
+
 COMMANDS = [line.split("#")[0].split() for block in fenced("sh") for line in block.splitlines() if "simrob " in line]
 
 

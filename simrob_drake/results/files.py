@@ -60,6 +60,8 @@ def save_result(
         _write_summary(result, work / SUMMARY)
         _write_signals(result, work / "signals.csv")
         (work / "station.yaml").write_text(station_yaml(_with_tables(result, work)), encoding="utf-8")
+        if result.start is not None:
+            (work / "start.json").write_text(result.start.to_json() + "\n", encoding="utf-8")
         (work / "plots").mkdir()
         save_plots(result, work / "plots")
         if recording:

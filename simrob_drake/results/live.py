@@ -6,10 +6,12 @@ import gc
 from time import perf_counter, sleep
 
 import numpy as np
+from pydrake.geometry import Meshcat
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.recording import ASPECT, look, open_meshcat
 from simrob_drake.results.scene import Scene, view_of
+from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
 
 FRAME = 1 / 30
@@ -25,16 +27,17 @@ class LiveView:
         url: where to look; it listens on this computer only.
     """
 
-    def __init__(self, config: StationConfig) -> None:
+    def __init__(self, config: StationConfig, *, meshcat: Meshcat | None = None) -> None:
         """Open the window, with the station in its initial positions.
 
         Args:
             config: the station that will be run.
+            meshcat: a window that is open already; it is then not closed with the view.
 
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        meshcat = open_meshcat()
+        meshcat = open_meshcat() if meshcat is None else meshcat
         self.url: str = meshcat.web_url()
         self._scene: Scene | None = Scene(config, meshcat=meshcat)
         self._scene.draw(self._scene.initial)
@@ -42,6 +45,12 @@ class LiveView:
         self._last: tuple[float, Vector] | None = None
         self._next_frame = 0.0
         self._clock_at_zero = 0.0
+
+    def draw(self, state: State) -> None:
+        """Show the station in a state, outside of any run."""
+        if self._scene is not None:
+            self._scene.draw(state.of_plant(self._scene.station)[0])
+            self._last = None
 
     def on_step(self, time: float, positions: Vector) -> None:
         """Show the motion since the last step, in even pictures between its straight-line ends.

@@ -66,6 +66,15 @@ def open_meshcat() -> Meshcat:
     return meshcat
 
 
+def draw_tool_paths(meshcat: Meshcat, result: SimulationResult, number: int = 0) -> None:
+    """Draw the ways of the tools in a run as lines; ``number`` keeps those of other runs."""
+    for index, robot in enumerate(result.plant.robots.values()):
+        if robot.tcp:
+            path: Vector = result.pose("tcp", robot.name)[:, :3].T
+            colour = _PATH_COLOURS[index % len(_PATH_COLOURS)]
+            meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
+
+
 def look(meshcat: Meshcat, view: View) -> None:
     """Put the camera of a Meshcat window where a view says."""
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
@@ -76,7 +85,7 @@ def _page(result: SimulationResult, frames_per_second: float) -> str:
     meshcat = open_meshcat()
     scene = Scene(result.config, meshcat=meshcat)
     _record(scene, result, frames_per_second)
-    _draw_tool_paths(meshcat, result)
+    draw_tool_paths(meshcat, result)
     look(meshcat, view_of(scene.extents_of_run(result), aspect=ASPECT))
     page: str = meshcat.StaticHtml()
     return page
@@ -95,11 +104,3 @@ def _record(scene: Scene, result: SimulationResult, frames_per_second: float) ->
     animation.set_repetitions(_LOOPS)
     visualizer.StopRecording()
     visualizer.PublishRecording()
-
-
-def _draw_tool_paths(meshcat: Meshcat, result: SimulationResult) -> None:
-    for index, robot in enumerate(result.plant.robots.values()):
-        if robot.tcp:
-            path: Vector = result.pose("tcp", robot.name)[:, :3].T
-            colour = _PATH_COLOURS[index % len(_PATH_COLOURS)]
-            meshcat.SetLine(f"tool_path/{robot.name}", np.asfortranarray(path), rgba=colour)

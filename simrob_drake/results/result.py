@@ -15,6 +15,7 @@ from pydrake.trajectories import Trajectory
 import simrob_drake
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.references import Samples
@@ -41,6 +42,8 @@ class SimulationResult:
         positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq).
         stepping_time, signal_time: wall-clock seconds spent on each.
         warnings: why the result may be wrong though the run went to its end, in words.
+        final_state: where the station was at the end, for another run to begin there.
+        start: where it began; None at the configuration's initial posture.
         references: what was given to simulate() in place of the configuration's references, by robot.
     """
 
@@ -56,6 +59,8 @@ class SimulationResult:
     positions_at: Callable[[Vector], Vector]
     stepping_time: float
     signal_time: float
+    final_state: State
+    start: State | None = None
     references: dict[str, Trajectory | Samples] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 

@@ -43,6 +43,7 @@ class Scene:
     It is built anew from the configuration, so that showing it cannot touch a simulation.
 
     Attributes:
+        station: its plant, with the robots.
         initial: the configuration at the start, shape (nq,).
         visualizer: what draws into Meshcat, where there is one.
     """
@@ -62,6 +63,7 @@ class Scene:
         """
         builder = DiagramBuilder()
         station = add_plant(builder, config.model_copy(update={"contact": None}))
+        self.station: StationPlant = station
         self._plant = station.plant
         self._scene_graph = station.scene_graph
         if engine is not None:

@@ -1,4 +1,4 @@
-"""The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, or any clean URDF by path."""
+"""The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.paths import models_root
 from simrob_drake.robots.bodies import links_without_inertia
+from simrob_drake.robots.dh import DhTable, described_by_table
+from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.tools import tool_links
 from simrob_drake.robots.urdf import (
     joint_effort,
@@ -60,14 +62,16 @@ class RobotModel(Strict):
     """A robot as its ``robot.yaml`` describes it.
 
     The order of ``axes`` is the order of every vector of this robot, and each axis is positive in the sense that
-    its ``sign`` gives to the URDF's joint.
+    its ``sign`` gives to the URDF's joint. A table of Denavit-Hartenberg parameters stands for a URDF, and tells root,
+    axes and tools.
     """
 
     name: str
     folder: Path
     description: str = ""
     source: str = ""
-    urdf: str
+    urdf: str | None = None
+    dh: DhTable | None = None
     base: Literal["fixed", "floating"] = "fixed"
     root: str
     axes: Annotated[dict[str, Axis], BeforeValidator(_axes_by_name), Field(min_length=1)]
@@ -75,19 +79,30 @@ class RobotModel(Strict):
     home_deg: AxisValues = 0.0
     servo: Gains = Gains()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_table(cls, content: Any) -> Any:
+        return described_by_table(content)
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> RobotModel:
+        if (self.urdf is None) == (self.dh is None):
+            raise ValueError("a robot has either a urdf or a dh table")
+        return self
+
     @property
     def urdf_path(self) -> Path:
-        """The URDF file."""
-        return self.folder / self.urdf
+        """The URDF file, or the description where that holds a table."""
+        return self.folder / (self.urdf or ROBOT_FILE)
 
     @cached_property
     def element(self) -> Element:
-        """The checked ``robot`` element of the URDF.
+        """The checked ``robot`` element of the URDF, or of the table.
 
         Raises:
             InvalidModel: the file cannot be read or has a defect.
         """
-        root = read_urdf(self.urdf_path)
+        root = read_urdf(self.urdf_path) if self.dh is None else dh_robot(self.name, self.dh)
         check_urdf(root, self.urdf_path)
         return root
 
@@ -184,7 +199,18 @@ def load_robot(name: str) -> RobotModel:
     """
     if name not in robot_names():
         raise UnknownName("robot", name, robot_names())
-    return _described_robot(models_root() / name)
+    return load_robot_file(models_root() / name / ROBOT_FILE)
+
+
+def load_robot_file(file: Path) -> RobotModel:
+    """Return the robot that a ``robot.yaml`` describes; it is called as the file, or as its folder if that says more.
+
+    Raises:
+        InvalidConfig: the file cannot be read or has a wrong entry.
+    """
+    file = file.resolve()
+    name = file.parent.name if file.name == ROBOT_FILE else file.stem
+    return validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
 
 
 def load_robot_from_urdf(path: Path) -> RobotModel:
@@ -212,12 +238,8 @@ def load_robot_from_urdf(path: Path) -> RobotModel:
 
 def described_robot(path: Path) -> RobotModel | None:
     """Return the robot of the ``robot.yaml`` beside a URDF if it describes this file."""
-    if not (path.parent / ROBOT_FILE).is_file():
+    beside = path.parent / ROBOT_FILE
+    if not beside.is_file():
         return None
-    described = _described_robot(path.parent)
+    described = load_robot_file(beside)
     return described if described.urdf_path.resolve() == path.resolve() else None
-
-
-def _described_robot(folder: Path) -> RobotModel:
-    file = folder / ROBOT_FILE
-    return validated(RobotModel, {"name": folder.name, "folder": folder.resolve(), **read_yaml(file)}, file)

@@ -15,6 +15,7 @@ from simrob_drake.robots.urdf import DRAKE
 
 FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}
 """Of all pieces and floors: the contacts of the Simulink library."""
+_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, pose: RigidTransform) -> None:
@@ -22,7 +23,7 @@ def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, p
 
     Args:
         robot: the ``robot`` element, changed in place.
-        name: of the new link; its tool centre point is the frame ``<name>_tcp``.
+        name: of the new link; its tool centre point is the frame ``<name>_tcp``, its others ``<name>_<frame>``.
         piece: what to add.
         parent: the link or frame that it is fixed to.
         pose: of the piece in the parent's frame.
@@ -35,15 +36,20 @@ def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, p
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=name)
     place(joint, pose)
-    add_frame(robot, f"{name}_tcp", name, transform_from_pose(piece.tcp))
+    _add_frames(robot, name, piece)
 
 
 def piece_robot(name: str, piece: PieceModel) -> ET.Element:
-    """Return the URDF of a piece that stands alone, with the frame ``<name>_tcp``."""
+    """Return the URDF of a piece that stands alone, with the frames ``<name>_tcp`` and ``<name>_<frame>``."""
     robot = ET.Element("robot", name=name)
     robot.append(_link_element(name, piece))
-    add_frame(robot, f"{name}_tcp", name, transform_from_pose(piece.tcp))
+    _add_frames(robot, name, piece)
     return robot
+
+
+def _add_frames(robot: ET.Element, name: str, piece: PieceModel) -> None:
+    for frame, pose in piece.frame_poses.items():
+        add_frame(robot, f"{name}_{frame}", name, transform_from_pose(pose))
 
 
 def _link_element(name: str, piece: PieceModel) -> ET.Element:
@@ -52,8 +58,8 @@ def _link_element(name: str, piece: PieceModel) -> ET.Element:
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=_text(piece.com))
         ET.SubElement(inertial, "mass", value=repr(piece.mass))
-        xx, yy, zz = (repr(moment) for moment in piece.inertia)
-        ET.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
+        moments = zip(_INERTIA, (*piece.inertia, 0.0, 0.0, 0.0), strict=False)  # products are zero unless given
+        ET.SubElement(inertial, "inertia", {key: repr(moment) for key, moment in moments})
     for index, shape in enumerate(piece.shapes):
         colour = shape.colour or piece.colour
         visual = _shape_element(link, "visual", f"{name}_{index}", shape, piece.folder)
@@ -78,7 +84,8 @@ def _shape_element(link: ET.Element, tag: str, name: str, shape: PieceShape, fol
     elif shape.sphere is not None:
         ET.SubElement(geometry, "sphere", radius=repr(shape.sphere))
     else:
-        ET.SubElement(geometry, "mesh", filename=f"file://{folder / str(shape.mesh)}")
+        scale = _text([shape.scale] * 3)
+        ET.SubElement(geometry, "mesh", filename=f"file://{folder / str(shape.mesh)}", scale=scale)
     return element
 
 

@@ -1,17 +1,29 @@
-"""Work objects, tools and loads: rigid bodies with mass, tool centre point, colour and simple shapes."""
+"""Work objects, tools and loads: rigid bodies with mass, named frames, colour and simple shapes."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import lru_cache
+from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_validator
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+from pydrake.geometry import Box, Cylinder, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.tree import RotationalInertia
 
-from simrob_drake.errors import UnknownName
+from simrob_drake.errors import InvalidModel, UnknownName
+from simrob_drake.frames import pose_from_transform, transform_from_pose
 from simrob_drake.paths import models_root
+from simrob_drake.robots.solids import Solid, solid_inertia
+from simrob_drake.robots.urdf import mesh_file
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 PIECE_FILE = "piece.yaml"
+TCP = "tcp"
+"""The frame that every piece has."""
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
@@ -20,17 +32,50 @@ Triple = tuple[Number, Number, Number]
 Pose = tuple[Number, Number, Number, Number, Number, Number]
 Colour = tuple[Fraction, Fraction, Fraction, Fraction]
 ORIGIN: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_MOST_FRAMES = 1000  # of one series
+
+
+def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:
+    """Check that there is a body with these moments, and products where they are given."""
+    if len(inertia) not in (3, 6):
+        raise ValueError("an inertia is three moments Ixx Iyy Izz, or six numbers: with the products Ixy Ixz Iyz")
+    if not RotationalInertia(*inertia).CouldBePhysicallyValid():
+        raise ValueError("no body has these moments of inertia: none is negative, none exceeds the sum of the others")
+    return inertia
+
+
+Inertia = Annotated[tuple[Number, ...], AfterValidator(_possible)]
+"""Moments Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz where they are not zero."""
 
 
 class PieceShape(Strict):
     """One shape of a piece: exactly one of box, cylinder, sphere and mesh."""
 
     box: tuple[Positive, Positive, Positive] | None = None
+    """Its sides [m]."""
     cylinder: tuple[Positive, Positive] | None = None
+    """Radius and length [m], along z."""
     sphere: Positive | None = None
+    """Radius [m]."""
     mesh: str | None = None
+    """A mesh file in the piece's folder, in a format that Drake reads; in contacts it counts as its convex hull."""
+    scale: Positive = 1.0
+    """Of the mesh: 0.001 for one in millimetres."""
     pose: Pose = ORIGIN
+    """In the piece's frame, [x y z Rz Ry Rx]."""
     colour: Colour | None = None
+    """Red, green, blue, opacity; the piece's unless given."""
+
+    def solid(self, folder: Path) -> Solid:
+        """Return the body that fills the shape, in the piece's frame."""
+        pose = transform_from_pose(self.pose)
+        if self.box is not None:
+            return Solid(pose, Box(*self.box))
+        if self.cylinder is not None:
+            return Solid(pose, Cylinder(*self.cylinder))
+        if self.sphere is not None:
+            return Solid(pose, Sphere(self.sphere))
+        return Solid(pose, mesh_file(str(self.mesh), folder), self.scale)
 
     @model_validator(mode="after")
     def _exactly_one(self) -> PieceShape:
@@ -39,25 +84,66 @@ class PieceShape(Strict):
         return self
 
 
+class Step(Strict):
+    """How often a frame is repeated, and by which motion in the piece's frame."""
+
+    count: Annotated[int, Field(ge=1, le=_MOST_FRAMES)]
+    step: Pose
+
+
+class FrameSeries(Strict):
+    """Frames at even steps, ``<name>_<i>`` or, in rows and columns, ``<name>_<i>_<j>``, counted from 0."""
+
+    pose: Pose
+    """Of the first, [x y z Rz Ry Rx] in the piece's frame."""
+    series: Annotated[tuple[Step, ...], Field(min_length=1)]
+
+
 class PieceModel(Strict):
-    """A piece as its ``piece.yaml`` describes it; a station may change any of the figures."""
+    """A piece as its ``piece.yaml`` describes it; a station may change any of the figures.
+
+    What is not given of mass, centre of mass and inertia follows from the shapes, evenly filled, where there is a
+    ``density``, or a mass without an inertia (:func:`weighed`).
+    """
 
     folder: Path
     description: str = ""
+    density: Positive | None = None
+    """Of its material [kg/m³], instead of a mass."""
     mass: NotNegative = 0.0
     com: Triple = (0.0, 0.0, 0.0)
-    inertia: tuple[NotNegative, NotNegative, NotNegative] = (0.0, 0.0, 0.0)
+    inertia: Inertia = (0.0, 0.0, 0.0)
     tcp: Pose = ORIGIN
+    frames: dict[str, Pose | FrameSeries] = Field(default_factory=dict)
+    """Further frames by name, in the piece's frame: poses, or series of them."""
     colour: Colour = (0.6, 0.6, 0.65, 1.0)
     shapes: tuple[PieceShape, ...] = ()
 
-    @field_validator("inertia")
-    @classmethod
-    def _triangle_inequality(cls, moments: Triple) -> Triple:
-        small, middle, large = sorted(moments)
-        if small + middle < large * (1 - 1e-9):
-            raise ValueError("no body has these moments of inertia: the largest exceeds the sum of the others")
-        return moments
+    @model_validator(mode="after")
+    def _consistent(self) -> PieceModel:
+        if self.density is not None and "mass" in self.model_fields_set:
+            raise ValueError("a piece has either a mass or a density")
+        series = [entry.series for entry in self.frames.values() if isinstance(entry, FrameSeries)]
+        if any(np.prod([step.count for step in steps]) > _MOST_FRAMES for steps in series):
+            raise ValueError(f"a series of frames has at most {_MOST_FRAMES}")
+        names = [name for name, _ in self._named_poses()]
+        for index, name in enumerate(names):
+            if not name.isidentifier():
+                raise ValueError(f"the frame '{name}' has no plain name (letters, digits and _)")
+            if name in names[:index]:
+                raise ValueError(f"the frame '{name}' stands twice")
+        return self
+
+    @property
+    def frame_poses(self) -> dict[str, Pose]:
+        """Its frames, the tool centre point ``tcp`` first: pose [x y z Rz Ry Rx] in the piece's frame by name."""
+        return dict(self._named_poses())
+
+    def _named_poses(self) -> list[tuple[str, Pose]]:
+        named = [(TCP, self.tcp)]
+        for name, entry in self.frames.items():
+            named += _series_poses(entry, name) if isinstance(entry, FrameSeries) else [(name, entry)]
+        return named
 
 
 def piece_names() -> list[str]:
@@ -65,15 +151,103 @@ def piece_names() -> list[str]:
     return sorted(file.parent.name for file in (models_root() / "pieces").glob(f"*/{PIECE_FILE}"))
 
 
+def piece_file(name: str) -> Path:
+    """Return the file of a piece of the package.
+
+    Raises:
+        UnknownName: no such piece.
+    """
+    if name not in piece_names():
+        raise UnknownName("piece", name, piece_names())
+    return models_root() / "pieces" / name / PIECE_FILE
+
+
 def load_piece(name: str) -> PieceModel:
-    """Return a piece of the package by its name.
+    """Return a piece of the package by its name, with all its figures.
 
     Raises:
         UnknownName: no such piece.
         InvalidConfig: its file has a wrong entry.
+        InvalidModel: as for :func:`weighed`.
     """
-    if name not in piece_names():
-        raise UnknownName("piece", name, piece_names())
-    folder = models_root() / "pieces" / name
-    file = folder / PIECE_FILE
-    return validated(PieceModel, {"folder": folder, **read_yaml(file)}, file)
+    return weighed(described_piece(piece_file(name)))
+
+
+def described_piece(file: Path) -> PieceModel:
+    """Return a piece as its file describes it; what follows from its shapes is not filled in.
+
+    Raises:
+        InvalidConfig: the file has a wrong entry.
+        InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.
+    """
+    changed = file.stat().st_mtime_ns if file.is_file() else 0
+    return _described(file.resolve(), changed)
+
+
+def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> PieceModel:
+    """Return a described piece with figures replaced, and all of them filled in.
+
+    A mass replaces a density, and a density the mass; with it go a centre of mass and an inertia that are not changed.
+
+    Raises:
+        InvalidConfig: a figure that cannot be; the message names ``where``.
+        InvalidModel: as for :func:`weighed`.
+    """
+    replaced = {*changes, *(("mass", "com", "inertia") if "density" in changes else ())}
+    replaced |= {"density"} if "mass" in changes else set()
+    kept = {key: value for key, value in piece.model_dump(exclude_unset=True).items() if key not in replaced}
+    return weighed(validated(PieceModel, {**kept, **changes}, where))
+
+
+def weighed(piece: PieceModel) -> PieceModel:
+    """Return a piece with mass, centre of mass and inertia filled in from its shapes, where they follow from them.
+
+    They do with a density, and with a mass but no inertia. Shapes are solid, and where two overlap both count.
+
+    Raises:
+        InvalidModel: a mesh cannot be read; with a density, a mesh does not enclose a volume, or there are no shapes.
+    """
+    given, shapes = piece.model_fields_set, piece.shapes
+    if piece.density is None and ("inertia" in given or piece.mass == 0 or not shapes):
+        return piece
+    if not shapes:
+        raise InvalidModel(piece.folder, "density", "is given, but the piece has no shapes to fill")
+    whole = solid_inertia([shape.solid(piece.folder) for shape in shapes], closed=piece.density is not None)
+    density = piece.density or piece.mass / whole.volume
+    found: dict[str, Any] = {
+        "mass": density * whole.volume,
+        "com": tuple(whole.centre.tolist()),
+        "inertia": tuple((density * whole.moments).tolist()),
+    }
+    update = {key: value for key, value in found.items() if key not in given}
+    return piece.model_copy(update={**update, "density": None})
+
+
+@lru_cache(maxsize=128)
+def _described(file: Path, changed: int) -> PieceModel:
+    """Read a piece once for each time that its file was ``changed``: stations ask for their pieces again and again."""
+    piece = validated(PieceModel, {"folder": file.parent, **read_yaml(file)}, file)
+    for shape in piece.shapes:
+        if shape.mesh is not None:
+            mesh_file(shape.mesh, file.parent)
+    return piece
+
+
+@lru_cache(maxsize=64)
+def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...]:
+    """Return the names and poses of all frames of a series."""
+    found: list[tuple[str, Pose]] = []
+    for places in product(*(range(step.count) for step in series.series)):
+        pose = transform_from_pose(series.pose)
+        for place, step in zip(places, series.series, strict=True):
+            pose = _power(transform_from_pose(step.step), place) @ pose
+        x, y, z, rz, ry, rx = pose_from_transform(pose).tolist()
+        found.append(("_".join([name, *map(str, places)]), (x, y, z, rz, ry, rx)))
+    return tuple(found)
+
+
+def _power(motion: RigidTransform, times: int) -> RigidTransform:
+    result = RigidTransform()
+    for _ in range(times):
+        result = motion @ result
+    return result

@@ -85,7 +85,7 @@ def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
     """
     robot = deepcopy(root)
     for mesh in robot.iter("mesh"):
-        mesh.set("filename", f"file://{_mesh_file(mesh.get('filename', ''), folder)}")  # Drake decodes no %20
+        mesh.set("filename", f"file://{mesh_file(mesh.get('filename', ''), folder)}")  # Drake decodes no %20
     return robot
 
 
@@ -96,7 +96,12 @@ def drop_collision(robot: ET.Element) -> None:
             link.remove(element)
 
 
-def _mesh_file(uri: str, folder: Path) -> Path:
+def mesh_file(uri: str, folder: Path) -> Path:
+    """Return the file of a mesh that is named relative to a folder.
+
+    Raises:
+        InvalidModel: it is missing, outside the folder, or in a format that Drake does not read.
+    """
     try:
         path = (folder / uri.removeprefix("file://")).resolve()
         found = path.is_file()

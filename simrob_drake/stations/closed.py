@@ -21,7 +21,10 @@ _LOOKS = 500
 
 
 def add_closed_station(
-    builder: DiagramBuilder, config: StationConfig, references: Mapping[str, Trajectory | Samples] | None = None
+    builder: DiagramBuilder,
+    config: StationConfig,
+    references: Mapping[str, Trajectory | Samples] | None = None,
+    starts: Mapping[str, Vector] | None = None,
 ) -> StationPorts:
     """Add a station with the sources of its references; its other inputs are zero.
 
@@ -29,8 +32,15 @@ def add_closed_station(
         builder: the diagram under construction.
         config: the station.
         references: by robot, in place of the configuration's.
+        starts: by robot, where the configuration's references begin instead of at its initial posture, (n,) [rad].
     """
     ports = add_station(builder, config)
+    for robot in ports.plant.robots.values():
+        start = (starts or {}).get(robot.name, robot.initial)
+        if len(start) != len(robot.axes):
+            size = f"a state in which '{robot.name}' is of size {len(start)}"
+            raise InvalidParameter("start", size, f"of a station where it is of size {len(robot.axes)}")
+        robot.initial = start
     given = references or {}
     for robot in ports.plant.robots.values():
         velocity, acceleration = f"{robot.prefix}reference_velocity", f"{robot.prefix}reference_acceleration"

@@ -14,7 +14,16 @@ from pydantic import Field, field_validator, model_validator
 
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import AxisValues
-from simrob_drake.robots.pieces import ORIGIN, Colour, NotNegative, Pose, Positive, Triple
+from simrob_drake.robots.pieces import (
+    ORIGIN,
+    Colour,
+    FrameSeries,
+    Inertia,
+    NotNegative,
+    Pose,
+    Positive,
+    Triple,
+)
 from simrob_drake.stations.monitor_config import Monitors
 from simrob_drake.stations.reference_config import Hold, ReferenceConfig
 from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
@@ -56,7 +65,7 @@ class RobotConfig(Strict):
     """A robot of the station: one of the package by name, or any URDF by path."""
 
     model: str | None = None
-    """A robot's name, of `simrob list`."""
+    """A robot's name, of `simrob list`, or the path of a `robot.yaml`; relative paths start at the station's file."""
     urdf: Path | None = None
     """A URDF file instead of a model; relative paths start at the station's file. One with defects is imported."""
     import_options: ImportOptions | None = None
@@ -67,6 +76,8 @@ class RobotConfig(Strict):
     """Joint positions at the start, per axis."""
     tcp: str | None = None
     """Tool that `tcp_pose` follows; the last piece of the robot's chain unless given."""
+    tcp_offset: Pose | None = None
+    """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
@@ -85,21 +96,41 @@ class PieceConfig(Strict):
     """A piece of the station; every figure that is given replaces the one of the piece's own file."""
 
     model: str | None = None
-    """A piece's name, of `simrob list`; the key's own name unless given."""
+    """A piece's name, of `simrob list`, or the path of a `piece.yaml`; the key's own name unless given."""
+    mesh: Path | None = None
+    """A mesh file instead of a model: STL, OBJ, DAE or GLB; relative paths start at the station's file."""
+    scale: Positive | None = None
+    """Of the mesh; 0.001 for one in millimetres."""
     parent: str | None = None
     """What it hangs on: `world`, a robot, or another piece (then its TCP); the only robot unless given."""
+    frame: str | None = None
+    """A frame of the piece that it hangs on, instead of its TCP."""
     pose: Pose = ORIGIN
     """Pose in the parent's frame, [x y z Rz Ry Rx]."""
+    density: Positive | None = None
+    """Density of the material [kg/m³], instead of a mass: mass, centre of mass and inertia follow from the shapes."""
     mass: NotNegative | None = None
-    """Mass [kg]."""
+    """Mass [kg]; without an inertia of its own, a piece with shapes is taken to be evenly filled."""
     com: Triple | None = None
     """Centre of mass in the piece's frame [m]."""
-    inertia: tuple[NotNegative, NotNegative, NotNegative] | None = None
-    """Moments of inertia about the centre of mass [kg m²]."""
+    inertia: Inertia | None = None
+    """Moments of inertia Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz if not zero."""
     tcp: Pose | None = None
     """Pose of the tool centre point in the piece's frame, [x y z Rz Ry Rx]."""
+    frames: dict[str, Pose | FrameSeries] | None = None
+    """Further frames by name, instead of the piece's own: poses in its frame, or series of them."""
     colour: Colour | None = None
     """Red, green, blue, opacity."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> PieceConfig:
+        if self.mesh is not None and self.model is not None:
+            raise ValueError("a piece has either a model or a mesh")
+        if self.scale is not None and self.mesh is None:
+            raise ValueError("a scale goes with a mesh")
+        if self.density is not None and self.mass is not None:
+            raise ValueError("a piece has either a mass or a density")
+        return self
 
 
 class FloorConfig(Strict):

@@ -16,9 +16,8 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.names import check_names
 from simrob_drake.stations.reference_config import ReferenceConfig
 from simrob_drake.stations.solver_config import SolverConfig
-from simrob_drake.yaml_files import read_yaml, validated
+from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml, validated
 
-STATION_SUFFIXES = (".yaml", ".yml")
 ONLY_ROBOT = "robot"
 """The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
 
@@ -73,7 +72,7 @@ def station_yaml(config: StationConfig) -> str:
 
 def _station_file(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    if path.suffix in STATION_SUFFIXES:
+    if path.suffix in YAML_SUFFIXES:
         if not path.is_file():
             raise InvalidConfig(path, "", "there is no such file")
         return path.resolve()
@@ -126,19 +125,19 @@ def _accepted(model: type[BaseModel], key: str, value: Any) -> bool:
 
 
 def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Make the paths in a station's sections absolute, wherever a robot or a reference may stand."""
+    """Make the paths in a station's sections absolute, wherever a robot, a reference or a piece may stand."""
     result = deepcopy(content)
-    robots = result.get("robots")
-    sections = [result, *(robots.values() if isinstance(robots, dict) else [])]
-    for section in [result.get("robot"), *sections]:
-        if not isinstance(section, dict):
-            continue
-        for owner, key in ((section, "urdf"), (section.get("reference"), "file")):
+    robots, pieces = (entries if isinstance(entries := result.get(key), dict) else {} for key in ("robots", "pieces"))
+    sections = [result, result.get("robot"), *robots.values(), *pieces.values()]
+    for section in [section for section in sections if isinstance(section, dict)]:
+        for owner, key in ((section, "urdf"), (section, "mesh"), (section.get("reference"), "file")):
             if isinstance(owner, dict) and isinstance(owner.get(key), str):
                 owner[key] = str(folder / owner[key])
         options = section.get("import_options")
         if isinstance(options, dict) and isinstance(options.get("mesh_path"), list):
             options["mesh_path"] = [str(folder / str(place)) for place in options["mesh_path"]]
+        if str(section.get("model")).endswith(YAML_SUFFIXES):  # else it is a name
+            section["model"] = str(folder / section["model"])
     return result
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.importer.cache import robot_from_file
-from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot
-from simrob_drake.robots.pieces import PieceModel, load_piece
+from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.yaml_files import validated
+from simrob_drake.stations.piece_sources import piece_of
+from simrob_drake.yaml_files import YAML_SUFFIXES
 
 WORLD = "world"
 
@@ -20,15 +23,13 @@ def robot_model(config: StationConfig, robot: str) -> RobotModel:
     entry = config.robots[robot]
     if entry.urdf is not None:
         return robot_from_file(entry.urdf, entry.import_options)
-    return load_robot(str(entry.model))
+    model = str(entry.model)
+    return load_robot_file(Path(model)) if model.endswith(YAML_SUFFIXES) else load_robot(model)
 
 
 def piece_model(config: StationConfig, piece: str) -> PieceModel:
     """Return the model of one of the station's pieces, with the figures that the station changes."""
-    entry = config.pieces[piece]
-    model = load_piece(entry.model or piece)
-    changed = entry.model_dump(include={"mass", "com", "inertia", "tcp", "colour"}, exclude_none=True)
-    return validated(PieceModel, {**model.model_dump(), **changed}, f"pieces.{piece}")
+    return piece_of(config.pieces[piece], piece)
 
 
 def piece_parent(config: StationConfig, piece: str) -> str:
@@ -37,6 +38,12 @@ def piece_parent(config: StationConfig, piece: str) -> str:
     if parent is None:
         raise InvalidParameter(f"pieces.{piece}.parent", None, f"one of world, {', '.join(config.robots)}, or a piece")
     return parent
+
+
+def parent_frame(config: StationConfig, piece: str) -> str:
+    """Return the name of the frame of another piece that a piece hangs on, as the plant names it."""
+    parent, frame = piece_parent(config, piece), config.pieces[piece].frame
+    return f"{parent}_{frame or TCP}"
 
 
 def pieces_outward(config: StationConfig) -> list[str]:
@@ -94,13 +101,24 @@ def check_names(config: StationConfig) -> None:
         model = robot_model(config, robot)
         initial_position(config, robot, model)
         _check_axes(config, robot, model)
+    models = {piece: piece_model(config, piece) for piece in pieces}
     for piece in pieces:
-        piece_model(config, piece)
+        _check_frame(config, piece, models)
         if piece in config.robots or piece == WORLD:
             raise InvalidParameter(f"pieces.{piece}", piece, "a name that no robot of the station has, nor the world")
     for name, monitor in config.monitors.items():
         if monitor.robot is not None and monitor.robot not in config.robots:
             raise UnknownName(f"robot for monitors.{name}", monitor.robot, config.robots)
+
+
+def _check_frame(config: StationConfig, piece: str, models: dict[str, PieceModel]) -> None:
+    frame, parent = config.pieces[piece].frame, piece_parent(config, piece)
+    if frame is None:
+        return
+    if parent not in models:
+        raise InvalidParameter(f"pieces.{piece}.frame", frame, f"left out: {parent}, which it hangs on, is no piece")
+    if frame not in models[parent].frame_poses:
+        raise UnknownName(f"frame of {parent}", frame, models[parent].frame_poses)
 
 
 def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:

@@ -22,13 +22,14 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, piece_robot
 from simrob_drake.stations.config import ContactConfig, StationConfig
-from simrob_drake.stations.names import WORLD, carrier, piece_model, piece_parent, pieces_outward
+from simrob_drake.stations.names import WORLD, carrier, parent_frame, piece_model, piece_parent, pieces_outward
 from simrob_drake.stations.robots import StationRobot, add_robot
 from simrob_drake.stations.solver_config import DiscreteSolver
 
@@ -100,14 +101,16 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
 
 def _add_standing_pieces(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:
     """Add the pieces that no robot carries."""
-    tips = {WORLD: plant.world_frame()}
+    instances: dict[str, ModelInstanceIndex] = {}
     for piece in pieces_outward(config):
         if carrier(config, piece) == WORLD:
             robot = piece_robot(piece, piece_model(config, piece))
             instance = add_urdf(plant, robot, name=piece, where=f"pieces.{piece}", collision=collision)
             pose = transform_from_pose(config.pieces[piece].pose)
-            plant.WeldFrames(tips[piece_parent(config, piece)], plant.GetFrameByName(piece, instance), pose)
-            tips[piece] = plant.GetFrameByName(f"{piece}_tcp", instance)
+            parent = instances.get(piece_parent(config, piece))
+            mount = plant.GetFrameByName(parent_frame(config, piece), parent) if parent else plant.world_frame()
+            plant.WeldFrames(mount, plant.GetFrameByName(piece, instance), pose)
+            instances[piece] = instance
 
 
 def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:

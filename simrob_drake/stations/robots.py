@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex
+from pydrake.multibody.tree import FixedOffsetFrame, Frame, Joint, ModelInstanceIndex
 
 from simrob_drake.blocks.actuator_servo import set_actuator_gains
 from simrob_drake.blocks.servo import ServoGains
@@ -16,11 +16,13 @@ from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import add_piece
+from simrob_drake.robots.pieces import TCP
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.names import (
     carrier,
     initial_position,
+    parent_frame,
     piece_model,
     piece_parent,
     pieces_outward,
@@ -77,6 +79,10 @@ def add_robot(plant: MultibodyPlant, config: StationConfig, name: str, *, collis
         plant.SetDefaultFloatingBaseBodyPose(root.body(), transform_from_pose(entry.base))
     frames = {**model.tools, **{piece: f"{piece}_tcp" for piece in carried}}
     tools = {tool: plant.GetFrameByName(frame, instance) for tool, frame in frames.items()}
+    tcp = entry.tcp or list(tools)[-1 if carried else 0] if tools else ""
+    if entry.tcp_offset is not None and tcp:
+        offset = FixedOffsetFrame(f"{name}_tcp_offset", tools[tcp], transform_from_pose(entry.tcp_offset), instance)
+        tcp, tools[TCP] = TCP, plant.AddFrame(offset)
     robot = StationRobot(
         name=name,
         prefix=config.prefix(name),
@@ -88,7 +94,7 @@ def add_robot(plant: MultibodyPlant, config: StationConfig, name: str, *, collis
         gains=servo_gains(model, servo),
         initial=initial_position(config, name, model),
         tools=tools,
-        tcp=entry.tcp or list(tools)[-1 if carried else 0] if tools else "",
+        tcp=tcp,
     )
     if servo.realization == "implicit" and config.mode == "dynamic":
         set_actuator_gains(plant, [joint.index() for joint in robot.joints], robot.gains)
@@ -117,7 +123,7 @@ def _with_pieces(config: StationConfig, name: str, model: RobotModel, carried: l
     robot = with_absolute_meshes(model.element, model.folder)
     for piece in carried:
         parent = piece_parent(config, piece)
-        mount = f"{parent}_tcp" if parent != name else next(iter(model.tools.values()), model.root)
+        mount = parent_frame(config, piece) if parent != name else next(iter(model.tools.values()), model.root)
         pose = transform_from_pose(config.pieces[piece].pose)
         add_piece(robot, name=piece, piece=piece_model(config, piece), parent=mount, pose=pose)
     return robot

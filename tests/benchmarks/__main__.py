@@ -21,6 +21,8 @@ from rich.table import Table
 from simrob_drake import load_station, simulate
 from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
 from tests.benchmarks.importing import imports
+from tests.benchmarks.kinematics import inverse_kinematics
+from tests.benchmarks.programs import attaching, planning
 
 REALIZATIONS = ("per_joint", "vector", "implicit")
 ROUNDS = 15
@@ -113,7 +115,17 @@ def _wall_time(command: list[str]) -> float:
 def main() -> None:
     """Print all tables."""
     console = Console()
-    for measure in (against_hand_wired, realtime_rates, monitors, whole_commands, imports):
+    measures = (
+        against_hand_wired,
+        realtime_rates,
+        monitors,
+        whole_commands,
+        imports,
+        inverse_kinematics,
+        planning,
+        attaching,
+    )
+    for measure in measures:
         console.print(measure())
 
 

@@ -1,0 +1,1 @@
+"""Programs: moves given to a robot, and the kinematics under them."""

@@ -1,0 +1,72 @@
+"""What can go wrong on the way of a move, as named exceptions; nothing has moved when one is raised."""
+
+from __future__ import annotations
+
+from simrob_drake.errors import SimrobError
+
+
+class JointLimitExceeded(SimrobError):
+    """A move on which a joint would leave its limits.
+
+    Attributes:
+        axis: the joint.
+        point: which point of the move, counted from 1.
+        time: when on the move [s].
+        value: where the joint would be [rad or m].
+    """
+
+    def __init__(self, where: str, axis: str, *, point: int, time: float, value: float, shown: str) -> None:
+        """Say at which point which axis would be where; ``shown`` tells the value and the limits with their units."""
+        super().__init__(f"{where}: {axis} would be at {shown}")
+        self.axis, self.point, self.time, self.value = axis, point, time, value
+
+
+class SpeedLimitExceeded(SimrobError):
+    """A move on which a joint would turn faster than it can.
+
+    Attributes:
+        axis: the joint.
+        point: which point of the move, counted from 1.
+        time: when on the move [s].
+        speed: what it would take [rad/s or m/s].
+        duration: in what time the whole move can be done [s].
+    """
+
+    def __init__(
+        self, where: str, axis: str, *, point: int, time: float, speed: float, duration: float, shown: str
+    ) -> None:
+        """Say at which point which axis would be too fast, and what duration would do."""
+        super().__init__(f"{where}: {axis} would move at {shown}; give the move a duration of {duration:.3g} s or more")
+        self.axis, self.point, self.time, self.speed, self.duration = axis, point, time, speed, duration
+
+
+class BrokenPath(SimrobError):
+    """A path whose points can be reached, but not one after the other: the arm would have to jump between postures.
+
+    Attributes:
+        axis: the joint that jumps most.
+        point: the point of the move before the jump, counted from 1.
+        jump: how far the joint jumps [rad or m].
+    """
+
+    def __init__(self, where: str, axis: str, *, point: int, jump: float) -> None:
+        """Say between which points which axis would have to jump."""
+        advice = "the path leads through a singular posture; go there by move_j, or take another way"
+        super().__init__(f"{where}: {axis} would have to jump by {jump:.2f} there: {advice}")
+        self.axis, self.point, self.jump = axis, point, jump
+
+
+class PathCollision(SimrobError):
+    """A move on which the robot would run into something.
+
+    Attributes:
+        point: which point of the move, counted from 1.
+        time: when on the move [s].
+        bodies: what touches what.
+        depth: how deep one goes into the other [m].
+    """
+
+    def __init__(self, where: str, *, point: int, time: float, bodies: tuple[str, str], depth: float) -> None:
+        """Say at which point what runs into what, and how deep."""
+        super().__init__(f"{where}: {bodies[0]} would run into {bodies[1]}, {1e3 * depth:.1f} mm deep")
+        self.point, self.time, self.bodies, self.depth = point, time, bodies, depth

@@ -1,0 +1,43 @@
+"""Kinematics of a robot: its chain of joints, forward, and inverse by four solvers with one interface."""
+
+from simrob_drake.programs.kinematics.analytic import AnalyticSolver
+from simrob_drake.programs.kinematics.chain import Chain
+from simrob_drake.programs.kinematics.constrained import ConstrainedSolver
+from simrob_drake.programs.kinematics.errors import NoClosedForm, Unreachable, UnsupportedChain
+from simrob_drake.programs.kinematics.goals import (
+    Aiming,
+    DistanceBounds,
+    JointBounds,
+    OrientationCone,
+    PositionBounds,
+)
+from simrob_drake.programs.kinematics.incremental import IncrementalSolver
+from simrob_drake.programs.kinematics.numeric import NumericSolver
+from simrob_drake.programs.kinematics.poses import Targets, pose_errors, pose_matrices, pose_vectors
+from simrob_drake.programs.kinematics.registry import make_solver
+from simrob_drake.programs.kinematics.solutions import Solutions, require
+from simrob_drake.programs.kinematics.solver import Solver
+
+__all__ = [
+    "Aiming",
+    "AnalyticSolver",
+    "Chain",
+    "ConstrainedSolver",
+    "DistanceBounds",
+    "IncrementalSolver",
+    "JointBounds",
+    "NoClosedForm",
+    "NumericSolver",
+    "OrientationCone",
+    "PositionBounds",
+    "Solutions",
+    "Solver",
+    "Targets",
+    "Unreachable",
+    "UnsupportedChain",
+    "make_solver",
+    "pose_errors",
+    "pose_matrices",
+    "pose_vectors",
+    "require",
+]

@@ -1,0 +1,157 @@
+"""A station as its programs see it: where frames are, what it weighs, what is near what. It is never stepped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydrake.geometry import QueryObject
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, MultibodyForces
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+
+from simrob_drake.errors import UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.programs.kinematics.chain import Chain
+from simrob_drake.robots.pieces import TCP, Pose
+from simrob_drake.stations.config import ContactConfig, StationConfig
+from simrob_drake.stations.names import carrier, piece_model
+from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.robots import StationRobot
+
+
+class StationModel:
+    """The plant of a station, robots' bases fixed, put into any posture.
+
+    Attributes:
+        config: the station.
+        robots: by name.
+    """
+
+    def __init__(self, config: StationConfig, *, collision: bool = False) -> None:
+        """Build the model.
+
+        Args:
+            config: the station.
+            collision: with the shapes that collide, for :meth:`query`.
+
+        Raises:
+            InvalidModel: a robot that cannot be built.
+        """
+        self.config = config
+        self._frames: dict[str, dict[str, Pose]] = {}
+        changes = {"mode": "kinematic", "contact": (config.contact or ContactConfig()) if collision else None}
+        builder = DiagramBuilder()
+        self._station = add_plant(builder, config.model_copy(update=changes))
+        self.robots: dict[str, StationRobot] = self._station.robots
+        self.plant: MultibodyPlant = self._station.plant
+        poses = builder.AddSystem(MultibodyPositionToGeometryPose(self.plant))
+        source_id = self.plant.get_source_id()
+        assert source_id is not None  # add_plant registers the plant
+        builder.Connect(poses.get_output_port(), self._station.scene_graph.get_source_pose_port(source_id))
+        self._diagram = builder.Build()
+        self._scene = self._diagram.CreateDefaultContext()
+        self._positions_port = poses.get_input_port()
+        self._context = self.plant.CreateDefaultContext()
+
+    def place(self, postures: Mapping[str, Vector]) -> None:
+        """Put robots into postures (n,) [rad or m]; the others stay."""
+        positions = self.plant.GetPositions(self._context)
+        for name, posture in postures.items():
+            robot = self.robots[name]
+            positions[[joint.position_start() for joint in robot.joints]] = robot.signs * posture
+        self.plant.SetPositions(self._context, positions)
+
+    def pose(self, frame: Frame) -> RigidTransform:
+        """Return the pose of a frame in the world."""
+        return frame.CalcPoseInWorld(self._context)
+
+    def chain(self, robot: str, tool: Frame) -> Chain:
+        """Return the chain of a robot's axes from the world to a frame."""
+        own = self.robots[robot]
+        return Chain.of_plant(
+            self.plant,
+            joints=own.joints,
+            base=self.plant.world_frame(),
+            tool=tool,
+            signs=own.signs,
+            names=own.axes,
+        )
+
+    def speed_limits(self, robot: str) -> Vector:
+        """Return the largest speed of each axis of a robot in its URDF, shape (n,) [rad/s or m/s]."""
+        joints = self.robots[robot].joints
+        limits = [min(joint.velocity_upper_limits()[0], -joint.velocity_lower_limits()[0]) for joint in joints]
+        return np.array(limits)
+
+    def tool_in_use(self, robot: str) -> str:
+        """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""
+        own, entry = self.robots[robot], self.config.robots[robot]
+        carried = [name for name in own.tools if name in self.config.pieces]
+        return entry.tcp or (carried or list(own.model.tools) or [""])[-1 if carried else 0]
+
+    def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
+        """Return a named frame of a piece, its tool centre point unless given.
+
+        Raises:
+            UnknownName: no such piece, or no such frame of it.
+        """
+        if piece not in self.config.pieces:
+            raise UnknownName("piece", piece, self.config.pieces)
+        if piece not in self._frames:
+            self._frames[piece] = piece_model(self.config, piece).frame_poses
+        known = self._frames[piece]
+        if frame not in known:
+            raise UnknownName(f"frame of {piece}", frame, known)
+        return self._piece_link(piece, f"{piece}_{frame}")
+
+    def piece_origin(self, piece: str) -> Frame:
+        """Return the frame in which a piece is described."""
+        return self._piece_link(piece, piece)
+
+    def flange(self, robot: str) -> Frame:
+        """Return the frame that pieces hang on which name a robot as their parent."""
+        own = self.robots[robot]
+        return next((tool for name, tool in own.tools.items() if name in own.model.tools), own.root)
+
+    def _piece_link(self, piece: str, name: str) -> Frame:
+        owner = carrier(self.config, piece)
+        if owner in self.robots:
+            return self.plant.GetFrameByName(name, self.robots[owner].instance)
+        return self.plant.GetFrameByName(name, self.plant.GetModelInstanceByName(f"{piece}::{piece}"))
+
+    def query(self) -> QueryObject:
+        """Return the geometry in the present posture, for distances."""
+        self._positions_port.FixValue(
+            self._positions_port.get_system().GetMyMutableContextFromRoot(self._scene),
+            self.plant.GetPositions(self._context),
+        )
+        scene_graph = self._station.scene_graph
+        port = scene_graph.get_query_output_port()
+        found: QueryObject = port.Eval(scene_graph.GetMyContextFromRoot(self._scene))
+        return found
+
+    def torques(
+        self, robot: str, position: Vector, velocity: Vector | float = 0.0, acceleration: Vector | float = 0.0
+    ) -> Vector:
+        """Return the torques (n,) [N·m or N] of a motion of one robot while the others rest, by inverse dynamics.
+
+        Args:
+            robot: its name.
+            position: shape (n,) [rad or m].
+            velocity: shape (n,) or one number.
+            acceleration: shape (n,) or one number.
+        """
+        own, plant = self.robots[robot], self.plant
+        self.place({robot: position})
+        places = [joint.velocity_start() for joint in own.joints]
+        v, vdot = np.zeros(plant.num_velocities()), np.zeros(plant.num_velocities())
+        v[places], vdot[places] = own.signs * velocity, own.signs * acceleration
+        plant.SetVelocities(self._context, v)
+        forces = MultibodyForces(plant)
+        plant.CalcForceElementsContribution(self._context, forces)
+        torque = plant.CalcInverseDynamics(self._context, vdot, forces)
+        plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
+        return np.asarray(own.signs * torque[places])

@@ -1,0 +1,148 @@
+"""A move that is planned and checked, and what users may say about how it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypedDict
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.trajectories import Trajectory
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.programs.segments import Segment, named_point
+from simrob_drake.programs.trajectories import PEAK, Piece, trajectory
+
+Check = Literal["nothing", "limits", "collision"]
+"""What is looked at before a move beside its reach: joint limits and speeds, or these and collisions."""
+
+POINT_TIME = 0.1
+"""Time that a point of a move takes unless something else is asked [s]; Ts in SimRob."""
+_TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
+_AT_ONCE = 1e-6  # m: what the way to a target counts at least
+_LEAST_TIME = 0.01  # s to a target
+
+
+class How(TypedDict, total=False):
+    """How a move is done; at most one of ``duration``, ``times`` and ``speed``.
+
+    Attributes:
+        points: interpolated points on the way to each target; more are taken where the path needs them.
+        duration: of the whole move [s]; several targets share it by the length of their ways.
+        times: when each target is reached, shape (k,) [s].
+        speed: the largest speed of the tool centre point [m/s].
+        check: what is looked at first, see :data:`Check`.
+    """
+
+    points: int
+    duration: float
+    times: npt.ArrayLike
+    speed: float
+    check: Check
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A move of one robot, ready to be run.
+
+    Attributes:
+        robot: whose move it is.
+        pieces: the motions from rest to rest that it is made of, one after the other, the first from time 0.
+        arrivals: when each target is reached, shape (k,) [s].
+        points: on the way to each target.
+    """
+
+    robot: str
+    pieces: tuple[Piece, ...]
+    arrivals: Vector
+    points: int
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """Of its axes, shape (n, 1), from 0 to the duration."""
+        return trajectory(self.pieces)
+
+    @property
+    def duration(self) -> float:
+        """Of the whole move [s]."""
+        return float(self.arrivals[-1])
+
+    @property
+    def start(self) -> Vector:
+        """Where it begins, shape (n,) [rad or m]."""
+        return np.asarray(self.pieces[0].postures[0])
+
+    @property
+    def end(self) -> Vector:
+        """Where it leads, shape (n,) [rad or m]."""
+        return np.asarray(self.pieces[-1].postures[-1])
+
+    def postures(self, times: Vector) -> Vector:
+        """Return the postures (m, n) at times (m,) [s]."""
+        return np.asarray(self.trajectory.vector_values(times.tolist())).T
+
+    def named(self, time: float) -> tuple[int, str]:
+        """Return the number of the point that a time [s] belongs to, counted from 1, and its name."""
+        index = min(int(np.searchsorted(self.arrivals, time - 1e-9)), len(self.arrivals) - 1)
+        begin = self.arrivals[index - 1] if index else 0.0
+        part = (time - begin) / (self.arrivals[index] - begin)
+        return named_point(part, self.points, target_name(index, len(self.arrivals)))
+
+
+def target_name(index: int, count: int) -> str:
+    """Return what messages call a target."""
+    return f"targets[{index}]" if count > 1 else "the target"
+
+
+def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector, bool]:
+    """Return when each segment ends, shape (k,) [s], and whether that was left to us.
+
+    Raises:
+        InvalidParameter: more than one of duration, times and speed; or one that cannot be.
+    """
+    given = [key for key in ("duration", "times", "speed") if key in how]
+    if len(given) > 1:
+        raise InvalidParameter(" and ".join(given), "both given", "given alone: each sets how long the move takes")
+    lengths = np.array([segment.length for segment in segments])
+    turns = np.array([np.abs(np.diff(segment.postures, axis=0)).sum(axis=0).max() for segment in segments])
+    shares = np.maximum(lengths + _TURN_LENGTH * turns, _AT_ONCE)
+    if "times" in how:
+        return _checked_times(how["times"], len(segments)), False
+    if "duration" in how:
+        duration = _positive("duration", how["duration"], "s")
+        return duration * np.cumsum(shares) / shares.sum(), False
+    if "speed" in how:
+        speed = _positive("speed", how["speed"], "m/s")
+        ways = np.where(lengths < _AT_ONCE, _TURN_LENGTH * turns, lengths)
+        return np.cumsum(np.maximum(PEAK * ways / speed, _LEAST_TIME)), False
+    return POINT_TIME * points * np.arange(1.0, len(segments) + 1), True
+
+
+def joined(segments: Sequence[Segment], times: Vector) -> tuple[Piece, ...]:
+    """Return the motions of segments that end at times (k,) [s], resting at each end."""
+    begins = np.concatenate([[0.0], times[:-1]])
+    return tuple(
+        Piece(segment.parts, segment.postures).at(begin, end - begin)
+        for segment, begin, end in zip(segments, begins, times, strict=True)
+    )
+
+
+def _checked_times(times: npt.ArrayLike, count: int) -> Vector:
+    expected = f"{count} times [s], one a target, rising and above 0"
+    try:
+        values = np.atleast_1d(np.asarray(times, dtype=float))
+    except (TypeError, ValueError) as problem:
+        raise InvalidParameter("times", times, expected) from problem
+    rising = np.isfinite(values).all() and (np.diff(values, prepend=0.0) > 0).all()
+    if values.shape != (count,) or not rising:
+        raise InvalidParameter("times", values.tolist(), expected)
+    return values
+
+
+def _positive(name: str, value: float, unit: str) -> float:
+    if not (isinstance(value, (int, float, np.number)) and np.isfinite(value) and value > 0):
+        raise InvalidParameter(name, value, f"a positive number [{unit}]")
+    return float(value)

@@ -1,0 +1,242 @@
+"""Plan the moves of one robot from where it is: RAPID's words, with everything checked before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Unpack, get_args
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.interpolation import Arc, line, stacked, turn
+from simrob_drake.programs.checks import check_limits, check_speeds, look_times, speed_ratio
+from simrob_drake.programs.kinematics.chain import Chain
+from simrob_drake.programs.kinematics.errors import Unreachable
+from simrob_drake.programs.kinematics.solver import Solver
+from simrob_drake.programs.plan import Check, How, Plan, arrivals, joined, target_name
+from simrob_drake.programs.segments import Segment, joint_segment, pose_segment
+from simrob_drake.programs.solvers import SolverLike, solver_for
+from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
+
+POINTS, ARC_POINTS = 10, 20
+"""Points on the way to a target unless given, as in SimRob; of arcs."""
+
+_SAME = 1e-9  # m
+_LESS_THAN_FULL = 0.98  # of the joints' speeds, where durations are left to us
+
+
+@dataclass(frozen=True)
+class Planner:
+    """Plans moves of one robot; nothing moves.
+
+    All moves begin at rest where the robot's reference is, and rest at their end; of several targets they rest at each,
+    but for those of :meth:`move_abs_j` and :meth:`move_j`, which pass through smoothly unless ``stop`` is set.
+
+    Attributes:
+        robot: its name.
+        chain: from the world to the tool.
+        start: the posture from which the move begins, shape (n,) [rad or m].
+        solver: of moves that name none.
+        speed_limits: of the axes, shape (n,) [rad/s or m/s].
+        frame: gives the pose of a work object in the world.
+        collide: raises where a plan leads into something.
+    """
+
+    robot: str
+    chain: Chain
+    start: Vector
+    solver: SolverLike
+    speed_limits: Vector
+    frame: Callable[[WorkObject], RigidTransform]
+    collide: Callable[[Plan], None]
+
+    def move_abs_j(self, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
+        """Plan a move to one posture (n,) or through many (k, n) [rad or m].
+
+        Raises:
+            InvalidParameter: targets of a wrong shape, or a duration that cannot be.
+            JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
+        """
+        rows = self.chain.postures(targets, "targets")
+        points = _points(how, POINTS)
+        names = [target_name(index, len(rows)) for index in range(len(rows))]
+        starts = [self.start, *rows[:-1]]
+        segments = [
+            joint_segment(self.chain, start, row, points=points, target=name)
+            for start, row, name in zip(starts, rows, names, strict=True)
+        ]
+        return self._checked(segments, how, points, through=not stop and len(rows) > 1)
+
+    def move_j(
+        self,
+        targets: PoseTargets,
+        *,
+        wobj: WorkObject = None,
+        solver: SolverLike | None = None,
+        stop: bool = False,
+        **how: Unpack[How],
+    ) -> Plan:
+        """Plan a move to poses of the tool, straight in the space of the joints: the easiest way there.
+
+        Args:
+            targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) that keep its orientation.
+            wobj: the work object.
+            solver: of the inverse kinematics; the nearest posture is taken.
+            stop: rest at each target.
+            how: see :class:`How`.
+
+        Raises:
+            Unreachable: names the target, why, and how near the best posture comes.
+            JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
+        """
+        inverse = self._inverse(solver)
+        poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
+        solutions = inverse.solve(poses, self.start)
+        if not solutions.reached.all():
+            index = int(np.argmin(solutions.reached))
+            raise Unreachable(
+                target_name(index, len(poses)),
+                solutions.reasons[index],
+                index=index,
+                positions=solutions.positions[index],
+                position_error=float(solutions.position_error[index]),
+                rotation_error=float(solutions.rotation_error[index]),
+            )
+        return self.move_abs_j(solutions.positions, stop=stop, **how)
+
+    def move_l(
+        self, targets: PoseTargets, *, wobj: WorkObject = None, solver: SolverLike | None = None, **how: Unpack[How]
+    ) -> Plan:
+        """Plan a move that leads the tool centre point along straight lines, turning about one axis on each.
+
+        Args:
+            targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) that keep its orientation.
+            wobj: the work object.
+            solver: of the inverse kinematics.
+            how: see :class:`How`.
+
+        Raises:
+            Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
+            JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
+        """
+        inverse, points = self._inverse(solver), _points(how, POINTS)
+        poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
+        segments: list[Segment] = []
+        begin, start = self._pose(), self.start
+        for index, pose in enumerate(poses):
+            way = _Line(begin, pose)
+            name = target_name(index, len(poses))
+            segments.append(pose_segment(inverse, way, start, points=points, length=way.length, target=name))
+            begin, start = pose, segments[-1].end
+        return self._checked(segments, how, points)
+
+    def move_c(
+        self,
+        via: PoseTargets,
+        targets: PoseTargets,
+        *,
+        wobj: WorkObject = None,
+        solver: SolverLike | None = None,
+        **how: Unpack[How],
+    ) -> Plan:
+        """Plan a move that leads the tool centre point along arcs of circles.
+
+        Args:
+            via: a place (3,) on the arc, or one for each of several arcs (k, 3); of poses only the place counts.
+            targets: where each arc ends: places (3,) or (k, 3) that keep the orientation, or poses that turn the tool.
+            wobj: the work object in whose frame they are.
+            solver: of the inverse kinematics.
+            how: see :class:`How`; ``points`` are 20 unless given.
+
+        Raises:
+            InvalidParameter: points that lie on one line, or another number of them than of targets.
+            Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
+            JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
+        """
+        inverse, points, frame = self._inverse(solver), _points(how, ARC_POINTS), self.frame(wobj)
+        middles = places(via, frame, "via")
+        poses = world_poses(targets, frame, self._pose()[:3, :3])
+        if len(middles) != len(poses):
+            raise InvalidParameter("via", f"{len(middles)} points", f"one a target, of which there are {len(poses)}")
+        segments: list[Segment] = []
+        begin, start = self._pose(), self.start
+        for index, (middle, pose) in enumerate(zip(middles, poses, strict=True)):
+            name = target_name(index, len(poses))
+            try:
+                way = _ArcWay(begin, middle, pose)
+            except InvalidParameter as problem:
+                raise InvalidParameter(f"the arc to {name}", str(problem), "three points off one line") from problem
+            segments.append(pose_segment(inverse, way, start, points=points, length=way.length, target=name))
+            begin, start = pose, segments[-1].end
+        return self._checked(segments, how, points)
+
+    def _inverse(self, solver: SolverLike | None) -> Solver:
+        return solver_for(self.chain, self.solver if solver is None else solver)
+
+    def _pose(self) -> Vector:
+        """Return the pose of the tool at the start, shape (4, 4)."""
+        return np.asarray(self.chain.forward(self.start)[0])
+
+    def _checked(self, segments: list[Segment], how: How, points: int, *, through: bool = False) -> Plan:
+        """Give segments their times, and look at the move."""
+        check: Check = how.get("check", "limits")
+        if check not in get_args(Check):
+            raise UnknownName("check", str(check), get_args(Check))
+        times, free = arrivals(segments, how, points)
+        plan = self._plan(segments, times, points, through)
+        if free:
+            ratio = speed_ratio(plan.trajectory, look_times(plan.duration, points * len(times)), self.speed_limits)
+            if ratio > _LESS_THAN_FULL:
+                plan = self._plan(segments, times * ratio / _LESS_THAN_FULL, points, through)
+        looks = look_times(plan.duration, points * len(times))
+        if check != "nothing":
+            check_limits(self.chain, looks, plan.postures(looks), plan.named)
+            check_speeds(self.chain, plan.trajectory, looks, self.speed_limits, plan.named)
+        if check == "collision":
+            self.collide(plan)
+        return plan
+
+    def _plan(self, segments: list[Segment], times: Vector, points: int, through: bool) -> Plan:
+        if through:
+            rows = np.array([self.start, *(segment.end for segment in segments)])
+            whole = Segment(np.concatenate([[0.0], times / times[-1]]), rows, 0.0, "")
+            return Plan(self.robot, joined([whole], times[-1:]), times, points)
+        return Plan(self.robot, joined(segments, times), times, points)
+
+
+class _Line:
+    """The poses (k, 4, 4) at parts (k,) of a straight way between two (4, 4)."""
+
+    def __init__(self, begin: Vector, end: Vector) -> None:
+        self._begin, self._end = begin, end
+        self.length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
+
+    def __call__(self, parts: Vector) -> Vector:
+        turns = turn(self._begin[:3, :3], self._end[:3, :3], parts)
+        return stacked(line(self._begin[:3, 3], self._end[:3, 3], parts), turns)
+
+
+class _ArcWay:
+    """The poses (k, 4, 4) at parts (k,) of an arc from a pose through a place (3,) to a pose."""
+
+    def __init__(self, begin: Vector, middle: Vector, end: Vector) -> None:
+        self._begin, self._end = begin, end
+        self._arc = Arc.through(begin[:3, 3], middle, end[:3, 3])
+        self.length = self._arc.length
+
+    def __call__(self, parts: Vector) -> Vector:
+        return stacked(self._arc.points(parts), turn(self._begin[:3, :3], self._end[:3, :3], parts))
+
+
+def _points(how: How, default: int) -> int:
+    for key in how:
+        if key not in How.__annotations__:
+            raise UnknownName("option of a move", key, How.__annotations__)
+    points = how.get("points", default)
+    if not (isinstance(points, (int, np.integer)) and points >= 1):
+        raise InvalidParameter("points", points, "a whole number, 1 or more")
+    return int(points)

@@ -1,0 +1,148 @@
+"""The parts of a move, each from rest to rest: postures at parts of its time, enough for a spline to keep the way.
+
+A Cartesian part is solved at a few points, joined by a spline, and looked at half-way between them; where the tool
+would leave its line or arc, points are put in between until it does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.interpolation import turned_by
+from simrob_drake.programs.errors import BrokenPath
+from simrob_drake.programs.kinematics.chain import Chain
+from simrob_drake.programs.kinematics.errors import Unreachable
+from simrob_drake.programs.kinematics.incremental import IncrementalSolver
+from simrob_drake.programs.kinematics.solutions import Solutions
+from simrob_drake.programs.kinematics.solver import Solver
+from simrob_drake.programs.trajectories import PEAK, spline, way
+
+PATH_TOLERANCE = 2e-5
+"""How far the tool may be from its line or arc between two points [m]."""
+
+_LEAST_POINTS = 8
+_MOST_POINTS = 5000
+_SMALL_TURN = 0.2  # rad from one point to the next that the incremental solver follows whatever its limit is
+_JUMP = 0.5  # rad or m between points above which a motion that does not shrink with more points counts as a jump
+_SHRINKS = 0.8  # a continuous motion between points halves when their number doubles
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Postures on the way to one target.
+
+    Attributes:
+        parts: of its time, from 0 to 1, shape (k,).
+        postures: there, shape (k, n) [rad or m].
+        length: of the tool's way [m].
+        target: what it leads to, in words.
+    """
+
+    parts: Vector
+    postures: Vector
+    length: float
+    target: str
+
+    @property
+    def end(self) -> Vector:
+        """Where it ends, shape (n,)."""
+        return np.asarray(self.postures[-1])
+
+
+def joint_segment(chain: Chain, start: Vector, end: Vector, *, points: int, target: str) -> Segment:
+    """Return the straight way in the space of the joints between two postures (n,)."""
+    parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
+    postures = start + way(parts)[:, np.newaxis] * (end - start)
+    return Segment(parts, postures, tool_length(chain, postures), target)
+
+
+def pose_segment(
+    solver: Solver, poses: Callable[[Vector], Vector], start: Vector, *, points: int, length: float, target: str
+) -> Segment:
+    """Return postures that lead the tool along poses.
+
+    Args:
+        solver: of the inverse kinematics.
+        poses: the poses (k, 4, 4) of the tool at parts (k,) of the way.
+        start: the posture at its beginning, shape (n,).
+        points: how many points are solved at least.
+        length: of the way [m].
+        target: what it leads to, for messages.
+
+    Raises:
+        Unreachable: a point that no posture reaches; the incremental solver may stray on the way, past singular
+            postures, if it comes to the end.
+        BrokenPath: points that no continuous motion joins.
+    """
+    chain, strays = solver.chain, isinstance(solver, IncrementalSolver)
+    count = max(points, _LEAST_POINTS)
+    if strays:  # it follows small turns only
+        first, last = poses(np.array([0.0, 1.0]))
+        count = max(count, int(np.ceil(PEAK * turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
+    parts = np.linspace(0.0, 1.0, count + 1)
+    targets = poses(way(parts))
+    solutions = solver.solve(targets[1:], start)
+    if not strays or not solutions.reached[-1]:
+        _require(solutions, parts[1:], targets[1:], points, target)
+    postures = np.vstack([start, solutions.positions])
+    exact = _away(chain, postures, targets) < PATH_TOLERANCE  # else the solver was asked for something else
+    jump = np.inf
+    while exact:
+        last_jump, jump = jump, float(np.abs(np.diff(postures, axis=0)).max())
+        if (jump > _JUMP and jump > _SHRINKS * last_jump) or len(parts) > _MOST_POINTS:
+            raise _broken(chain, postures, parts, points, target)
+        between = (parts[1:] + parts[:-1]) / 2
+        guesses = np.clip(spline(parts, postures)(between), chain.lower, chain.upper)
+        wanted = poses(way(between))
+        if _away(chain, guesses, wanted) < PATH_TOLERANCE:
+            break
+        solutions = solver.solve(wanted, guesses)
+        _require(solutions, between, wanted, points, target)
+        order = np.argsort(np.concatenate([parts, between]), kind="stable")
+        parts, postures = np.concatenate([parts, between])[order], np.vstack([postures, solutions.positions])[order]
+    return Segment(parts, postures, length, target)
+
+
+def tool_length(chain: Chain, postures: Vector) -> float:
+    """Return how far the tool goes from posture to posture (k, n), by chords [m]."""
+    places = chain.forward(postures)[:, :3, 3]
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+
+def named_point(part: float, points: int, target: str) -> tuple[int, str]:
+    """Return the number of the point that a part of the time belongs to, counted from 1, and its name."""
+    number = max(int(np.ceil(part * points - 1e-9)), 1)
+    return number, f"point {number} of {points} on the way to {target}"
+
+
+def _away(chain: Chain, postures: Vector, targets: Vector) -> float:
+    """Return the largest distance of the tool from targets (k, 4, 4), with postures (k, n) [m]."""
+    return float(np.linalg.norm(chain.forward(postures)[:, :3, 3] - targets[:, :3, 3], axis=1).max())
+
+
+def _require(solutions: Solutions, parts: Vector, targets: Vector, points: int, target: str) -> None:
+    """Check that every point at the parts (k,) of the time is reached."""
+    if solutions.reached.all():
+        return
+    index = int(np.argmin(solutions.reached))
+    number, name = named_point(float(parts[index]), points, target)
+    place = ", ".join(f"{value:.4g}" for value in targets[index, :3, 3])
+    raise Unreachable(
+        target if parts[index] == 1.0 else f"{name} (at {place} m)",
+        solutions.reasons[index],
+        index=number - 1,
+        positions=solutions.positions[index],
+        position_error=float(solutions.position_error[index]),
+        rotation_error=float(solutions.rotation_error[index]),
+    )
+
+
+def _broken(chain: Chain, postures: Vector, parts: Vector, points: int, target: str) -> BrokenPath:
+    jumps = np.abs(np.diff(postures, axis=0))
+    row, axis = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
+    number, name = named_point(float(parts[row]), points, target)
+    return BrokenPath(name, chain.names[axis], point=number, jump=float(jumps[row, axis]))

@@ -1,0 +1,70 @@
+"""What users give as targets of moves, as poses in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import PoseLike, Vector
+from simrob_drake.interpolation import stacked
+from simrob_drake.programs.kinematics.poses import Targets, pose_matrices
+
+if TYPE_CHECKING:
+    from simrob_drake.programs.arm_geometry import ArmGeometry
+
+WorkObject: TypeAlias = "str | PoseLike | ArmGeometry | None"
+"""In whose frame targets are: a piece's name (its tool centre point) or one of its frames as ``piece.frame``, a robot's
+name or an arm (its tool centre point), a pose in any form, or None for the world."""
+PoseTargets: TypeAlias = Targets
+"""One pose or many, in any form, or places (3,) or (k, 3) that keep the tool's orientation."""
+
+
+def world_poses(targets: PoseTargets, wobj: RigidTransform, turn: Vector, name: str = "targets") -> Vector:
+    """Return targets in a work object's frame as poses in the world, shape (k, 4, 4).
+
+    Args:
+        targets: poses in any form, or places (3,) or (k, 3).
+        wobj: pose of the work object's frame.
+        turn: the orientation that places go with, in the world, shape (3, 3).
+        name: what the user calls them.
+
+    Raises:
+        InvalidParameter: another shape, or numbers that are not finite.
+    """
+    if is_place(targets):
+        points = places(targets, wobj, name)
+        return stacked(points, np.broadcast_to(turn, (len(points), 3, 3)))
+    matrices: Vector = wobj.GetAsMatrix4() @ pose_matrices(targets, name)
+    return matrices
+
+
+def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str) -> Vector:
+    """Return places (3,) or (k, 3) in a work object's frame, or those of poses, in the world, shape (k, 3) [m].
+
+    Raises:
+        InvalidParameter: another shape, or numbers that are not finite.
+    """
+    if not is_place(points):
+        return np.asarray((wobj.GetAsMatrix4() @ pose_matrices(points, name))[:, :3, 3])
+    rows = np.atleast_2d(np.asarray(points, dtype=float))
+    if not np.isfinite(rows).all():
+        raise InvalidParameter(name, rows.tolist(), "finite numbers [m]")
+    return np.asarray(rows @ wobj.rotation().matrix().T + wobj.translation())
+
+
+def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
+    """Tell whether targets are places [x y z], not poses."""
+    if isinstance(targets, RigidTransform):
+        return False
+    if isinstance(targets, Sequence) and any(isinstance(target, RigidTransform) for target in targets):
+        return False
+    try:
+        shape = np.shape(targets)
+    except ValueError:  # ragged
+        return False
+    return len(shape) in (1, 2) and shape[-1] == 3

@@ -1,0 +1,209 @@
+"""What a station carries from one run to the next."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint
+from pydrake.systems.framework import Context, Diagram, System
+
+from simrob_drake.blocks.monitor import Monitor
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.stations.plant import StationPlant
+from simrob_drake.stations.ports import StationPorts
+
+
+@dataclass(frozen=True)
+class JointState:
+    """Position and velocity of one joint of a plant, free bodies included, in Drake's coordinates."""
+
+    position: Vector
+    velocity: Vector
+
+
+@dataclass(frozen=True)
+class BlockState:
+    """Continuous state and discrete groups of one block."""
+
+    continuous: Vector
+    discrete: tuple[Vector, ...]
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a station is: for each joint, each block with a memory, and each robot's reference.
+
+    Everything goes by name, so the state fits a station that was rebuilt and changed: with a piece on another parent,
+    other gains, another solver. Joints and blocks that the new station does not have are left out, and new ones begin
+    as they do at the start of any run; so do monitors, whose times count from the start of a run.
+
+    Attributes:
+        positions: of each robot's axes, shape (n,) [rad or m].
+        velocities: of each robot's axes, shape (n,) [rad/s or m/s].
+        references: what each robot's reference was last, shape (n,); references of the next run begin there.
+        joints: by ``<model instance>/<joint>``, of plants that are stepped.
+        blocks: by the block's name.
+    """
+
+    positions: dict[str, Vector]
+    velocities: dict[str, Vector]
+    references: dict[str, Vector]
+    joints: dict[str, JointState] = field(default_factory=dict)
+    blocks: dict[str, BlockState] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, diagram: Diagram, ports: StationPorts, context: Context) -> State:
+        """Return the state of a closed station.
+
+        Args:
+            diagram: that holds the station.
+            ports: the station's.
+            context: of the diagram, at the moment wanted.
+        """
+
+        def of_robots(signal: str) -> dict[str, Vector]:
+            values = {}
+            for robot in ports.plant.robots.values():
+                port = ports.outputs[f"{robot.prefix}{signal}"]
+                values[robot.name] = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
+            return values
+
+        plant, blocks = ports.plant.plant, {}
+        for system in _with_memory(diagram, plant):
+            own = system.GetMyContextFromRoot(context)
+            if own.num_continuous_states() or own.num_discrete_state_groups():
+                blocks[system.get_name()] = _block_state(own)
+        joints = {}
+        if diagram.HasSubsystemNamed(plant.get_name()):
+            own = plant.GetMyContextFromRoot(context)
+            q, v = plant.GetPositions(own), plant.GetVelocities(own)
+            joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in _joints(plant)}
+        return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
+
+    def put(self, diagram: Diagram, ports: StationPorts, context: Context) -> None:
+        """Set a context of another closed station to this state, as far as the two have joints and blocks in common.
+
+        Raises:
+            InvalidParameter: a robot, joint or block of the same name but another size.
+        """
+        for robot in ports.plant.robots.values():
+            self._check(robot.name, self.positions.get(robot.name), len(robot.axes))
+        plant = ports.plant.plant
+        for system in _with_memory(diagram, plant):
+            kept = self.blocks.get(system.get_name())
+            if kept is not None:
+                self._put_block(system, kept, context)
+        if diagram.HasSubsystemNamed(plant.get_name()):
+            own = plant.GetMyMutableContextFromRoot(context)
+            q, v = self.of_plant(ports.plant)
+            plant.SetPositions(own, q)
+            plant.SetVelocities(own, v)
+
+    def of_plant(self, station: StationPlant) -> tuple[Vector, Vector]:
+        """Return positions (nq,) and velocities (nv,) of a station's plant; what is not known stays at its default.
+
+        Raises:
+            InvalidParameter: a joint of the same name but another size.
+        """
+        plant = station.plant
+        context = plant.CreateDefaultContext()
+        q, v = plant.GetPositions(context), plant.GetVelocities(context)
+        for robot in station.robots.values():
+            if robot.name in self.positions:
+                q[[joint.position_start() for joint in robot.joints]] = robot.signs * self.positions[robot.name]
+                v[[joint.velocity_start() for joint in robot.joints]] = robot.signs * self.velocities[robot.name]
+        for name, places, speeds in _joints(plant):
+            if name in self.joints:
+                self._check(name, self.joints[name].position, len(q[places]))
+                q[places], v[speeds] = self.joints[name].position, self.joints[name].velocity
+        return q, v
+
+    def to_json(self) -> str:
+        """Return the state as a text that :meth:`from_json` reads back to the last bit."""
+        return json.dumps(
+            {
+                **{key: _lists(getattr(self, key)) for key in ("positions", "velocities", "references")},
+                "joints": {name: [s.position.tolist(), s.velocity.tolist()] for name, s in self.joints.items()},
+                "blocks": {
+                    name: [s.continuous.tolist(), [group.tolist() for group in s.discrete]]
+                    for name, s in self.blocks.items()
+                },
+            },
+            indent=1,
+        )
+
+    @classmethod
+    def from_json(cls, text: str) -> State:
+        """Return the state that :meth:`to_json` wrote.
+
+        Raises:
+            InvalidParameter: the text holds no state.
+        """
+        try:
+            content = json.loads(text)
+            return cls(
+                _arrays(content["positions"]),
+                _arrays(content["velocities"]),
+                _arrays(content["references"]),
+                {name: JointState(np.array(q), np.array(v)) for name, (q, v) in content["joints"].items()},
+                {name: BlockState(np.array(x), tuple(map(np.array, z))) for name, (x, z) in content["blocks"].items()},
+            )
+        except (ValueError, TypeError, KeyError, AttributeError) as problem:
+            raise InvalidParameter("state", text, "the text of a state, as State.to_json() writes it") from problem
+
+    def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
+        own = system.GetMyMutableContextFromRoot(context)
+        sizes = [own.get_discrete_state(group).size() for group in range(own.num_discrete_state_groups())]
+        self._check(system.get_name(), kept.continuous, own.num_continuous_states())
+        self._check(system.get_name(), np.zeros(len(kept.discrete)), len(sizes))
+        if kept.continuous.size:
+            own.SetContinuousState(kept.continuous)
+        for group, (values, size) in enumerate(zip(kept.discrete, sizes, strict=True)):
+            self._check(system.get_name(), values, size)
+            own.SetDiscreteState(group, values)
+
+    @staticmethod
+    def _check(name: str, values: Vector | None, size: int) -> None:
+        if values is None or len(values) != size:
+            given = "unknown" if values is None else f"of size {len(values)}"
+            raise InvalidParameter(
+                "start", f"a state in which '{name}' is {given}", f"of a station where it is of {size}"
+            )
+
+
+def _with_memory(diagram: Diagram, plant: MultibodyPlant) -> Iterator[System]:
+    """Yield the blocks whose state is theirs to keep: not the plant, whose joints have names, and no monitor."""
+    for system in diagram.GetSystems():
+        if system is not plant and not isinstance(system, Monitor):
+            yield system
+
+
+def _joints(plant: MultibodyPlant) -> Iterator[tuple[str, slice, slice]]:
+    """Yield name, places of the positions and places of the velocities of every joint that moves."""
+    for index in plant.GetJointIndices():
+        joint: Joint = plant.get_joint(index)
+        if joint.num_positions():
+            q, v = joint.position_start(), joint.velocity_start()
+            name = f"{plant.GetModelInstanceName(joint.model_instance())}/{joint.name()}"
+            yield name, slice(q, q + joint.num_positions()), slice(v, v + joint.num_velocities())
+
+
+def _block_state(context: Context) -> BlockState:
+    has_continuous = context.num_continuous_states() > 0
+    continuous = context.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0)
+    groups = range(context.num_discrete_state_groups())
+    return BlockState(continuous, tuple(context.get_discrete_state(group).value().copy() for group in groups))
+
+
+def _lists(values: dict[str, Vector]) -> dict[str, list[float]]:
+    return {name: vector.tolist() for name, vector in values.items()}
+
+
+def _arrays(values: dict[str, Any]) -> dict[str, Vector]:
+    return {name: np.array(vector, dtype=float) for name, vector in values.items()}

@@ -1,0 +1,91 @@
+"""What an arm from a table looks like: a drum at each joint, tubes between them, a foot and a flange."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import Cylinder, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+
+from simrob_drake.frames import Vector
+from simrob_drake.robots.dh import DhTable
+from simrob_drake.robots.pieces import Colour
+from simrob_drake.robots.solids import Solid
+
+_THICKNESS = 0.055  # radius at the base over the arm's length
+_TAPER = 0.5  # how much thinner its end is
+_DRUM = 1.25, 2.6  # radius and length of a joint over the tube's radius
+_FOOT = 1.8, 0.3  # of the base, likewise
+_FLANGE = 0.8, 0.4  # of the tool's end, likewise
+_FLANGE_COLOUR: Colour = (0.66, 0.68, 0.7, 1.0)
+_NOTHING = 1e-6  # m; shorter tubes are left out
+
+
+@dataclass(frozen=True)
+class LinkShape:
+    """A shape of a link, in the link's frame, and its colour."""
+
+    solid: Solid
+    colour: Colour
+
+
+def link_shapes(table: DhTable) -> list[list[LinkShape]]:
+    """Return the shapes of all links, that of the base first.
+
+    A tube goes from each link's joint along z and then straight to the next joint, or to the tool.
+    """
+    origins, radii = table.origins(), _radii(table)
+    links = []
+    for number, (end, radius) in enumerate(zip(origins, radii, strict=True)):
+        shapes = [LinkShape(tube, table.colour) for tube in _tubes(end.translation(), radius)]
+        shapes += _joint(table, number, radius) if number else [_foot(table, radius)]
+        if number == len(table.rows):
+            shapes.append(_flange(end, radius))
+        links.append(shapes)
+    return links
+
+
+def _radii(table: DhTable) -> Vector:
+    length = sum(float(np.linalg.norm(origin.translation())) for origin in table.origins()[1:])
+    length += sum(row.range[1] - row.range[0] for row in table.rows if row.type == "prismatic")
+    thickness = table.thickness or _THICKNESS * max(length, 0.1)
+    return np.asarray(thickness * np.linspace(1.0, 1.0 - _TAPER, len(table.rows) + 1))
+
+
+def _tubes(end: Vector, radius: float) -> list[Solid]:
+    """Return tubes from the origin to a point, with a ball where they bend."""
+    corner = np.array([0.0, 0.0, end[2]])
+    tubes = [_tube(a, b, radius) for a, b in ((np.zeros(3), corner), (corner, end)) if _apart(a, b)]
+    return [*tubes, Solid(RigidTransform(corner), Sphere(radius))] if len(tubes) > 1 else tubes
+
+
+def _joint(table: DhTable, number: int, radius: float) -> list[LinkShape]:
+    row = table.rows[number - 1]
+    if row.type == "prismatic":  # a rod that slides through the link before
+        rod = _tube(np.array([0.0, 0.0, -row.range[1]]), np.array([0.0, 0.0, radius]), 0.7 * radius)
+        return [LinkShape(rod, table.joint_colour)]
+    wide, long = _DRUM[0] * radius, _DRUM[1] * radius
+    stands = number == 1 and not _apart(table.origins()[0].translation(), np.zeros(3))  # on the ground, not half in it
+    place = RigidTransform(np.array([0.0, 0.0, long / 2 if stands else 0.0]))
+    return [LinkShape(Solid(place, Cylinder(wide, long)), table.joint_colour)]
+
+
+def _foot(table: DhTable, radius: float) -> LinkShape:
+    wide, high = (part * radius for part in _FOOT)
+    return LinkShape(Solid(RigidTransform(np.array([0.0, 0.0, high / 2])), Cylinder(wide, high)), table.joint_colour)
+
+
+def _flange(tool: RigidTransform, radius: float) -> LinkShape:
+    wide, long = (part * radius for part in _FLANGE)
+    place = tool @ RigidTransform(np.array([0.0, 0.0, -long / 2]))
+    return LinkShape(Solid(place, Cylinder(wide, long)), _FLANGE_COLOUR)
+
+
+def _tube(start: Vector, end: Vector, radius: float) -> Solid:
+    turn = RotationMatrix.MakeFromOneVector(end - start, 2)
+    return Solid(RigidTransform(turn, (start + end) / 2), Cylinder(radius, float(np.linalg.norm(end - start))))
+
+
+def _apart(a: Vector, b: Vector) -> bool:
+    return bool(np.linalg.norm(b - a) > _NOTHING)

@@ -1,0 +1,89 @@
+"""The state that goes from one run to the next: resumed runs against runs in one go."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import SimrobError, State, load_station, simulate
+
+HOLD = {"reference": {"kind": "hold", "target_deg": None}}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "tolerance"),
+    [
+        ({}, 3e-4),  # that of the solver; a fresh start from rest would be off by 0.01
+        ({"solver.accuracy": 1e-5, "solver.max_step": 0.01}, 1e-6),
+        ({"servo.ki": 300}, 5e-4),  # the integrators go on
+        ({"servo.ki": 300, "servo.realization": "implicit"}, 5e-4),
+        ({"solver.kind": "discrete", "servo.realization": "implicit"}, 0),
+    ],
+)
+def test_two_halves_are_the_whole(overrides, tolerance):
+    whole = simulate(load_station("irb120_dynamic", overrides))
+    first = simulate(load_station("irb120_dynamic", overrides), duration=1.5)
+    second = simulate(load_station("irb120_dynamic", {**overrides, **HOLD}), duration=1.5, start=first.final_state)
+    row = int(np.searchsorted(whole.times, 1.5 - 1e-9))
+    assert np.abs(first.axes("v")[-1]).max() > 1e-4  # it has not come to rest
+    np.testing.assert_allclose(second.axes("q"), whole.axes("q")[row:], atol=tolerance)
+    np.testing.assert_array_equal(second.axes("q")[0], first.axes("q")[-1])
+    np.testing.assert_array_equal(second.axes("v")[0], first.axes("v")[-1])
+    assert second.times[0] == 0.0
+
+
+def test_the_references_of_a_station_begin_where_the_last_ended():
+    first = simulate(load_station("irb120_kinematic"))
+    back = {"reference.target_deg": {"joint_1": 0}}
+    second = simulate(load_station("irb120_kinematic", back), start=first.final_state)
+    np.testing.assert_allclose(second.axes("q")[0], np.full(6, np.pi / 6))
+    np.testing.assert_allclose(second.axes("q")[-1], [0, *[np.pi / 6] * 5], atol=1e-12)
+
+
+def test_a_kinematic_state_starts_a_dynamic_run():
+    state = simulate(load_station("irb120_kinematic"), duration=0.5).final_state
+    result = simulate(load_station("irb120_dynamic", HOLD), duration=0.1, start=state)
+    np.testing.assert_allclose(result.axes("q")[0], state.positions["robot"], atol=1e-15)
+    np.testing.assert_allclose(result.axes("v")[0], state.velocities["robot"], atol=1e-15)
+    assert np.abs(state.velocities["robot"]).max() > 0.5
+
+
+def test_a_changed_station_takes_what_it_has_in_common():
+    overrides = {"servo.ki": 100, "servo.realization": "vector", "monitors": {"settled": {"after": 5}}}
+    first = simulate(load_station("irb120_dynamic", overrides), duration=1.5)
+    assert list(first.final_state.blocks) == ["servo.integrator"]  # no monitor: its times are those of a run
+    lighter = {**HOLD, **overrides, "pieces": {"gripper": {"parent": "world"}}}
+    second = simulate(load_station("irb120_dynamic", lighter), duration=0.2, start=first.final_state)
+    np.testing.assert_array_equal(second.axes("q")[0], first.axes("q")[-1])
+    np.testing.assert_array_equal(second.axes("tau")[0], first.axes("tau")[-1])  # the same servo state
+    assert second["q.joint_2"][-1] < first["q.joint_2"][-1] - 0.002  # the arm rises, two kilograms lighter
+
+
+def test_a_stopped_run_ends_in_the_state_of_its_stop():
+    config = load_station("irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}})
+    result = simulate(config)
+    assert result.final_state.positions["robot"][1] == pytest.approx(np.deg2rad(110), abs=1e-3)
+    np.testing.assert_array_equal(result.final_state.positions["robot"], result.axes("q")[-1])
+
+
+def test_a_state_survives_as_text():
+    state = simulate(load_station("irb120_dynamic", {"servo.ki": 100}), duration=0.3).final_state
+    again = State.from_json(state.to_json())
+    runs = [
+        simulate(load_station("irb120_dynamic", {"servo.ki": 100}), duration=0.2, start=start)
+        for start in (state, again)
+    ]
+    np.testing.assert_array_equal(runs[0].values, runs[1].values)
+    assert runs[1].start is again
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"positions": 1}'])
+def test_other_texts_are_refused(text):
+    with pytest.raises(SimrobError, match="the text of a state"):
+        State.from_json(text)
+
+
+def test_the_state_of_other_robots_is_refused():
+    state = simulate(load_station("double_pendulum"), duration=0.1).final_state
+    with pytest.raises(SimrobError, match="start is a state in which 'robot' is of size 2"):
+        simulate(load_station("irb120_dynamic"), duration=0.1, start=state)
+    with pytest.raises(SimrobError, match="start is a state in which 'left' is unknown"):
+        simulate(load_station("two_irb120"), duration=0.1, start=state)
