@@ -58,9 +58,9 @@ def import_file(
     with errors.status(f"importing {file}"):
         imported = import_robot(file, folder, options, force=force)
     _tell(imported)
-    console.print(f"robot   {folder / imported.model.urdf}", soft_wrap=True, highlight=False)
-    console.print(f"next    simrob view {folder / imported.model.urdf}", soft_wrap=True, highlight=False)
-    console.print(f"        simrob station {folder / imported.model.urdf}", soft_wrap=True, highlight=False)
+    console.print(f"robot   {imported.model.urdf_path}", soft_wrap=True, highlight=False)
+    console.print(f"next    simrob view {imported.model.urdf_path}", soft_wrap=True, highlight=False)
+    console.print(f"        simrob station {imported.model.urdf_path}", soft_wrap=True, highlight=False)
 
 
 def examine_file(file: Path, mesh_path: list[Path] | None, estimate_inertia: bool) -> None:
