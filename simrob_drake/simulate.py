@@ -16,6 +16,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
+from simrob_drake.results.computed import contacts_at, with_computed
 from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import DIVERGED, INTERRUPTED, Ending, SimulationResult
 from simrob_drake.results.signals import Sampler, signals_of
@@ -183,6 +184,9 @@ def _evaluated(
     times = _sample_times(sampler.history.end, run.config.sample_rate)
     signals = signals_of(run.ports)
     values = sampler.sample([part.port for part in signals], times)
+    names = [name for part in signals for name in part.names]
+    columns = np.hstack([part.of(rows) for part, rows in zip(signals, values, strict=True)])
+    names, columns = with_computed(sampler, run.ports, names, times, columns)
     positions = run.ports.plant.plant.num_positions()
     return SimulationResult(
         config=run.config,
@@ -190,14 +194,15 @@ def _evaluated(
         ending=outcome.ending,
         stopped_by=outcome.stopped_by,
         message=outcome.message,
-        names=[name for part in signals for name in part.names],
+        names=names,
         times=times,
-        values=np.hstack([rows @ part.matrix.T for part, rows in zip(signals, values, strict=True)]),
+        values=columns,
         step_times=sampler.history.times,
         positions_at=lambda at: sampler.sample([run.ports.state], at)[0][:, :positions],
         stepping_time=stepping_time,
         signal_time=perf_counter() - began,
         references=dict(given),
+        contacts_at=contacts_at(sampler, run.ports),
         warnings=_warnings(run),
     )
 

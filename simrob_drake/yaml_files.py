@@ -17,7 +17,7 @@ Number = Annotated[float, Field(strict=True)]
 
 
 _QUOTED = re.compile(r"'([^']+)'")
-_UNION_BRANCH = re.compile(r"^(float|int|bool|str)$|^(list|dict|tuple|constrained)\b.*\[")
+_UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\[")
 
 
 class Strict(BaseModel):

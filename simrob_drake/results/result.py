@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydrake.multibody.plant import ContactResults
 from pydrake.trajectories import Trajectory
 
 import simrob_drake
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.free_pieces import VELOCITY_NAMES
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.references import Samples
 
 Ending = Literal["completed", "monitor", "diverged", "interrupted"]
 DIVERGED, INTERRUPTED = "diverged", "interrupted"
 """What stands for a monitor's name where none ended the run."""
+
+
+def pose_vector(pose: Vector) -> list[float]:
+    """Return x y z qw qx qy qz as a pose vector [x y z Rz Ry Rx]."""
+    return [float(value) for value in pose_from_transform(transform_from_xyz_quaternion(pose))]
 
 
 @dataclass(frozen=True)
@@ -41,6 +48,7 @@ class SimulationResult:
         positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq).
         stepping_time, signal_time: wall-clock seconds spent on each.
         warnings: why the result may be wrong though the run went to its end, in words.
+        contacts_at: Drake's contact results at any times of the run; None in a station without contact.
         references: what was given to simulate() in place of the configuration's references, by robot.
     """
 
@@ -58,6 +66,7 @@ class SimulationResult:
     signal_time: float
     references: dict[str, Trajectory | Samples] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    contacts_at: Callable[[Vector], Iterator[ContactResults]] | None = None
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
@@ -79,6 +88,18 @@ class SimulationResult:
         """Return a pose signal, ``base`` or ``tcp``, shape (m, 7): x y z qw qx qy qz."""
         station_robot = self.plant.robots[robot or next(iter(self.plant.robots))]
         return np.column_stack([self[f"{station_robot.prefix}{signal}.{part}"] for part in XYZ_QUATERNION_NAMES])
+
+    def piece_pose(self, piece: str) -> Vector:
+        """Return where a free piece was, shape (m, 7): x y z qw qx qy qz."""
+        return np.column_stack([self[f"piece.{piece}.{part}"] for part in XYZ_QUATERNION_NAMES])
+
+    def piece_velocity(self, piece: str) -> Vector:
+        """Return how a free piece moved, shape (m, 6): vx vy vz [m/s] wx wy wz [rad/s], in the world's axes."""
+        return np.column_stack([self[f"piece.{piece}.{part}"] for part in VELOCITY_NAMES])
+
+    def vector(self, signal: str) -> Vector:
+        """Return a signal of three columns, such as ``force.<sensor>``, shape (m, 3)."""
+        return np.column_stack([self[f"{signal}.{axis}"] for axis in "xyz"])
 
     @property
     def stop_time(self) -> float:
@@ -113,7 +134,9 @@ class SimulationResult:
         only = self.config.only_robot
         return {
             "station": self.config.name,
-            "robot": robots[only].model.name if only else {name: robot.model.name for name, robot in robots.items()},
+            "robot": robots[only].model.name
+            if only
+            else {name: robot.model.name for name, robot in robots.items()} or None,
             "duration": self.config.duration,
             "stopped_by": self.stopped_by,
             "stop_time": self.stop_time,
@@ -128,8 +151,10 @@ class SimulationResult:
                 "joint_torque": self._by_axis("tau", -1),
                 "base_pose": self._final_pose("base"),
                 "tcp_pose": self._final_pose("tcp"),
+                "piece_pose": {piece: pose_vector(self.piece_pose(piece)[-1]) for piece in self.config.free_pieces},
             },
-            "peak": {"joint_torque": self._peaks("tau")},
+            "peak": {"joint_torque": self._peaks("tau"), "force": self._peak_forces()},
+            "sensors": {name: self._sensor_note(name) for name in self.config.sensors},
             "versions": {
                 "simrob_drake": simrob_drake.__version__,
                 "drake": version("drake"),
@@ -137,6 +162,20 @@ class SimulationResult:
                 "python": platform.python_version(),
             },
         }
+
+    def _peak_forces(self) -> dict[str, float]:
+        """Return the largest size of every contact force [N] by sensor."""
+        sensors = [name for name, sensor in self.config.sensors.items() if sensor.kind == "force"]
+        return {name: float(np.linalg.norm(self.vector(f"force.{name}"), axis=1).max()) for name in sensors}
+
+    def _sensor_note(self, name: str) -> dict[str, str]:
+        """Return what a sensor is, and how it was computed."""
+        sensor = self.config.sensors[name]
+        note: dict[str, str] = {"kind": sensor.kind}
+        if sensor.kind == "force":
+            momentum = self.config.solver.scheme == "cenic"
+            note["tangential"] = "momentum balance" if momentum else "contact"
+        return note
 
     def _columns(self, signal: str) -> dict[str, Vector]:
         return {
@@ -154,10 +193,7 @@ class SimulationResult:
 
     def _final_pose(self, signal: str) -> Any:
         poses = {
-            name: [
-                float(value)
-                for value in pose_from_transform(transform_from_xyz_quaternion(self.pose(signal, name)[-1]))
-            ]
+            name: pose_vector(self.pose(signal, name)[-1])
             for name, robot in self.plant.robots.items()
             if f"{robot.prefix}{signal}.x" in self.names
         }

@@ -31,6 +31,11 @@ class PieceShape(Strict):
     mesh: str | None = None
     pose: Pose = ORIGIN
     colour: Colour | None = None
+    name: str | None = None
+    """What sensors call it, `<piece>.<name>`; its number unless given."""
+    collides: bool = True
+    """Whether it takes part in contact, or is only seen."""
+    visible: bool = True
 
     @model_validator(mode="after")
     def _exactly_one(self) -> PieceShape:
@@ -50,6 +55,11 @@ class PieceModel(Strict):
     tcp: Pose = ORIGIN
     colour: Colour = (0.6, 0.6, 0.65, 1.0)
     shapes: tuple[PieceShape, ...] = ()
+
+    @property
+    def shape_names(self) -> list[str]:
+        """The names of the shapes, in order: their own, or their numbers."""
+        return [shape.name or str(index) for index, shape in enumerate(self.shapes)]
 
     @field_validator("inertia")
     @classmethod

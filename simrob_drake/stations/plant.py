@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.geometry import (
@@ -22,12 +22,14 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
+from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, piece_robot
 from simrob_drake.stations.config import ContactConfig, StationConfig
+from simrob_drake.stations.contact import apply_materials, needs_shapes
 from simrob_drake.stations.names import WORLD, carrier, piece_model, piece_parent, pieces_outward
 from simrob_drake.stations.robots import StationRobot, add_robot
 from simrob_drake.stations.solver_config import DiscreteSolver
@@ -44,6 +46,7 @@ class StationPlant:
     plant: MultibodyPlant
     scene_graph: SceneGraph
     robots: dict[str, StationRobot]
+    free_pieces: dict[str, RigidBody] = field(default_factory=dict)
 
     def state_map(self, robot: StationRobot) -> Vector:
         """Return the matrix (2n, nq + nv) that picks a robot's axis positions and velocities from the plant's state."""
@@ -70,7 +73,7 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
     Raises:
         InvalidModel: a robot that cannot be simulated in this mode.
     """
-    collision = config.contact is not None  # without any, the plant never asks the scene graph: a fifth less work
+    collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
     if config.mode == "kinematic":
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
@@ -87,27 +90,33 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
         plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
     _set_contact_model(plant, config.contact)
     robots = {name: add_robot(plant, config, name, collision=collision) for name in config.robots}
-    _add_standing_pieces(plant, config, collision)
+    free_pieces = _add_standing_pieces(plant, config, collision)
     _add_floor(plant, config, collision)
     plant.Finalize()
     for robot in robots.values():
         for joint, sign, angle in zip(robot.joints, robot.signs, robot.initial, strict=True):
             joint.set_default_positions(np.array([sign * angle]))
-    station = StationPlant(plant, scene_graph, robots)
+    station = StationPlant(plant, scene_graph, robots, free_pieces)
+    apply_materials(plant, scene_graph, config)
     _filter_collisions(station, config.contact)
     return station
 
 
-def _add_standing_pieces(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:
-    """Add the pieces that no robot carries."""
-    tips = {WORLD: plant.world_frame()}
+def _add_standing_pieces(plant: MultibodyPlant, config: StationConfig, collision: bool) -> dict[str, RigidBody]:
+    """Add the pieces that no robot carries; return the free ones among them."""
+    tips, free = {WORLD: plant.world_frame()}, {}
     for piece in pieces_outward(config):
         if carrier(config, piece) == WORLD:
             robot = piece_robot(piece, piece_model(config, piece))
             instance = add_urdf(plant, robot, name=piece, where=f"pieces.{piece}", collision=collision)
             pose = transform_from_pose(config.pieces[piece].pose)
-            plant.WeldFrames(tips[piece_parent(config, piece)], plant.GetFrameByName(piece, instance), pose)
+            if config.pieces[piece].free:
+                free[piece] = plant.GetBodyByName(piece, instance)
+                plant.SetDefaultFloatingBaseBodyPose(free[piece], pose)
+            else:
+                plant.WeldFrames(tips[piece_parent(config, piece)], plant.GetFrameByName(piece, instance), pose)
             tips[piece] = plant.GetFrameByName(f"{piece}_tcp", instance)
+    return free
 
 
 def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:

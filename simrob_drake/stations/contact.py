@@ -1,0 +1,79 @@
+"""Give the shapes of a station's plant the surfaces of its configuration."""
+
+from __future__ import annotations
+
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    GeometryId,
+    ProximityProperties,
+    Role,
+    RoleAssign,
+    SceneGraph,
+    SceneGraphInspector,
+)
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
+from simrob_drake.stations.contact_limits import check_stiffness
+
+MODULUS = 1e7
+"""Hydroelastic modulus [Pa] where none is given: stiff rubber."""
+
+
+def needs_shapes(config: StationConfig) -> bool:
+    """Tell whether a station's plant needs collision shapes: for contact, or for the distances of a kinematic one."""
+    measured = any(sensor.kind == "distance" for sensor in config.sensors.values())
+    return config.contact is not None or (config.mode == "kinematic" and measured)
+
+
+def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, config: StationConfig) -> None:
+    """Write stiffness, dissipation, friction and modulus into the shapes of a finalized plant.
+
+    Raises:
+        InvalidParameter: a stiffness that the station's solver cannot hold.
+    """
+    contact = config.contact
+    if contact is None:
+        return
+    plant.set_stiction_tolerance(contact.stiction_speed)
+    source = plant.get_source_id()
+    assert source is not None  # add_plant registers the plant
+    inspector = scene_graph.model_inspector()
+    for shape in inspector.GetAllGeometryIds(Role.kProximity):
+        material = _material(config, contact, piece_of(inspector, shape))
+        check_stiffness(plant, inspector, shape, material, config)
+        properties = ProximityProperties(inspector.GetProximityProperties(shape))
+        _write(properties, material, contact)
+        scene_graph.AssignRole(source, shape, properties, RoleAssign.kReplace)
+
+
+def piece_of(inspector: SceneGraphInspector, shape: GeometryId) -> str:
+    """Return the piece that a collision shape belongs to; empty if it is none's."""
+    own = inspector.GetName(shape).rsplit("::", 1)[-1]
+    return own.partition(".")[0] if "." in own else ""
+
+
+def _material(config: StationConfig, contact: ContactConfig, piece: str) -> ContactMaterial:
+    """Return the station's figures, those of the piece in their place."""
+    own = config.pieces[piece].contact if piece in config.pieces else None
+    given = {} if own is None else own.model_dump(exclude_none=True)
+    shared = contact.model_dump(include=set(ContactMaterial.model_fields), exclude_none=True)
+    return ContactMaterial.model_validate({**shared, **given})
+
+
+def _write(properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig) -> None:
+    if material.stiffness is not None:
+        properties.UpdateProperty("material", "point_contact_stiffness", 2 * material.stiffness)
+    if material.dissipation is not None:
+        properties.UpdateProperty("material", "hunt_crossley_dissipation", material.dissipation)
+    if material.friction is not None:
+        friction = CoulombFriction(material.friction.static, material.friction.dynamic)
+        properties.UpdateProperty("material", "coulomb_friction", friction)
+    known = properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type")
+    if contact.model == "point":
+        return
+    if not known:
+        AddCompliantHydroelasticProperties(contact.resolution, material.hydroelastic_modulus or MODULUS, properties)
+    elif material.hydroelastic_modulus is not None and properties.HasProperty("hydroelastic", "hydroelastic_modulus"):
+        properties.UpdateProperty("hydroelastic", "hydroelastic_modulus", material.hydroelastic_modulus)
