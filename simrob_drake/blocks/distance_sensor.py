@@ -94,13 +94,13 @@ def lowest_point(shape: Shape, pose: RigidTransform, corners: Vector) -> float:
     height = float(pose.translation()[2])
     match shape:
         case Sphere():
-            return height - shape.radius()
+            return float(height - shape.radius())
         case Ellipsoid():
             return height - float(np.linalg.norm(up * [shape.a(), shape.b(), shape.c()]))
         case Capsule():
-            return height - shape.radius() - abs(up[2]) * shape.length() / 2
+            return float(height - shape.radius() - abs(up[2]) * shape.length() / 2)
         case Cylinder():
-            return height - shape.radius() * float(np.hypot(up[0], up[1])) - abs(up[2]) * shape.length() / 2
+            return float(height - shape.radius() * np.hypot(up[0], up[1]) - abs(up[2]) * shape.length() / 2)
         case _:
             return height + float((corners @ up).min())
 
@@ -108,7 +108,7 @@ def lowest_point(shape: Shape, pose: RigidTransform, corners: Vector) -> float:
 def _corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:
     shape = inspector.GetShape(shape_id)
     if isinstance(shape, Box):
-        return _SIGNS * shape.size() / 2
+        return np.asarray(_SIGNS * shape.size() / 2)
     if isinstance(shape, Mesh | Convex):
         hull = inspector.GetConvexHull(shape_id)
         return np.array([hull.vertex(index) for index in range(hull.num_vertices())])

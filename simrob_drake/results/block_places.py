@@ -109,22 +109,22 @@ def _robot_place(name: str, local: str, system: System, robot: StationRobot, por
         return Place(name, "robot", f"External force\nat {robot.prefix}{robot.tcp}")
     if isinstance(system, FramePoses) and local == "poses":
         return Place(name, "sensor", "Poses\n" + ", ".join(["base", *robot.tools]))
-    if head == _YIELDING or head == _MODEL_TORQUE:
-        return _yielding_place(name, local, robot, ports)
-    if name.startswith(f"{robot.prefix}external_force.source"):
-        label = captions.force_text(ports.config.external_force) if not part.partition(".")[2] else ""
-        return Place(f"{robot.prefix}external_force.source", "reference", label)
-    return None
+    return _force_place(name, local, robot, ports)
 
 
-def _yielding_place(name: str, local: str, robot: StationRobot, ports: StationPorts) -> Place:
-    """Return the place of what lets servos give in to forces: the arm's model, and the integrator."""
-    if local == _YIELDING:
+def _force_place(name: str, local: str, robot: StationRobot, ports: StationPorts) -> Place | None:
+    """Return the place of an external force, and of what lets servos give in to it."""
+    head, _, part = local.partition(".")
+    if head == "external_force" and part:
+        label = "" if "." in part else captions.force_text(ports.config.external_force)
+        return Place(f"{robot.prefix}{head}.source", "reference", label)
+    if head == _YIELDING:
         gain = ports.config.servo_of(robot.name).yield_gain
         return Place(name, "servo", f"Yielding\nintegrator, {gain:g} 1/s")
-    return Place(
-        f"{robot.prefix}{_MODEL_TORQUE}", "servo", "" if "." in local else "Torque of the model\nat this speed"
-    )
+    if head == _MODEL_TORQUE:
+        label = "" if part else "Torque of the model\nat this speed"
+        return Place(f"{robot.prefix}{head}", "servo", label)
+    return None
 
 
 def _servo_place(name: str, head: str, system: System, robot: StationRobot) -> Place | None:

@@ -74,7 +74,7 @@ def _observed(
 ) -> tuple[Vector, Vector]:
     """Return external torques (m, n) and forces (m, 3) at ``times``, held from the last sample of the observer."""
     count = int(np.floor(sampler.history.end / observer.period + 1e-9)) + 1
-    ticks = np.arange(count) * observer.period
+    ticks = np.linspace(0.0, (count - 1) * observer.period, count)
     states, torques = sampler.sample([ports.state, ports.outputs[f"{robot.prefix}torque"]], ticks)
     memory = np.full(3 * len(robot.joints), np.inf)
     estimates = np.empty((count, len(robot.joints)))

@@ -132,11 +132,10 @@ class SimulationResult:
         """Return what ``summary.json`` holds."""
         robots = self.plant.robots
         only = self.config.only_robot
+        names = {name: robot.model.name for name, robot in robots.items()}
         return {
             "station": self.config.name,
-            "robot": robots[only].model.name
-            if only
-            else {name: robot.model.name for name, robot in robots.items()} or None,
+            "robot": names.get(only) if only else names or None,
             "duration": self.config.duration,
             "stopped_by": self.stopped_by,
             "stop_time": self.stop_time,

@@ -28,8 +28,9 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, piece_robot
-from simrob_drake.stations.config import ContactConfig, StationConfig
+from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, needs_shapes
+from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.names import WORLD, carrier, piece_model, piece_parent, pieces_outward
 from simrob_drake.stations.robots import StationRobot, add_robot
 from simrob_drake.stations.solver_config import DiscreteSolver

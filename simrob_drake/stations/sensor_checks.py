@@ -5,7 +5,7 @@ from __future__ import annotations
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.force_limits import force_limit
-from simrob_drake.stations.monitor_config import Contact, Fall, ForceLimit, Workspace
+from simrob_drake.stations.monitor_config import Contact, ForceLimit
 from simrob_drake.stations.sensor_config import Distance, Force, JointTorque
 from simrob_drake.stations.targets import check_body, frame_names
 
@@ -45,9 +45,8 @@ def _check_contact(config: StationConfig, key: str, sensor: Force | Distance) ->
         if sensor.frame not in frame_names(config):
             raise UnknownName(f"frame for {key}.frame", sensor.frame, frame_names(config))
     if config.contact is None and config.mode == "dynamic":
-        raise InvalidParameter(
-            key, f"a {sensor.kind} sensor", "in a station with contact: (contact: {} takes defaults)"
-        )
+        expected = "in a station with a contact: section ({} takes its defaults)"
+        raise InvalidParameter(key, f"a {sensor.kind} sensor", expected)
 
 
 def check_monitors(config: StationConfig) -> None:
@@ -61,9 +60,9 @@ def check_monitors(config: StationConfig) -> None:
             watched_sensor(config, name, monitor)
         if isinstance(monitor, ForceLimit):
             force_limit(monitor.limit)
-        if isinstance(monitor, Workspace | Fall) and monitor.piece is not None:
-            if monitor.piece not in config.free_pieces:
-                raise UnknownName(f"free piece for monitors.{name}.piece", monitor.piece, config.free_pieces)
+        piece = getattr(monitor, "piece", None)
+        if piece is not None and piece not in config.free_pieces:
+            raise UnknownName(f"free piece for monitors.{name}.piece", piece, config.free_pieces)
 
 
 def watched_sensor(config: StationConfig, name: str, monitor: Contact | ForceLimit) -> str:

@@ -49,7 +49,7 @@ def shapes_of(station: StationPlant, config: StationConfig, name: str) -> list[G
     Raises:
         InvalidParameter: it has none.
     """
-    found = [shape for shape in _candidates(station, config, name)]
+    found = list(_candidates(station, config, name))
     if not found:
         raise InvalidParameter("sensor", f"at {name}", "a body with shapes that collide")
     return found
