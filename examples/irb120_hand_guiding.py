@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -53,11 +54,9 @@ def main() -> None:
     for gain in (0.0, 1000.0):
         result = run(yield_gain=gain)
         tool = result.pose("tcp")[:, :3]
-        at = [int(round(time * result.config.sample_rate)) for time in (0.5, 3.0, 6.0)]
-        ways = [1e3 * float(np.linalg.norm(tool[end] - tool[start])) for start, end in zip(at, at[1:], strict=False)]
-        print(
-            f"gain {gain:4.0f} 1/s: the pushes moved the tool by {ways[0]:.0f} and {ways[1]:.0f} mm, and it stays there"
-        )
+        at = [round(time * result.config.sample_rate) for time in (0.5, 3.0, 6.0)]
+        ways = [1e3 * float(np.linalg.norm(tool[end] - tool[start])) for start, end in pairwise(at)]
+        print(f"gain {gain:4.0f} 1/s: the pushes moved the tool by {ways[0]:.0f} and {ways[1]:.0f} mm")
     print(picture(result, Path("runs/irb120_hand_guiding.png")))
 
 

@@ -74,6 +74,8 @@ class BounceLaw:
             events=leaves,
             dense_output=True,
         )
+        assert solution.sol is not None  # both were asked for
+        assert solution.t_events is not None
         now = float(solution.t[-1])
         last = int(np.searchsorted(times, now, side="right"))
         if last > row:

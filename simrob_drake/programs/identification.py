@@ -15,6 +15,7 @@ from simrob_drake.programs.bounce_trace import BounceTrace
 
 _CONFIDENCE = 0.95
 _ROUND_ABOUT = (0.4, 0.7, 1.0, 1.4, 2.5)  # parts of the first guess of k that are tried: the error has many valleys
+_STEPS = np.full(4, 1e-4)  # parts of the unknowns, for the Jacobian
 _FEW = 200  # samples that tell good starts from bad ones
 
 
@@ -65,13 +66,14 @@ def identify_bounces(trace: BounceTrace, *, mass: float, gravity: float = 9.8066
     starts = [np.array([np.log(part * stiffness), np.log(dissipation), height, speed]) for part in _ROUND_ABOUT]
     scale = np.array([0.1, 0.1, 1e-3, 1e-2])
     rough = min(starts, key=lambda start: float(np.sum(residuals(start, *few) ** 2)))
-    near = least_squares(residuals, rough, x_scale=scale, args=few, diff_step=1e-4)
+    near = least_squares(residuals, rough, x_scale=scale, args=few, diff_step=_STEPS)
     every = trace.times, trace.heights
-    solution = least_squares(residuals, near.x, x_scale=scale, args=every, diff_step=1e-4)
+    solution = least_squares(residuals, near.x, x_scale=scale, args=every, diff_step=_STEPS)
 
     free = len(trace.times) - len(solution.x)
     variance = 2 * float(solution.cost) / free
-    covariance = variance * np.linalg.inv(solution.jac.T @ solution.jac)
+    jacobian = np.asarray(solution.jac)
+    covariance = variance * np.linalg.inv(jacobian.T @ jacobian)
     reach = float(student.ppf((1 + _CONFIDENCE) / 2, free)) * np.sqrt(np.diag(covariance)[:2])
     low, high = np.exp(solution.x[:2] - reach), np.exp(solution.x[:2] + reach)
     stiffness, dissipation = np.exp(solution.x[:2])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     GeometryId,
@@ -52,6 +54,23 @@ def piece_of(inspector: SceneGraphInspector, shape: GeometryId) -> str:
     """Return the piece that a collision shape belongs to; empty if it is none's."""
     own = inspector.GetName(shape).rsplit("::", 1)[-1]
     return own.partition(".")[0] if "." in own else ""
+
+
+def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector) -> list[str]:
+    """Return the pairs of bodies that cannot meet in a hydroelastic surface, since both are rigid."""
+    rigid = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if _is_rigid(inspector, shape)]
+    pairs = set()
+    for first, second in combinations(rigid, 2):
+        bodies = [plant.GetBodyFromFrameId(inspector.GetFrameId(shape)) for shape in (first, second)]
+        if not (inspector.CollisionFiltered(first, second) or all(plant.IsAnchored(body) for body in bodies)):
+            pairs.add(" and ".join(sorted(body.name() for body in bodies)))
+    return sorted(pairs)
+
+
+def _is_rigid(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
+    properties = inspector.GetProximityProperties(shape)
+    hydroelastic = properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type")
+    return hydroelastic and not properties.HasProperty("hydroelastic", "hydroelastic_modulus")
 
 
 def _material(config: StationConfig, contact: ContactConfig, piece: str) -> ContactMaterial:

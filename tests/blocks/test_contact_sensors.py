@@ -59,7 +59,7 @@ class Bench:
         geometry = self.body, RigidTransform(place), shape, f"shape_{len(self.shapes)}", surface(**material)
         self.shapes.append(self.plant.RegisterCollisionGeometry(*geometry))
 
-    def wrench(self, *, body, velocity=np.zeros(6), pose=BODY_IN_WORLD, **options):
+    def wrench(self, *, body, velocity=(0, 0, 0, 0, 0, 0), pose=BODY_IN_WORLD, **options):
         """Finalize, put the body in its place and return what a sensor tells: f, m."""
         self.plant.Finalize()
         if "frame" in options:
@@ -71,7 +71,7 @@ class Bench:
         context = diagram.CreateDefaultContext()
         own = self.plant.GetMyMutableContextFromRoot(context)
         self.plant.SetFreeBodyPose(own, self.body, pose)
-        self.plant.SetVelocities(own, velocity)
+        self.plant.SetVelocities(own, np.array(velocity, dtype=float))
         return np.split(sensor.get_output_port().Eval(sensor.GetMyContextFromRoot(context)), 2)
 
 

@@ -67,3 +67,22 @@ def test_bodies_that_penetrate_at_the_start_are_named():
     assert "mm at the start" in finding.text
     apart = text_of(findings({"contact": {"model": "point"}}, "two_irb120"), "contact")
     assert apart.level == "ok"
+
+
+RIGID = """<collision><geometry><box size="0.1 0.1 0.1"/></geometry>
+      <drake:proximity_properties><drake:rigid_hydroelastic/></drake:proximity_properties></collision></link>"""
+
+
+def test_rigid_bodies_that_would_meet_in_points_are_named(one_joint_urdf, write_urdf):
+    text = one_joint_urdf.replace('<link name="tip"/>', f'<link name="tip">{RIGID}')
+    overrides = {"robot.model": None, "robot.urdf": str(write_urdf(text)), "pieces": {}}
+    overrides["contact"] = {"model": "hydroelastic_with_fallback"}
+    findings = check_station(load_station("irb120_dynamic", overrides))
+    (warning,) = [f.text for f in findings if f.level == "warning" and f.subject == "contact" and "rigid" in f.text]
+    assert "so upper and world meet in points" in warning
+
+
+def test_a_solver_that_knows_no_dissipation_says_so():
+    overrides = {"solver.kind": "discrete", "solver.scheme": "sap"}
+    warnings = [f.text for f in check_station(load_station("bouncing_ball", overrides)) if f.level == "warning"]
+    assert warnings == ["the solver scheme sap does not know contact.dissipation; take lagged or similar"]

@@ -100,7 +100,7 @@ def test_implicit_contact_solvers_hold_any(solver):
 
 def test_a_sensor_between_parts_of_one_robot_says_why_it_cannot_work():
     overrides = {"sensors.gap": {"kind": "distance", "body": "tip", "other": "link_2"}}
-    with pytest.raises(SimrobError, match="parts of one robot can with contact.self_collision"):
+    with pytest.raises(SimrobError, match=r"parts of one robot can with contact\.self_collision"):
         simulate(load_station("irb120_force_stop", overrides))
 
 
