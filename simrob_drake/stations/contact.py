@@ -63,7 +63,7 @@ def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector)
     for first, second in combinations(rigid, 2):
         bodies = [plant.GetBodyFromFrameId(inspector.GetFrameId(shape)) for shape in (first, second)]
         if not (inspector.CollisionFiltered(first, second) or all(plant.IsAnchored(body) for body in bodies)):
-            pairs.add(" and ".join(sorted(body.name() for body in bodies)))
+            pairs.add(" and ".join(sorted(body.scoped_name().get_full() for body in bodies)))
     return sorted(pairs)
 
 
