@@ -1,12 +1,15 @@
 """Contact, sensors and their monitors in whole stations, against closed forms and independent integrations."""
 
+import base64
 import json
+import re
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from simrob_drake import load_station, simulate
+from simrob_drake.results.recording import save_recording
 
 GRAVITY = 9.80665
 BALL = 0.9048  # kg
@@ -300,3 +303,22 @@ def test_distances_are_measured_in_a_kinematic_station():
 def test_two_runs_with_sensors_and_monitors_are_equal_to_the_last_bit(touched):
     again = simulate(load_station("irb120_force_stop"))
     np.testing.assert_array_equal(again.values, touched.values)
+
+
+def test_under_cenic_the_friction_of_an_arm_is_left_out_and_that_is_said():
+    overrides = {"solver.scheme": "cenic", "solver.max_step": 0.01, "monitors.stop.kind": "force_limit"}
+    result = simulate(load_station("irb120_force_stop", {**overrides, "monitors.stop.limit": 20}))
+    assert result.summary()["sensors"]["touch"]["tangential"] == "left out"
+    np.testing.assert_allclose(result.vector("force.touch")[:, :2], 0, atol=1e-9)
+    assert result["force.touch.z"][-1] == pytest.approx(20, abs=20)
+
+
+def test_the_recording_shows_the_contact_forces(tmp_path):
+    result = simulate(load_station("box_on_floor"), duration=0.2)
+    page = save_recording(result, tmp_path / "box.html").read_text(encoding="utf-8")
+    messages = [base64.b64decode(text) for text in re.findall(r"base64,([A-Za-z0-9+/=]+)", page)]
+    (animation,) = [message for message in messages if b"set_animation" in message]
+    assert animation.count(b"/drake/contact_forces/point") >= 4
+    flying = simulate(load_station("bouncing_ball"), duration=0.1)
+    page = save_recording(flying, tmp_path / "ball.html").read_text(encoding="utf-8")
+    assert not any(b"contact_forces" in base64.b64decode(text) for text in re.findall(r"base64,([\w+/=]+)", page))

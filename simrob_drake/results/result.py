@@ -20,6 +20,8 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.free_pieces import VELOCITY_NAMES
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.references import Samples
+from simrob_drake.stations.sensor_config import Force
+from simrob_drake.stations.sensors import tangential_source
 
 Ending = Literal["completed", "monitor", "diverged", "interrupted"]
 DIVERGED, INTERRUPTED = "diverged", "interrupted"
@@ -171,9 +173,8 @@ class SimulationResult:
         """Return what a sensor is, and how it was computed."""
         sensor = self.config.sensors[name]
         note: dict[str, str] = {"kind": sensor.kind}
-        if sensor.kind == "force":
-            momentum = self.config.solver.scheme == "cenic"
-            note["tangential"] = "momentum balance" if momentum else "contact"
+        if isinstance(sensor, Force):
+            note["tangential"] = tangential_source(self.plant, self.config, sensor)
         return note
 
     def _columns(self, signal: str) -> dict[str, Vector]:

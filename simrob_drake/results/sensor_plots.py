@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from matplotlib.figure import Figure
 
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.stations.sensor_config import Distance, ExternalTorque, Force
+from simrob_drake.stations.sensors import tangential_source
 
 _COLOURS = ("#1f6fb4", "#e08214", "#4d9221")
 _STOP = "#d7301f"
@@ -32,22 +34,19 @@ def sensor_figures(result: SimulationResult) -> Iterator[tuple[str, Figure]]:
 
 def _sensor_panels(result: SimulationResult) -> Iterator[Panel]:
     for name, sensor in result.config.sensors.items():
-        match sensor.kind:
-            case "force":
-                across = " (along the surface: from the balance of momentum)" if _by_momentum(result) else ""
+        match sensor:
+            case Force():
+                source = tangential_source(result.plant, result.config, sensor)
+                across = "" if source == "contact" else f" (along the surface: {source})"
                 yield f"contact force '{name}'{across}", "[N]", [f"force.{name}.{axis}" for axis in "xyz"]
-            case "distance":
+            case Distance():
                 yield f"distance '{name}'", "[m]", [f"distance.{name}"]
-            case "external_torque" if f"external_force.{name}.x" in result.names:
+            case ExternalTorque() if f"external_force.{name}.x" in result.names:
                 text = f"force at the tool, estimated by '{name}', in its axes"
                 yield text, "[N]", [f"external_force.{name}.{axis}" for axis in "xyz"]
             case _:
                 signals = [column for column in result.names if column.startswith(f"{sensor.kind}.{name}.")]
                 yield f"{sensor.kind.replace('_', ' ')} '{name}'", "[N·m]", signals
-
-
-def _by_momentum(result: SimulationResult) -> bool:
-    return result.config.solver.scheme == "cenic"
 
 
 def _figure(result: SimulationResult, title: str, panels: Sequence[Panel]) -> Figure:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,16 +138,26 @@ class Sampler:
         states = self._history.at(times, self._plant_slice, self._rates)
         values = {port: np.empty((len(times), port.size())) for port in ports}
         targets = [(port, port.get_system().GetMyContextFromRoot(self._context), rows) for port, rows in values.items()]
+        where, state_port = self._plant_slice, self._plant.get_state_output_port()
+        if where is not None and state_port in values:  # it hands on what was recorded
+            values[state_port] = states.continuous[:, where.start : where.velocities.stop]
+            targets = [target for target in targets if target[0] != state_port]
         for row in range(len(times)):
             states.put(row, self._context)
             for port, context, rows in targets:
                 rows[row] = port.Eval(context)
         return [values[port] for port in ports]
 
+    def contexts(self, times: Vector) -> Iterator[Context]:
+        """Yield the diagram's context at times of the run (k,); the next one is the same, changed."""
+        states = self._history.at(times, self._plant_slice, self._rates)
+        for row in range(len(times)):
+            states.put(row, self._context)
+            yield self._context
+
     def context_at(self, time: float) -> Context:
         """Return the diagram's context at a time of the run; the next call changes it."""
-        self._history.at(np.array([time]), self._plant_slice, self._rates).put(0, self._context)
-        return self._context
+        return next(self.contexts(np.array([time])))
 
     def _position_rates(self, history: History) -> Vector | None:
         """Return the time derivatives of the plant's positions at every recorded step."""

@@ -148,8 +148,8 @@ def _contact_findings(config: StationConfig) -> list[Finding]:
     context = diagram.CreateDefaultContext()
     query = plant.scene_graph.get_query_output_port().Eval(plant.scene_graph.GetMyContextFromRoot(context))
     inspector = query.inspector()
-    fallen_back = pairs_without_surface(plant.plant, inspector) if config.contact.model != "point" else []
-    if fallen_back:
+    fallen_back = pairs_without_surface(plant.plant, plant.scene_graph.model_inspector())
+    if fallen_back and config.contact.model != "point":
         text = f"both are rigid, so {', '.join(fallen_back)} meet in points; make one of them compliant"
         findings.append(Finding("warning", "contact", text))
     pairs = query.ComputePointPairPenetration()

@@ -6,6 +6,8 @@ the run. A sensor that nothing reads costs nothing while stepping.
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, ZeroOrderHold
 
@@ -14,6 +16,7 @@ from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.blocks.joint_torque_sensor import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.sensor_config import Distance, ExternalTorque, Force, JointTorque
 from simrob_drake.stations.targets import frame_of, shapes_of
@@ -41,6 +44,24 @@ def reads_in_loop(config: StationConfig, name: str) -> bool:
     """Tell whether an external-torque sensor is sampled while stepping."""
     sensor = config.sensors[name]
     return isinstance(sensor, ExternalTorque) and sensor.in_loop
+
+
+def tangential_source(
+    station: StationPlant, config: StationConfig, sensor: Force
+) -> Literal["contact", "momentum balance", "left out"]:
+    """Return where a sensor's force along the surfaces comes from.
+
+    The scheme ``cenic`` gives it wrongly. There it is found after the run from the momentum of the model that the
+    sensor sits on, if that stands free; of an arm, whose base holds it, and in a loop it cannot be told.
+    """
+    if config.solver.scheme != "cenic" or config.mode == "kinematic":
+        return "contact"
+    inspector = station.scene_graph.model_inspector()
+    shape = shapes_of(station, config, sensor.body)[0]
+    instance = station.plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).model_instance()
+    bodies = [station.plant.get_body(index) for index in station.plant.GetBodyIndices(instance)]
+    free = any(body.is_floating_base_body() for body in bodies)
+    return "momentum balance" if free and sensor.rate is None else "left out"
 
 
 def _add_force(builder: DiagramBuilder, ports: StationPorts, name: str, sensor: Force) -> None:
