@@ -310,7 +310,7 @@ def test_under_cenic_the_friction_of_an_arm_is_left_out_and_that_is_said():
     result = simulate(load_station("irb120_force_stop", {**overrides, "monitors.stop.limit": 20}))
     assert result.summary()["sensors"]["touch"]["tangential"] == "left out"
     np.testing.assert_allclose(result.vector("force.touch")[:, :2], 0, atol=1e-9)
-    assert result["force.touch.z"][-1] == pytest.approx(20, abs=20)
+    assert 20 <= result["force.touch.z"][-1] < 60
 
 
 def test_the_recording_shows_the_contact_forces(tmp_path):
