@@ -7,8 +7,7 @@ a point that jumps about; balls in the corners each have one; a hydroelastic sur
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,8 +28,7 @@ CONTACTS: dict[str, dict[str, Any]] = {
 STILL = 0.01  # m/s and rad/s: slower than this is at rest
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """What one kind of contact does."""
 
     contact: str

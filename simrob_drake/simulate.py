@@ -26,6 +26,7 @@ from simrob_drake.stations.closed import add_closed_station, check_references
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.references import Samples
+from simrob_drake.stations.sensors import with_sensors_in_loop
 from simrob_drake.stations.solve import apply_solver
 from simrob_drake.stations.station import Station
 
@@ -67,7 +68,7 @@ def simulate(
         config = config.model_copy(update={"duration": float(duration)})
     given = _by_robot(config, reference)
     run = _Run.assembled(config, given)
-    watchers = [] if on_step is None else [_positions_watcher(run.ports, on_step)]
+    watchers = [] if on_step is None else [_positions_watcher(run.stepped, on_step)]
     with progress_bar(f"simulating {config.name}", config.duration, shown=progress) as show:
         if show is not None:
             watchers.append(lambda context: show(context.get_time()))
@@ -80,22 +81,32 @@ def simulate(
 
 @dataclass(frozen=True)
 class _Run:
-    """A closed station, ready to be stepped."""
+    """A closed station, ready to be stepped.
+
+    Sensors that only report are not in the diagram that is stepped, but in one of the same states beside it.
+    """
 
     config: StationConfig
     diagram: Diagram
     ports: StationPorts
     simulator: Simulator
+    stepped: StationPorts
 
     @classmethod
     def assembled(cls, config: StationConfig, references: Mapping[str, Trajectory | Samples]) -> _Run:
+        diagram, ports = cls._closed(config, references)
+        check_references(diagram, ports)
+        in_loop = with_sensors_in_loop(config)
+        leaner, stepped = (diagram, ports) if in_loop == config else cls._closed(in_loop, references)
+        simulator = Simulator(leaner)
+        apply_solver(simulator, config)
+        return cls(config, diagram, ports, simulator, stepped)
+
+    @staticmethod
+    def _closed(config: StationConfig, references: Mapping[str, Trajectory | Samples]) -> tuple[Diagram, StationPorts]:
         builder = DiagramBuilder()
         ports = add_closed_station(builder, config, references)
-        diagram = builder.Build()
-        check_references(diagram, ports)
-        simulator = Simulator(diagram)
-        apply_solver(simulator, config)
-        return cls(config, diagram, ports, simulator)
+        return builder.Build(), ports
 
 
 @dataclass(frozen=True)

@@ -287,6 +287,16 @@ class TestCobot:
         np.testing.assert_allclose(result.vector("external_force.hand")[-1], [0, 0, 8], atol=0.16)
 
 
+@pytest.mark.parametrize("self_collision", [False, True])
+def test_surfaces_leave_neighbours_free_to_move(self_collision):
+    """The links of an arm overlap at its joints; new surfaces do not make them collide there."""
+    contact = {"contact": {"stiffness": 1e4, "dissipation": 1, "self_collision": self_collision}}
+    overrides = {"floor": None, "pieces": {}}
+    touching = simulate(load_station("irb120_dynamic", {**overrides, **contact}), duration=0.2)
+    free = simulate(load_station("irb120_dynamic", overrides), duration=0.2)
+    np.testing.assert_allclose(touching.axes("q"), free.axes("q"), atol=1e-12)
+
+
 def test_joint_torque_sensors_read_what_the_servos_give_less_the_damping():
     overrides = {"sensors": {"gears": {"kind": "joint_torque"}}}
     result = simulate(load_station("double_pendulum", overrides), duration=1.0)

@@ -54,6 +54,8 @@ def contacts_of(results: ContactResults) -> Iterator[Contact]:
         areas = np.array([surface.area(face) for face in range(surface.num_faces())])
         normals = np.array([surface.face_normal(face) for face in range(surface.num_faces())])
         normal = areas @ normals  # normals of the faces point out of N, into M
+        if not normal.any():  # bodies that only just touch: a surface without area, and without force
+            continue
         yield Contact(
             surface.id_M(),
             surface.id_N(),

@@ -30,10 +30,10 @@ def needs_shapes(config: StationConfig) -> bool:
 
 
 def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, config: StationConfig) -> None:
-    """Write stiffness, dissipation, friction and modulus into the shapes of a finalized plant.
+    """Write stiffness, dissipation, friction and modulus into the shapes of a plant.
 
-    Raises:
-        InvalidParameter: a stiffness that the station's solver cannot hold.
+    The plant is not finalized yet: a shape whose surface is written anew loses its collision filters, and finalizing
+    makes those between neighbours.
     """
     contact = config.contact
     if contact is None:
@@ -44,10 +44,25 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, config: Stat
     inspector = scene_graph.model_inspector()
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
         material = _material(config, contact, piece_of(inspector, shape))
-        check_stiffness(plant, inspector, shape, material, config)
         properties = ProximityProperties(inspector.GetProximityProperties(shape))
         _write(properties, material, contact)
         scene_graph.AssignRole(source, shape, properties, RoleAssign.kReplace)
+
+
+def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, config: StationConfig) -> None:
+    """Check that the solver of a station can hold its contacts.
+
+    Raises:
+        InvalidParameter: a stiffness that it cannot hold, with the largest that it can.
+    """
+    if config.contact is None or config.mode == "kinematic":
+        return
+    inspector = scene_graph.model_inspector()
+    for shape in inspector.GetAllGeometryIds(Role.kProximity):
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
+        stiffness = _material(config, config.contact, piece_of(inspector, shape)).stiffness
+        if stiffness is not None and not plant.IsAnchored(body):
+            check_stiffness(config.solver, body, stiffness)
 
 
 def piece_of(inspector: SceneGraphInspector, shape: GeometryId) -> str:

@@ -11,12 +11,9 @@ r"""The stiffest contact that a station's solver can hold.
 from __future__ import annotations
 
 import numpy as np
-from pydrake.geometry import GeometryId, SceneGraphInspector
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.contact_config import ContactMaterial
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, DiscreteSolver, SolverConfig
 
 _FINEST_STEP = 1e-5  # s
@@ -39,24 +36,14 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
     return mass * (_STABLE / _FINEST_STEP) ** 2
 
 
-def check_stiffness(
-    plant: MultibodyPlant,
-    inspector: SceneGraphInspector,
-    shape: GeometryId,
-    material: ContactMaterial,
-    config: StationConfig,
-) -> None:
-    """Check that the solver can hold the contacts of a shape on a moving body.
+def check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) -> None:
+    """Check that a solver can hold the contacts of a body.
 
     Raises:
         InvalidParameter: names the body and the largest stiffness.
     """
-    body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-    if material.stiffness is None or config.mode == "kinematic" or plant.IsAnchored(body):
-        return
-    largest = largest_stiffness(config.solver, body.default_mass())
-    if material.stiffness > largest:
-        solver = config.solver
+    largest = largest_stiffness(solver, body.default_mass())
+    if stiffness > largest:
         step = f"steps of {solver.time_step:g} s" if isinstance(solver, DiscreteSolver) else solver.kind
         allowed = f"at most {largest:.3g} N/m for {body.name()} ({body.default_mass():.3g} kg) with the solver"
-        raise InvalidParameter("contact.stiffness", material.stiffness, f"{allowed} {solver.scheme}, {step}")
+        raise InvalidParameter("contact.stiffness", stiffness, f"{allowed} {solver.scheme}, {step}")

@@ -29,7 +29,7 @@ from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, piece_robot
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.contact import apply_materials, needs_shapes
+from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.names import WORLD, carrier, piece_model, piece_parent, pieces_outward
 from simrob_drake.stations.robots import StationRobot, add_robot
@@ -93,12 +93,13 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
     robots = {name: add_robot(plant, config, name, collision=collision) for name in config.robots}
     free_pieces = _add_standing_pieces(plant, config, collision)
     _add_floor(plant, config, collision)
+    apply_materials(plant, scene_graph, config)
     plant.Finalize()
     for robot in robots.values():
         for joint, sign, angle in zip(robot.joints, robot.signs, robot.initial, strict=True):
             joint.set_default_positions(np.array([sign * angle]))
     station = StationPlant(plant, scene_graph, robots, free_pieces)
-    apply_materials(plant, scene_graph, config)
+    check_stiffnesses(plant, scene_graph, config)
     _filter_collisions(station, config.contact)
     return station
 

@@ -16,9 +16,11 @@ from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.blocks.joint_torque_sensor import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.monitor_config import Contact, ForceLimit
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.sensor_config import Distance, ExternalTorque, Force, JointTorque
+from simrob_drake.stations.sensor_checks import watched_sensor
+from simrob_drake.stations.sensor_config import Distance, ExternalTorque, Force, JointTorque, SensorConfig
 from simrob_drake.stations.targets import frame_of, shapes_of
 
 
@@ -40,10 +42,29 @@ def add_sensors(builder: DiagramBuilder, ports: StationPorts) -> None:
                 _add_observer(builder, ports, name, sensor)
 
 
-def reads_in_loop(config: StationConfig, name: str) -> bool:
-    """Tell whether an external-torque sensor is sampled while stepping."""
-    sensor = config.sensors[name]
-    return isinstance(sensor, ExternalTorque) and sensor.in_loop
+def with_sensors_in_loop(config: StationConfig) -> StationConfig:
+    """Return a station with those of its sensors alone that something reads while it is stepped.
+
+    A block that nothing reads still costs a solver time at every look at the diagram, the more the shorter its steps.
+    """
+    watched = {
+        watched_sensor(config, name, monitor)
+        for name, monitor in config.monitors.items()
+        if isinstance(monitor, Contact | ForceLimit)
+    }
+    kept = {name: sensor for name, sensor in config.sensors.items() if name in watched or _is_sampled(sensor)}
+    return config.model_copy(update={"sensors": kept})
+
+
+def _is_sampled(sensor: SensorConfig) -> bool:
+    """Tell whether a sensor takes samples while the station is stepped."""
+    match sensor:
+        case ExternalTorque():
+            return sensor.in_loop
+        case Force() | Distance():
+            return sensor.rate is not None
+        case _:
+            return False
 
 
 def tangential_source(
@@ -113,7 +134,6 @@ def _joint_torque(builder: DiagramBuilder, ports: StationPorts, name: str, senso
 
 def _add_observer(builder: DiagramBuilder, ports: StationPorts, name: str, sensor: ExternalTorque) -> None:
     robot = ports.plant.robots[sensor.robot or str(ports.config.only_robot)]
-    in_loop = reads_in_loop(ports.config, name)
     observer = MomentumObserver(
         plant=ports.plant.plant,
         joints=robot.joints,
@@ -121,10 +141,10 @@ def _add_observer(builder: DiagramBuilder, ports: StationPorts, name: str, senso
         gain=sensor.gain,
         period=1 / sensor.rate,
         tool=robot.tools.get(robot.tcp),
-        sampled=in_loop,
+        sampled=sensor.in_loop,
     )
     ports.observers[name] = observer
-    if not in_loop:
+    if not sensor.in_loop:
         return
     builder.AddNamedSystem(f"sensor.{name}", observer)
     builder.Connect(ports.state, observer.GetInputPort("state"))
