@@ -67,18 +67,20 @@ class DistanceSensor(LeafSystem):
     @staticmethod
     def _over_plane(
         inspector: SceneGraphInspector, first: GeometryId, second: GeometryId
-    ) -> tuple[GeometryId, Shape, Vector, GeometryId]:
-        """Return the shape over a half space, its corners, and the half space."""
+    ) -> tuple[GeometryId, Shape, Vector, GeometryId | RigidTransform]:
+        """Return the shape over a half space, its corners, and the half space, or the world in it where it stands."""
         if isinstance(inspector.GetShape(first), HalfSpace):
             first, second = second, first
-        return first, inspector.GetShape(first).Clone(), _corners(inspector, first), second
+        stands = inspector.GetFrameId(second) == inspector.world_frame_id()
+        plane = inspector.GetPoseInFrame(second).inverse() if stands else second
+        return first, inspector.GetShape(first).Clone(), _corners(inspector, first), plane
 
     def _calc_distance(self, context: Context, output: BasicVector) -> None:
         query = self._query.Eval(context)
         distances = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._pairs]
         for shape_id, shape, corners, plane in self._above:
-            pose = query.GetPoseInWorld(plane).inverse() @ query.GetPoseInWorld(shape_id)
-            distances.append(lowest_point(shape, pose, corners))
+            base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
+            distances.append(lowest_point(shape, base @ query.GetPoseInWorld(shape_id), corners))
         output.SetAtIndex(0, min(distances))
 
 

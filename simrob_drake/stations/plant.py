@@ -128,8 +128,9 @@ def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) ->
     below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
     plant.RegisterVisualGeometry(plant.world_body(), below, slab, "floor", _FLOOR_COLOUR)
     if collision:
-        rigid = ProximityProperties()  # rigid: a compliant box on a compliant half space falls back to points
-        AddRigidHydroelasticProperties(1.0, rigid)
+        rigid = ProximityProperties()
+        if config.contact is not None and config.contact.model != "point":
+            AddRigidHydroelasticProperties(1.0, rigid)  # a compliant box on a compliant one would fall back to points
         rigid.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", rigid)
 
