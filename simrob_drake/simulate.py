@@ -16,6 +16,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
+from simrob_drake.results.computed import contacts_at, with_computed
 from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import DIVERGED, INTERRUPTED, Ending, SimulationResult
 from simrob_drake.results.signals import Sampler, signals_of
@@ -26,6 +27,7 @@ from simrob_drake.stations.closed import add_closed_station, check_references
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.references import Samples
+from simrob_drake.stations.sensors import with_sensors_in_loop
 from simrob_drake.stations.solve import apply_solver
 from simrob_drake.stations.station import Station
 
@@ -70,7 +72,7 @@ def simulate(
         config = config.model_copy(update={"duration": float(duration)})
     given = _by_robot(config, reference)
     run = _Run.assembled(config, given, start)
-    watchers = [] if on_step is None else [_positions_watcher(run.ports, on_step)]
+    watchers = [] if on_step is None else [_positions_watcher(run.stepped, on_step)]
     with progress_bar(f"simulating {config.name}", config.duration, shown=progress) as show:
         if show is not None:
             watchers.append(lambda context: show(context.get_time()))
@@ -83,26 +85,41 @@ def simulate(
 
 @dataclass(frozen=True)
 class _Run:
-    """A closed station, ready to be stepped."""
+    """A closed station, ready to be stepped.
+
+    Sensors that only report are not in the diagram that is stepped, but in one of the same states beside it.
+    """
 
     config: StationConfig
     diagram: Diagram
     ports: StationPorts
     simulator: Simulator
+    stepped: StationPorts
 
     @classmethod
     def assembled(
         cls, config: StationConfig, references: Mapping[str, Trajectory | Samples], start: State | None
     ) -> _Run:
-        builder = DiagramBuilder()
-        ports = add_closed_station(builder, config, references, start.references if start else None)
-        diagram = builder.Build()
+        began_at = start.references if start else None
+        diagram, ports = cls._closed(config, references, began_at)
         check_references(diagram, ports)
-        simulator = Simulator(diagram)
+        in_loop = with_sensors_in_loop(config)
+        leaner, stepped = (diagram, ports) if in_loop == config else cls._closed(in_loop, references, began_at)
+        simulator = Simulator(leaner)
         apply_solver(simulator, config)
         if start is not None:
-            start.put(diagram, ports, simulator.get_mutable_context())
-        return cls(config, diagram, ports, simulator)
+            start.put(leaner, stepped, simulator.get_mutable_context())
+        return cls(config, diagram, ports, simulator, stepped)
+
+    @staticmethod
+    def _closed(
+        config: StationConfig,
+        references: Mapping[str, Trajectory | Samples],
+        began_at: Mapping[str, Vector] | None,
+    ) -> tuple[Diagram, StationPorts]:
+        builder = DiagramBuilder()
+        ports = add_closed_station(builder, config, references, began_at)
+        return builder.Build(), ports
 
 
 @dataclass(frozen=True)
@@ -192,6 +209,9 @@ def _evaluated(
     times = _sample_times(sampler.history.end, run.config.sample_rate)
     signals = signals_of(run.ports)
     values = sampler.sample([part.port for part in signals], times)
+    names = [name for part in signals for name in part.names]
+    columns = np.hstack([part.of(rows) for part, rows in zip(signals, values, strict=True)])
+    names, columns = with_computed(sampler, run.ports, names, times, columns)
     positions = run.ports.plant.plant.num_positions()
     return SimulationResult(
         config=run.config,
@@ -199,14 +219,15 @@ def _evaluated(
         ending=outcome.ending,
         stopped_by=outcome.stopped_by,
         message=outcome.message,
-        names=[name for part in signals for name in part.names],
+        names=names,
         times=times,
-        values=np.hstack([rows @ part.matrix.T for part, rows in zip(signals, values, strict=True)]),
+        values=columns,
         step_times=sampler.history.times,
         positions_at=lambda at: sampler.sample([run.ports.state], at)[0][:, :positions],
         stepping_time=stepping_time,
         signal_time=perf_counter() - began,
         references=dict(given),
+        contacts_at=contacts_at(sampler, run.ports),
         warnings=_warnings(run),
         start=start,
         final_state=State.of(run.diagram, run.ports, sampler.context_at(sampler.history.end)),

@@ -16,7 +16,9 @@ _MARKS = {"ok": "[green]ok[/]", "warning": "[yellow]warning[/]"}
 
 
 def result_table(result: SimulationResult) -> Table:
-    """Return where every joint ended, and its torques."""
+    """Return where every joint ended, and its torques; without robots, where the free pieces ended."""
+    if not result.plant.robots:
+        return _piece_table(result)
     table = _numbers("joint", "reference", "position", "unit", "torque", "peak torque", "limit", "unit")
     kinematic = result.config.mode == "kinematic"
     for robot in result.plant.robots.values():
@@ -27,6 +29,14 @@ def result_table(result: SimulationResult) -> Table:
             peak = torque[np.argmax(np.abs(torque))]
             shown_limit = "–" if kinematic else f"{limit:g}"
             table.add_row(f"{robot.prefix}{axis}", *ends, unit, f"{torque[-1]:.3f}", f"{peak:.3f}", shown_limit, effort)
+    return table
+
+
+def _piece_table(result: SimulationResult) -> Table:
+    table = _numbers("piece", "x [m]", "y [m]", "z [m]", "speed [m/s]")
+    for piece in result.config.free_pieces:
+        place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
+        table.add_row(piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}")
     return table
 
 
@@ -45,6 +55,11 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
             table.add_row(
                 f"{robot.prefix}{axis}", f"{difference[worst]:.2e}", f"{result.times[worst]:.2f}", f"{end:.2e}"
             )
+    for piece in result.config.free_pieces:
+        ways = result.piece_pose(piece)[:common, :3] - tight.piece_pose(piece)[:common, :3]
+        distance = np.linalg.norm(ways, axis=1)
+        worst = int(np.argmax(distance))
+        table.add_row(piece, f"{distance[worst]:.2e} m", f"{result.times[worst]:.2f}", "–")
     return table
 
 

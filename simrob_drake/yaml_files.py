@@ -20,7 +20,7 @@ YAML_SUFFIXES = (".yaml", ".yml")
 
 
 _QUOTED = re.compile(r"'([^']+)'")
-_UNION_BRANCH = re.compile(r"^(float|int|bool|str)$|^(list|dict|tuple|constrained)\b.*\[")
+_UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\[")
 
 
 class Strict(BaseModel):

@@ -1,1 +1,1 @@
-"""Programs: moves given to a robot, and the kinematics under them."""
+"""What is done with robots and stations: moves and the kinematics under them, figures found from measurements."""

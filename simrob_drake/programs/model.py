@@ -16,7 +16,8 @@ from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.kinematics.chain import Chain
 from simrob_drake.robots.pieces import TCP, Pose
-from simrob_drake.stations.config import ContactConfig, StationConfig
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.names import carrier, piece_model
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.robots import StationRobot

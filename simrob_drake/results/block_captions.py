@@ -13,6 +13,7 @@ from pydrake.systems.primitives import LinearSystem, MatrixGain
 from simrob_drake.frames import Vector
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.force_config import ExternalForce, SineForce
 from simrob_drake.stations.reference_config import Hold, Move, Ramp, ReferenceConfig, Sequence, SineWave, Table
 from simrob_drake.stations.robots import StationRobot
 
@@ -81,6 +82,14 @@ def reference_text(wanted: ReferenceConfig) -> str:
         case Table():
             text = f"table {wanted.file.name}"
     return wrapped(text)
+
+
+def force_text(wanted: ExternalForce | None) -> str:
+    """Return which force is applied to a tool, in words."""
+    if isinstance(wanted, SineForce):
+        size = float(np.linalg.norm(wanted.amplitude))
+        return f"Force\nsine ±{size:g} N, {wanted.frequency:.3g} Hz"
+    return "Force" if wanted is None else f"Force\n{len(wanted.pushes)} pushes"
 
 
 def robot_text(robot: StationRobot) -> str:

@@ -24,11 +24,16 @@ from pydrake.systems.primitives import (
     PassThrough,
     Saturation,
     Selector,
+    ZeroOrderHold,
 )
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
+from simrob_drake.blocks.distance_sensor import DistanceSensor
 from simrob_drake.blocks.events import EventTimes, SteadySteps
+from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.blocks.frame_poses import FramePoses
+from simrob_drake.blocks.joint_torque_sensor import JointTorqueSensor
+from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.results import block_captions as captions
 from simrob_drake.stations.ports import StationPorts
@@ -44,6 +49,14 @@ Shape = Literal["block", "mux", "bus", "port", "sum"]
 BARS: tuple[Shape, ...] = ("mux", "bus")
 
 _SOURCE, _STOPS, _ALL_JOINTS = "reference_source", "stops", "servo"
+_YIELDING, _MODEL_TORQUE = "yielding", "model_torque"
+_SENSORS = {
+    ForceSensor: "Force sensor",
+    DistanceSensor: "Distance sensor",
+    JointTorqueSensor: "Joint torques",
+    MomentumObserver: "Momentum observer",
+    ZeroOrderHold: "sampled",
+}
 _SILENT = (PassThrough, Demultiplexer, EventTimes, SteadySteps, ExternallyAppliedSpatialForceMultiplexer)
 
 
@@ -78,7 +91,7 @@ def _is_wire(local: str, system: System, rows: Sequence[str]) -> bool:
     """Tell whether a system only hands signals on; in a joint's row that includes what joins them."""
     head, _, part = local.partition(".")
     if isinstance(system, Multiplexer):
-        return bool(part) and head in rows
+        return bool(part) and head in (*rows, _YIELDING, "felt_torque")
     if isinstance(system, MatrixGain):
         return part != "pd" and head != _STOPS and captions.is_mapping(system)
     return isinstance(system, _SILENT)
@@ -94,8 +107,23 @@ def _robot_place(name: str, local: str, system: System, robot: StationRobot, por
         return _servo_place(name, head, system, robot)
     if isinstance(system, Propeller):
         return Place(name, "robot", f"External force\nat {robot.prefix}{robot.tcp}")
-    if isinstance(system, FramePoses):
+    if isinstance(system, FramePoses) and local == "poses":
         return Place(name, "sensor", "Poses\n" + ", ".join(["base", *robot.tools]))
+    return _force_place(name, local, robot, ports)
+
+
+def _force_place(name: str, local: str, robot: StationRobot, ports: StationPorts) -> Place | None:
+    """Return the place of an external force, and of what lets servos give in to it."""
+    head, _, part = local.partition(".")
+    if head == "external_force" and part:
+        label = "" if "." in part else captions.force_text(ports.config.external_force)
+        return Place(f"{robot.prefix}{head}.source", "reference", label)
+    if head == _YIELDING:
+        gain = ports.config.servo_of(robot.name).yield_gain
+        return Place(name, "servo", f"Yielding\nintegrator, {gain:g} 1/s")
+    if head == _MODEL_TORQUE:
+        label = "" if part else "Torque of the model\nat this speed"
+        return Place(f"{robot.prefix}{head}", "servo", label)
     return None
 
 
@@ -136,6 +164,13 @@ def _shared_place(name: str, system: System, ports: StationPorts) -> Place | Non
             place = Place(name, "robot", "Geometry poses")
         case SceneGraph():
             place = Place(name, "scene", "Scene graph\nall geometry")
+        case FramePoses():
+            place = Place(name, "sensor", captions.wrapped(f"Poses of {', '.join(ports.plant.free_pieces)}"))
+        case _ if name.startswith("sensor.") and type(system) in _SENSORS:
+            sensor = name.split(".")[1]
+            kind = _SENSORS[type(system)]
+            label = kind if isinstance(system, ZeroOrderHold) else f"{kind}\n{sensor}"
+            place = Place(f"sensor.{sensor}", "sensor", label)
         case Monitor() if name.removeprefix("monitor.") in config.monitors:
             monitor = name.removeprefix("monitor.")
             watched = config.monitors[monitor].robot if not config.only_robot else None

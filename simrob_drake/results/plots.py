@@ -15,6 +15,7 @@ from matplotlib.gridspec import SubplotSpec
 from simrob_drake.errors import OutputError
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import DIVERGED, SimulationResult
+from simrob_drake.results.sensor_plots import sensor_figures
 from simrob_drake.stations.robots import StationRobot
 
 _DPI = 110
@@ -29,7 +30,8 @@ _SMALLEST_SPAN = {"deg": 0.1, "N·m": 0.01, "N": 0.01, "m": 0.001}  # of a plot:
 def save_plots(result: SimulationResult, folder: Path) -> list[Path]:
     """Write the plots of a run as PNG files: ``position.png``, ``torque.png`` and, with a tool, ``tcp.png``.
 
-    With several robots each has its own, ``<robot>_position.png`` and so on.
+    With several robots each has its own, ``<robot>_position.png`` and so on. Free pieces have ``piece_<piece>.png``,
+    and what was measured stands in ``sensors.png``.
 
     Args:
         result: the run.
@@ -48,6 +50,9 @@ def save_plots(result: SimulationResult, folder: Path) -> list[Path]:
             for name, figure in _figures(result, robot):
                 written.append(folder / f"{robot.prefix.replace('.', '_')}{name}.png")
                 figure.savefig(written[-1], dpi=_DPI)
+        for name, figure in sensor_figures(result):
+            written.append(folder / f"{name}.png")
+            figure.savefig(written[-1], dpi=_DPI)
     except OSError as problem:
         raise OutputError(f"{folder}: plots cannot be written: {problem.strerror}") from problem
     return written

@@ -11,6 +11,7 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.frames import Vector
+from simrob_drake.results.contact_arrows import draw_contact_forces
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.scene import FIELD_OF_VIEW, Scene, View, frame_times, view_of
 
@@ -84,21 +85,22 @@ def look(meshcat: Meshcat, view: View) -> None:
 def _page(result: SimulationResult, frames_per_second: float) -> str:
     meshcat = open_meshcat()
     scene = Scene(result.config, meshcat=meshcat)
-    _record(scene, result, frames_per_second)
+    _record(meshcat, scene, result, frames_per_second)
     draw_tool_paths(meshcat, result)
     look(meshcat, view_of(scene.extents_of_run(result), aspect=ASPECT))
     page: str = meshcat.StaticHtml()
     return page
 
 
-def _record(scene: Scene, result: SimulationResult, frames_per_second: float) -> None:
+def _record(meshcat: Meshcat, scene: Scene, result: SimulationResult, frames_per_second: float) -> None:
     visualizer = scene.visualizer
     assert visualizer is not None
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
     times = frame_times(result.stop_time, frames_per_second)
-    for frame, positions in enumerate(result.positions_at(times)):
-        # Meshcat rounds times down to frames, so halves of frames are safe from rounding.
-        scene.draw(positions, (frame + 0.5) / frames_per_second)
+    shown = [(frame + 0.5) / frames_per_second for frame in range(len(times))]  # Meshcat rounds down to frames
+    for time, positions in zip(shown, result.positions_at(times), strict=True):
+        scene.draw(positions, time)
+    draw_contact_forces(meshcat, result, times, shown)
     animation.set_autoplay(True)
     animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     animation.set_repetitions(_LOOPS)

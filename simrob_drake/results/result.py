@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydrake.multibody.plant import ContactResults
 from pydrake.trajectories import Trajectory
 
 import simrob_drake
@@ -17,12 +18,20 @@ from simrob_drake.errors import UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.free_pieces import VELOCITY_NAMES
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.references import Samples
+from simrob_drake.stations.sensor_config import Force
+from simrob_drake.stations.sensors import tangential_source
 
 Ending = Literal["completed", "monitor", "diverged", "interrupted"]
 DIVERGED, INTERRUPTED = "diverged", "interrupted"
 """What stands for a monitor's name where none ended the run."""
+
+
+def pose_vector(pose: Vector) -> list[float]:
+    """Return x y z qw qx qy qz as a pose vector [x y z Rz Ry Rx]."""
+    return [float(value) for value in pose_from_transform(transform_from_xyz_quaternion(pose))]
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,7 @@ class SimulationResult:
         warnings: why the result may be wrong though the run went to its end, in words.
         final_state: where the station was at the end, for another run to begin there.
         start: where it began; None at the configuration's initial posture.
+        contacts_at: Drake's contact results at any times of the run; None in a station without contact.
         references: what was given to simulate() in place of the configuration's references, by robot.
     """
 
@@ -63,6 +73,7 @@ class SimulationResult:
     start: State | None = None
     references: dict[str, Trajectory | Samples] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    contacts_at: Callable[[Vector], Iterator[ContactResults]] | None = None
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
@@ -84,6 +95,18 @@ class SimulationResult:
         """Return a pose signal, ``base`` or ``tcp``, shape (m, 7): x y z qw qx qy qz."""
         station_robot = self.plant.robots[robot or next(iter(self.plant.robots))]
         return np.column_stack([self[f"{station_robot.prefix}{signal}.{part}"] for part in XYZ_QUATERNION_NAMES])
+
+    def piece_pose(self, piece: str) -> Vector:
+        """Return where a free piece was, shape (m, 7): x y z qw qx qy qz."""
+        return np.column_stack([self[f"piece.{piece}.{part}"] for part in XYZ_QUATERNION_NAMES])
+
+    def piece_velocity(self, piece: str) -> Vector:
+        """Return how a free piece moved, shape (m, 6): vx vy vz [m/s] wx wy wz [rad/s], in the world's axes."""
+        return np.column_stack([self[f"piece.{piece}.{part}"] for part in VELOCITY_NAMES])
+
+    def vector(self, signal: str) -> Vector:
+        """Return a signal of three columns, such as ``force.<sensor>``, shape (m, 3)."""
+        return np.column_stack([self[f"{signal}.{axis}"] for axis in "xyz"])
 
     @property
     def stop_time(self) -> float:
@@ -116,9 +139,10 @@ class SimulationResult:
         """Return what ``summary.json`` holds."""
         robots = self.plant.robots
         only = self.config.only_robot
+        names = {name: robot.model.name for name, robot in robots.items()}
         return {
             "station": self.config.name,
-            "robot": robots[only].model.name if only else {name: robot.model.name for name, robot in robots.items()},
+            "robot": names.get(only) if only else names or None,
             "duration": self.config.duration,
             "stopped_by": self.stopped_by,
             "stop_time": self.stop_time,
@@ -133,8 +157,10 @@ class SimulationResult:
                 "joint_torque": self._by_axis("tau", -1),
                 "base_pose": self._final_pose("base"),
                 "tcp_pose": self._final_pose("tcp"),
+                "piece_pose": {piece: pose_vector(self.piece_pose(piece)[-1]) for piece in self.config.free_pieces},
             },
-            "peak": {"joint_torque": self._peaks("tau")},
+            "peak": {"joint_torque": self._peaks("tau"), "force": self._peak_forces()},
+            "sensors": {name: self._sensor_note(name) for name in self.config.sensors},
             "versions": {
                 "simrob_drake": simrob_drake.__version__,
                 "drake": version("drake"),
@@ -142,6 +168,19 @@ class SimulationResult:
                 "python": platform.python_version(),
             },
         }
+
+    def _peak_forces(self) -> dict[str, float]:
+        """Return the largest size of every contact force [N] by sensor."""
+        sensors = [name for name, sensor in self.config.sensors.items() if sensor.kind == "force"]
+        return {name: float(np.linalg.norm(self.vector(f"force.{name}"), axis=1).max()) for name in sensors}
+
+    def _sensor_note(self, name: str) -> dict[str, str]:
+        """Return what a sensor is, and how it was computed."""
+        sensor = self.config.sensors[name]
+        note: dict[str, str] = {"kind": sensor.kind}
+        if isinstance(sensor, Force):
+            note["tangential"] = tangential_source(self.plant, self.config, sensor)
+        return note
 
     def _columns(self, signal: str) -> dict[str, Vector]:
         return {
@@ -159,10 +198,7 @@ class SimulationResult:
 
     def _final_pose(self, signal: str) -> Any:
         poses = {
-            name: [
-                float(value)
-                for value in pose_from_transform(transform_from_xyz_quaternion(self.pose(signal, name)[-1]))
-            ]
+            name: pose_vector(self.pose(signal, name)[-1])
             for name, robot in self.plant.robots.items()
             if f"{robot.prefix}{signal}.x" in self.names
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +11,15 @@ from pydrake.systems.framework import Context, Diagram, OutputPort
 
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.results.history import History, plant_slice
+from simrob_drake.stations.free_pieces import VELOCITY_NAMES
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.robots import StationRobot
 
 POSE_SIGNALS = {"base": "base_pose", "tcp": "tcp_pose"}
 """Signals that are poses, and the ports they come from."""
+
+SENSOR_SIGNALS = ("force", "moment", "distance", "joint_torque", "external_torque", "external_force")
+"""What sensors give: the ports are ``<signal>.<sensor>``."""
 
 
 @dataclass(frozen=True)
@@ -26,16 +30,67 @@ class Signals:
         names: k of them.
         port: what they are made of.
         matrix: what makes them of the port's values, shape (k, size of the port).
+        finish: what is done to them then, shape (m, k) to (m, k).
     """
 
     names: list[str]
     port: OutputPort
     matrix: Vector
+    finish: Callable[[Vector], Vector] | None = None
+
+    def of(self, rows: Vector) -> Vector:
+        """Return the signals, shape (m, k), of the port's values (m, size)."""
+        values = np.asarray(rows @ self.matrix.T)
+        return values if self.finish is None else self.finish(values)
 
 
 def signals_of(ports: StationPorts) -> list[Signals]:
     """Return the signals of a station, in the order of the columns of a result."""
-    return [signals for robot in ports.plant.robots.values() for signals in _of_robot(ports, robot)]
+    robots = [signals for robot in ports.plant.robots.values() for signals in _of_robot(ports, robot)]
+    pieces = [signals for piece in ports.plant.free_pieces for signals in _of_piece(ports, piece)]
+    return [*robots, *pieces, *_of_sensors(ports)]
+
+
+def _of_piece(ports: StationPorts, piece: str) -> list[Signals]:
+    """Return pose and velocity of a free piece."""
+    body, plant = ports.plant.free_pieces[piece], ports.plant.plant
+    places = body.floating_positions_start() + np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
+    turns = plant.num_positions() + body.floating_velocities_start_in_v() + np.array([3, 4, 5, 0, 1, 2])
+    every = np.eye(plant.num_multibody_states())
+    return [
+        Signals([f"piece.{piece}.{part}" for part in XYZ_QUATERNION_NAMES], ports.state, every[places], unit_poses),
+        Signals([f"piece.{piece}.{part}" for part in VELOCITY_NAMES], ports.state, every[turns]),
+    ]
+
+
+def unit_poses(poses: Vector) -> Vector:
+    """Return poses (m, 7) with quaternions of length one whose qw is not negative."""
+    size = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True) * np.where(poses[:, 3:4] < 0, -1.0, 1.0)
+    return np.hstack([poses[:, :3], poses[:, 3:] / size])
+
+
+def _of_sensors(ports: StationPorts) -> list[Signals]:
+    """Return what sensors tell, and the forces that are applied."""
+    found = []
+    for name, port in ports.outputs.items():
+        kind, _, sensor = name.partition(".")
+        if kind in SENSOR_SIGNALS and sensor in ports.config.sensors:
+            names = sensor_columns(ports, kind, sensor, port.size())
+            found.append(Signals(names, port, np.eye(len(names))))
+        elif name.rpartition(".")[2] == "external_force":
+            found.append(Signals([f"{name}.{axis}" for axis in "xyz"], port, np.eye(3)))
+    return found
+
+
+def sensor_columns(ports: StationPorts, kind: str, sensor: str, size: int) -> list[str]:
+    """Return the columns of a sensor's signal: by axis of a robot, or x, y and z."""
+    if kind == "distance":
+        return [f"distance.{sensor}"]
+    if kind in ("force", "moment", "external_force"):
+        return [f"{kind}.{sensor}.{axis}" for axis in "xyz"]
+    robot = getattr(ports.config.sensors[sensor], "robot", None) or str(ports.config.only_robot)
+    assert size == len(ports.plant.robots[robot].axes)
+    return [f"{kind}.{sensor}.{axis}" for axis in ports.plant.robots[robot].axes]
 
 
 def _of_robot(ports: StationPorts, robot: StationRobot) -> list[Signals]:
@@ -46,11 +101,13 @@ def _of_robot(ports: StationPorts, robot: StationRobot) -> list[Signals]:
         return ports.outputs[f"{robot.prefix}{port}"]
 
     each_axis, motion = np.eye(len(robot.axes)), named("q", robot.axes) + named("v", robot.axes)
+    felt = [port for port in (f"{robot.prefix}felt_torque",) if port in ports.outputs]
     poses = [signal for signal, port in POSE_SIGNALS.items() if f"{robot.prefix}{port}" in ports.outputs]
     return [
         Signals(named("q_ref", robot.axes), own("reference"), each_axis),
         Signals(motion, ports.state, ports.plant.state_map(robot)),
         Signals(named("tau", robot.axes), own("torque"), each_axis),
+        *(Signals(named("felt", robot.axes), own("felt_torque"), each_axis) for _ in felt),
         *(Signals(named(pose, XYZ_QUATERNION_NAMES), own(POSE_SIGNALS[pose]), np.eye(7)) for pose in poses),
     ]
 
@@ -79,18 +136,28 @@ class Sampler:
     def sample(self, ports: Sequence[OutputPort], times: Vector) -> list[Vector]:
         """Return the values of ports at ``times`` (k,), for each port shape (k, size)."""
         states = self._history.at(times, self._plant_slice, self._rates)
-        contexts = [port.get_system().GetMyContextFromRoot(self._context) for port in ports]
-        values = [np.empty((len(times), port.size())) for port in ports]
+        values = {port: np.empty((len(times), port.size())) for port in ports}
+        targets = [(port, port.get_system().GetMyContextFromRoot(self._context), rows) for port, rows in values.items()]
+        where, state_port = self._plant_slice, self._plant.get_state_output_port()
+        if where is not None and state_port in values:  # it hands on what was recorded
+            values[state_port] = states.continuous[:, where.start : where.velocities.stop]
+            targets = [target for target in targets if target[0] != state_port]
         for row in range(len(times)):
             states.put(row, self._context)
-            for port, context, rows in zip(ports, contexts, values, strict=True):
+            for port, context, rows in targets:
                 rows[row] = port.Eval(context)
-        return values
+        return [values[port] for port in ports]
+
+    def contexts(self, times: Vector) -> Iterator[Context]:
+        """Yield the diagram's context at times of the run (k,); the next one is the same, changed."""
+        states = self._history.at(times, self._plant_slice, self._rates)
+        for row in range(len(times)):
+            states.put(row, self._context)
+            yield self._context
 
     def context_at(self, time: float) -> Context:
         """Return the diagram's context at a time of the run; the next call changes it."""
-        self._history.at(np.array([time]), self._plant_slice, self._rates).put(0, self._context)
-        return self._context
+        return next(self.contexts(np.array([time])))
 
     def _position_rates(self, history: History) -> Vector | None:
         """Return the time derivatives of the plant's positions at every recorded step."""

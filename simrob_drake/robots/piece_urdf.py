@@ -60,15 +60,16 @@ def _link_element(name: str, piece: PieceModel) -> ET.Element:
         ET.SubElement(inertial, "mass", value=repr(piece.mass))
         moments = zip(_INERTIA, (*piece.inertia, 0.0, 0.0, 0.0), strict=False)  # products are zero unless given
         ET.SubElement(inertial, "inertia", {key: repr(moment) for key, moment in moments})
-    for index, shape in enumerate(piece.shapes):
-        colour = shape.colour or piece.colour
-        visual = _shape_element(link, "visual", f"{name}_{index}", shape, piece.folder)
-        material = ET.SubElement(visual, "material", name=f"{name}_{index}_colour")
-        ET.SubElement(material, "color", rgba=_text(colour))
-        collision = _shape_element(link, "collision", f"{name}_{index}", shape, piece.folder)
-        friction = ET.SubElement(collision, f"{DRAKE}proximity_properties")
-        for key, value in FRICTION.items():
-            ET.SubElement(friction, f"{DRAKE}{key}", value=repr(value))
+    for index, (shape, shape_name) in enumerate(zip(piece.shapes, piece.shape_names, strict=True)):
+        if shape.visible:
+            visual = _shape_element(link, "visual", f"{name}_{index}", shape, piece.folder)
+            material = ET.SubElement(visual, "material", name=f"{name}_{index}_colour")
+            ET.SubElement(material, "color", rgba=_text(shape.colour or piece.colour))
+        if shape.collides:
+            collision = _shape_element(link, "collision", f"{name}.{shape_name}", shape, piece.folder)
+            friction = ET.SubElement(collision, f"{DRAKE}proximity_properties")
+            for key, value in FRICTION.items():
+                ET.SubElement(friction, f"{DRAKE}{key}", value=repr(value))
     return link
 
 

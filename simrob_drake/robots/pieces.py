@@ -65,6 +65,11 @@ class PieceShape(Strict):
     """In the piece's frame, [x y z Rz Ry Rx]."""
     colour: Colour | None = None
     """Red, green, blue, opacity; the piece's unless given."""
+    name: str | None = None
+    """What sensors call it, `<piece>.<name>`; its number unless given."""
+    collides: bool = True
+    """Whether it takes part in contact, or is only seen."""
+    visible: bool = True
 
     def solid(self, folder: Path) -> Solid:
         """Return the body that fills the shape, in the piece's frame."""
@@ -144,6 +149,11 @@ class PieceModel(Strict):
         for name, entry in self.frames.items():
             named += _series_poses(entry, name) if isinstance(entry, FrameSeries) else [(name, entry)]
         return named
+
+    @property
+    def shape_names(self) -> list[str]:
+        """The names of the shapes, in order: their own, or their numbers."""
+        return [shape.name or str(index) for index, shape in enumerate(self.shapes)]
 
 
 def piece_names() -> list[str]:

@@ -12,6 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.cache import import_summary
 from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.plant import StationPlant, add_plant
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.robots import StationRobot
@@ -20,6 +21,8 @@ from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSo
 _EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
 _STABLE = 2.0
 """An explicit damper on a mass is stable while kd·h / M stays below this (forward Euler on v' = -(kd/M) v)."""
+
+_DEEP = 1e-3  # m: things that rest on each other are less deep in each other
 
 Level = Literal["ok", "warning"]
 
@@ -144,16 +147,26 @@ def step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
 def _contact_findings(config: StationConfig) -> list[Finding]:
     if config.contact is None:
         return [Finding("ok", "contact", "the station has none")]
+    dissipates = [config.contact, *(piece.contact for piece in config.pieces.values() if piece.contact is not None)]
+    findings = []
+    if config.solver.scheme == "sap" and any(material.dissipation for material in dissipates):
+        text = "the solver scheme sap does not know contact.dissipation; take lagged or similar"
+        findings.append(Finding("warning", "contact", text))
     builder = DiagramBuilder()
     plant = add_plant(builder, config)
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
     query = plant.scene_graph.get_query_output_port().Eval(plant.scene_graph.GetMyContextFromRoot(context))
+    inspector = query.inspector()
+    fallen_back = pairs_without_surface(plant.plant, plant.scene_graph.model_inspector())
+    if fallen_back and config.contact.model != "point":
+        text = f"both are rigid, so {', '.join(fallen_back)} meet in points; make one of them compliant"
+        findings.append(Finding("warning", "contact", text))
     pairs = query.ComputePointPairPenetration()
     if not pairs:
-        return [Finding("ok", "contact", "nothing penetrates at the start")]
-    inspector = query.inspector()
+        return [*findings, Finding("ok", "contact", "nothing penetrates at the start")]
     deepest = max(pairs, key=lambda pair: pair.depth)
     names = " and ".join(inspector.GetName(geometry) for geometry in (deepest.id_A, deepest.id_B))
-    text = f"{names} penetrate by {deepest.depth * 1e3:.1f} mm at the start; move one of them"
-    return [Finding("warning", "contact", text)]
+    text = f"{names} penetrate by {deepest.depth * 1e3:.1f} mm at the start"
+    text += "; move one of them" if deepest.depth > _DEEP else ""
+    return [*findings, Finding("warning" if deepest.depth > _DEEP else "ok", "contact", text)]

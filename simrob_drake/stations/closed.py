@@ -12,6 +12,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.forces import add_force_sources
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.references import Samples, add_reference
 from simrob_drake.stations.station import add_station
@@ -51,6 +52,7 @@ def add_closed_station(
         for name, port in ((velocity, source.velocity), (acceleration, source.acceleration)):
             if name in ports.inputs and port is not None:
                 builder.Connect(port, ports.inputs[name])
+    add_force_sources(builder, ports)
     for name, port in ports.inputs.items():
         if not builder.IsConnectedOrExported(port):
             zero = builder.AddNamedSystem(f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))

@@ -8,7 +8,7 @@ axes, a list in axis order, or a mapping by axis name.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -24,8 +24,11 @@ from simrob_drake.robots.pieces import (
     Positive,
     Triple,
 )
+from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
+from simrob_drake.stations.force_config import ExternalForce
 from simrob_drake.stations.monitor_config import Monitors
 from simrob_drake.stations.reference_config import Hold, ReferenceConfig
+from simrob_drake.stations.sensor_config import Sensors
 from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
 from simrob_drake.yaml_files import Number, Strict
 
@@ -49,6 +52,14 @@ class ServoConfig(Strict):
     """Saturation, per axis [N·m]; the URDF's effort unless given."""
     integral_limit: AxisValues | None = None
     """What the integral part may reach, per axis [N·m]; torque_limit unless given."""
+    yield_gain: NotNegative = 0.0
+    """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
+
+    @model_validator(mode="after")
+    def _yields_or_insists(self) -> ServoConfig:
+        if self.yield_gain > 0 and self.realization == "implicit":
+            raise ValueError("yield_gain needs the realization per_joint or vector: implicit hides the servo's torque")
+        return self
 
     @field_validator("kp", "ki", "kd")
     @classmethod
@@ -121,6 +132,16 @@ class PieceConfig(Strict):
     """Further frames by name, instead of the piece's own: poses in its frame, or series of them."""
     colour: Colour | None = None
     """Red, green, blue, opacity."""
+    free: bool = False
+    """Moved by gravity and contact alone; its pose is that at the start, in the world."""
+    contact: ContactMaterial | None = None
+    """What its surface is made of, in place of the station's `contact`."""
+
+    @model_validator(mode="after")
+    def _free_of_parents(self) -> PieceConfig:
+        if self.free and self.parent not in (None, "world"):
+            raise ValueError(f"a free piece hangs on nothing, so its parent is world and not {self.parent}")
+        return self
 
     @model_validator(mode="after")
     def _one_source(self) -> PieceConfig:
@@ -140,14 +161,6 @@ class FloorConfig(Strict):
     """Length of a side [m]."""
 
 
-class ContactConfig(Strict):
-    """Contact between robots, pieces and floor. A station without this section has none."""
-
-    model: Literal["point", "hydroelastic", "hydroelastic_with_fallback"] = "point"
-    self_collision: bool = False
-    """Contact between the links of one robot."""
-
-
 class JointStops(Strict):
     """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints."""
 
@@ -164,7 +177,7 @@ class StationConfig(Strict):
     description: str = ""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
     """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
-    robots: Annotated[dict[str, RobotConfig], Field(min_length=1)]
+    robots: dict[str, RobotConfig] = Field(default_factory=dict)
     pieces: dict[str, PieceConfig] = Field(default_factory=dict)
     servo: ServoConfig = ServoConfig()
     reference: ReferenceConfig = Hold(kind="hold")
@@ -176,13 +189,16 @@ class StationConfig(Strict):
     gravity: Number = STANDARD_GRAVITY
     """Gravity along -z [m/s²]."""
     solver: SolverConfig = ContinuousSolver(kind="continuous")
+    external_force: ExternalForce | None = None
+    """Force at the tool centre point of the station's robots; then `external_force` need not stand under `inputs`."""
+    sensors: Sensors = Field(default_factory=dict)
     monitors: Monitors = Field(default_factory=dict)
     duration: Positive = 3.0
     """Simulated time [s]."""
     sample_rate: Positive = 100.0
     """Samples a second of the signals [Hz]."""
 
-    @field_validator("robots", "pieces", "monitors")
+    @field_validator("robots", "pieces", "sensors", "monitors")
     @classmethod
     def _plain_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
         for name in entries:
@@ -198,6 +214,11 @@ class StationConfig(Strict):
     def prefix(self, robot: str) -> str:
         """Return what stands before the names of a robot's ports, blocks and columns."""
         return "" if self.only_robot else f"{robot}."
+
+    @property
+    def free_pieces(self) -> list[str]:
+        """The names of the pieces that nothing holds."""
+        return [name for name, piece in self.pieces.items() if piece.free]
 
     def servo_of(self, robot: str) -> ServoConfig:
         """Return a robot's own servo section, or the station's."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
@@ -10,8 +13,10 @@ from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.joint_stops import add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_servos
-from simrob_drake.blocks.wiring import mapped
+from simrob_drake.blocks.wiring import joined, mapped, summed
+from simrob_drake.blocks.yielding import add_model_torque, add_yielding
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.forces import takes_force
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts, add_input
 from simrob_drake.stations.robots import StationRobot
@@ -27,7 +32,7 @@ def add_dynamic_robots(builder: DiagramBuilder, plant: StationPlant, config: Sta
     if not config.solver.holds_joint_limits:
         stops = config.joint_stops
         add_joint_stops(builder, plant.plant, stiffness=stops.stiffness, damping=stops.damping)
-    if "external_force" in config.inputs:
+    if takes_force(config):
         _add_external_forces(builder, ports)
     return ports
 
@@ -48,7 +53,8 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
 
 
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> OutputPort:
-    realization, plant, solver = ports.config.servo_of(robot.name).realization, ports.plant, ports.config.solver
+    servo, plant, solver = ports.config.servo_of(robot.name), ports.plant, ports.config.solver
+    realization = servo.realization
     if realization == "implicit":
         cenic = isinstance(solver, ContinuousSolver) and solver.scheme == "cenic"
         return add_actuator_servos(
@@ -61,6 +67,12 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             prefix=robot.prefix,
             velocity_sense=-1 if cenic else 1,
         )
+    model = _add_model_torque(builder, ports, robot) if servo.yield_gain > 0 else None
+    if model is not None:
+        extra = add_yielding(builder, signals, robot.gains, model, gain=servo.yield_gain, prefix=robot.prefix)
+        given = [port for port in (signals.feedforward,) if port is not None]
+        total = summed(builder, f"{robot.prefix}feedforward_sum", *given, extra)
+        signals = replace(signals, feedforward=total)
     torque = add_servos(
         builder,
         signals,
@@ -71,7 +83,17 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
     )
     actuation = mapped(builder, f"{robot.prefix}actuators", plant.actuation_map(robot), torque)
     builder.Connect(actuation, plant.plant.get_actuation_input_port(robot.instance))
+    if model is not None:
+        felt = joined(builder, f"{robot.prefix}felt_torque.bus", model, torque)
+        difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
+        ports.outputs[f"{robot.prefix}felt_torque"] = mapped(builder, f"{robot.prefix}felt_torque", difference, felt)
     return torque
+
+
+def _add_model_torque(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> OutputPort:
+    plant = ports.plant
+    pick = plant.state_map(robot)[len(robot.joints) :, plant.plant.num_positions() :]
+    return add_model_torque(builder, plant.plant, ports.state, pick=pick, prefix=robot.prefix)
 
 
 def _add_external_forces(builder: DiagramBuilder, ports: StationPorts) -> None:

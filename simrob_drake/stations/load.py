@@ -13,8 +13,10 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from simrob_drake.errors import InvalidConfig, SimrobError, UnknownName
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.force_config import ExternalForce
 from simrob_drake.stations.names import check_names
 from simrob_drake.stations.reference_config import ReferenceConfig
+from simrob_drake.stations.sensor_checks import check_monitors, check_sensors
 from simrob_drake.stations.solver_config import SolverConfig
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml, validated
 
@@ -25,7 +27,7 @@ _ROBOTS = (ONLY_ROBOT, "robots")
 _ORIGINS = {"urdf": ("model",), "model": ("urdf", "import_options")}
 """What a robot can come from, and which keys of its section a change of that takes away."""
 
-_KINDS = {"reference": ReferenceConfig, "solver": SolverConfig}
+_KINDS = {"reference": ReferenceConfig, "solver": SolverConfig, "external_force": ExternalForce}
 
 
 def station_names() -> list[str]:
@@ -57,6 +59,8 @@ def load_station(name_or_path: str | Path, overrides: Mapping[str, Any] | None =
         raise InvalidConfig("", "", _as_written(problem)) from problem
     try:
         check_names(config)
+        check_sensors(config)
+        check_monitors(config)
     except SimrobError as problem:
         raise InvalidConfig(path, "", _as_written(problem)) from problem
     return config

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
-from simrob_drake.robots.pieces import NotNegative, Positive
+from simrob_drake.robots.pieces import NotNegative, Positive, Triple
 from simrob_drake.yaml_files import Number, Strict
 
 
@@ -55,8 +55,84 @@ class Divergence(_Monitor):
     """Speed that counts as running away [rad/s]."""
 
 
-MonitorConfig = Annotated[JointLimit | TorqueLimit | Settled | Divergence, Field(discriminator="kind")]
-MONITOR_KINDS = ("joint_limit", "torque_limit", "settled", "divergence")
+class _SensorMonitor(_Monitor):
+    """What monitors of sensors share."""
+
+    sensor: str | None = None
+    """The sensor, by its name; the only one of its kind unless given."""
+
+
+class Contact(_SensorMonitor):
+    """End the run when two things touch: a distance sensor reads 0."""
+
+    kind: Literal["contact"]
+    distance: NotNegative = 0.0
+    """Distance that counts as contact [m]."""
+
+
+class ForceLimit(_SensorMonitor):
+    """End the run when the force at a force sensor is too large."""
+
+    kind: Literal["force_limit"]
+    limit: Positive | str
+    """Largest force [N], or a body region of ISO/TS 15066 such as `hands_and_fingers`."""
+
+
+class _PoseMonitor(_Monitor):
+    """What monitors of poses share."""
+
+    piece: str | None = None
+    """A free piece to watch, in place of a robot."""
+
+
+class Workspace(_PoseMonitor):
+    """End the run when the tool, or a free piece, leaves a box."""
+
+    kind: Literal["workspace"]
+    lower: Triple
+    """Smallest x, y and z in the world [m]."""
+    upper: Triple
+    """Largest x, y and z in the world [m]."""
+    tool: str | None = None
+    """The robot's tool that is watched; its `tcp` unless given."""
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Workspace:
+        if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
+            raise ValueError(f"lower must be below upper, {list(self.upper)}")
+        return self
+
+
+class Fall(_PoseMonitor):
+    """End the run when a robot's base, or a free piece, is too low or leans too far."""
+
+    kind: Literal["fall"]
+    height: Positive | None = None
+    """Height of its origin below which it has fallen [m]."""
+    tilt_deg: Positive | None = None
+    """Angle from how it stood at the start beyond which it has fallen."""
+
+    @model_validator(mode="after")
+    def _some_bound(self) -> Fall:
+        if self.height is None and self.tilt_deg is None:
+            raise ValueError("a fall needs a bound: height or tilt_deg")
+        return self
+
+
+MonitorConfig = Annotated[
+    JointLimit | TorqueLimit | Settled | Divergence | Contact | ForceLimit | Workspace | Fall,
+    Field(discriminator="kind"),
+]
+MONITOR_KINDS = (
+    "joint_limit",
+    "torque_limit",
+    "settled",
+    "divergence",
+    "contact",
+    "force_limit",
+    "workspace",
+    "fall",
+)
 
 
 def with_kinds(monitors: Any) -> Any:

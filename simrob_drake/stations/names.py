@@ -34,7 +34,9 @@ def piece_model(config: StationConfig, piece: str) -> PieceModel:
 
 def piece_parent(config: StationConfig, piece: str) -> str:
     """Return what a piece hangs on: ``world``, a robot's name or another piece's name."""
-    parent = config.pieces[piece].parent or config.only_robot
+    entry = config.pieces[piece]
+    parent = WORLD if entry.free or not config.robots else config.only_robot
+    parent = entry.parent or parent
     if parent is None:
         raise InvalidParameter(f"pieces.{piece}.parent", None, f"one of world, {', '.join(config.robots)}, or a piece")
     return parent
@@ -90,13 +92,35 @@ def initial_position(config: StationConfig, robot: str, model: RobotModel) -> Ve
     return position
 
 
+def check_movers(config: StationConfig) -> None:
+    """Check that something in the station moves, and by means that its mode has.
+
+    Raises:
+        InvalidParameter: names the key.
+    """
+    free = config.free_pieces
+    if not (config.robots or free):
+        expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
+        raise InvalidParameter("robots", "empty", expected)
+    if free and config.mode == "kinematic":
+        raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
+    if config.external_force is not None and (config.mode == "kinematic" or not config.robots):
+        raise InvalidParameter("external_force", "given", "left out in a kinematic station and without robots")
+    for piece in free:
+        model = piece_model(config, piece)
+        if not (model.mass > 0 and min(model.inertia) > 0):
+            expected = "a piece with mass and inertia: gravity and contact move it"
+            raise InvalidParameter(f"pieces.{piece}.free", True, expected)
+
+
 def check_names(config: StationConfig) -> None:
     """Check that every robot, piece, axis and tool that a configuration names exists.
 
     Raises:
         SimrobError: the first that does not, with the nearest known name.
     """
-    pieces = pieces_outward(config)  # first, so that nothing follows a circle of pieces
+    check_movers(config)
+    pieces = pieces_outward(config)  # before the others, so that nothing follows a circle of pieces
     for robot in config.robots:
         model = robot_model(config, robot)
         initial_position(config, robot, model)

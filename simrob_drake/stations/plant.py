@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.geometry import (
@@ -22,13 +22,15 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, piece_robot
-from simrob_drake.stations.config import ContactConfig, StationConfig
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
+from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.names import WORLD, carrier, parent_frame, piece_model, piece_parent, pieces_outward
 from simrob_drake.stations.robots import StationRobot, add_robot
 from simrob_drake.stations.solver_config import DiscreteSolver
@@ -45,6 +47,7 @@ class StationPlant:
     plant: MultibodyPlant
     scene_graph: SceneGraph
     robots: dict[str, StationRobot]
+    free_pieces: dict[str, RigidBody] = field(default_factory=dict)
 
     def state_map(self, robot: StationRobot) -> Vector:
         """Return the matrix (2n, nq + nv) that picks a robot's axis positions and velocities from the plant's state."""
@@ -71,7 +74,7 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
     Raises:
         InvalidModel: a robot that cannot be simulated in this mode.
     """
-    collision = config.contact is not None  # without any, the plant never asks the scene graph: a fifth less work
+    collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
     if config.mode == "kinematic":
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
@@ -88,29 +91,37 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
         plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
     _set_contact_model(plant, config.contact)
     robots = {name: add_robot(plant, config, name, collision=collision) for name in config.robots}
-    _add_standing_pieces(plant, config, collision)
+    free_pieces = _add_standing_pieces(plant, config, collision)
     _add_floor(plant, config, collision)
+    apply_materials(plant, scene_graph, config)
     plant.Finalize()
     for robot in robots.values():
         for joint, sign, angle in zip(robot.joints, robot.signs, robot.initial, strict=True):
             joint.set_default_positions(np.array([sign * angle]))
-    station = StationPlant(plant, scene_graph, robots)
+    station = StationPlant(plant, scene_graph, robots, free_pieces)
+    check_stiffnesses(plant, scene_graph, config)
     _filter_collisions(station, config.contact)
     return station
 
 
-def _add_standing_pieces(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:
-    """Add the pieces that no robot carries."""
+def _add_standing_pieces(plant: MultibodyPlant, config: StationConfig, collision: bool) -> dict[str, RigidBody]:
+    """Add the pieces that no robot carries; return the free ones among them."""
     instances: dict[str, ModelInstanceIndex] = {}
+    free: dict[str, RigidBody] = {}
     for piece in pieces_outward(config):
         if carrier(config, piece) == WORLD:
             robot = piece_robot(piece, piece_model(config, piece))
             instance = add_urdf(plant, robot, name=piece, where=f"pieces.{piece}", collision=collision)
             pose = transform_from_pose(config.pieces[piece].pose)
-            parent = instances.get(piece_parent(config, piece))
-            mount = plant.GetFrameByName(parent_frame(config, piece), parent) if parent else plant.world_frame()
-            plant.WeldFrames(mount, plant.GetFrameByName(piece, instance), pose)
+            if config.pieces[piece].free:
+                free[piece] = plant.GetBodyByName(piece, instance)
+                plant.SetDefaultFloatingBaseBodyPose(free[piece], pose)
+            else:
+                parent = instances.get(piece_parent(config, piece))
+                mount = plant.GetFrameByName(parent_frame(config, piece), parent) if parent else plant.world_frame()
+                plant.WeldFrames(mount, plant.GetFrameByName(piece, instance), pose)
             instances[piece] = instance
+    return free
 
 
 def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:
@@ -120,8 +131,9 @@ def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) ->
     below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
     plant.RegisterVisualGeometry(plant.world_body(), below, slab, "floor", _FLOOR_COLOUR)
     if collision:
-        rigid = ProximityProperties()  # rigid: a compliant box on a compliant half space falls back to points
-        AddRigidHydroelasticProperties(1.0, rigid)
+        rigid = ProximityProperties()
+        if config.contact is not None and config.contact.model != "point":
+            AddRigidHydroelasticProperties(1.0, rigid)  # a compliant box on a compliant one would fall back to points
         rigid.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", rigid)
 

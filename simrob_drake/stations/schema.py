@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import RobotConfig, StationConfig
+from simrob_drake.stations.monitor_config import MonitorConfig
+from simrob_drake.stations.sensor_config import SensorConfig
 
 SCHEMA_FILE = "station.schema.json"
 
@@ -17,9 +19,10 @@ def station_schema() -> dict[str, Any]:
     schema = StationConfig.model_json_schema()
     schema["properties"]["robot"] = {"$ref": "#/$defs/RobotConfig", "description": RobotConfig.__doc__}
     schema["required"] = [key for key in schema["required"] if key not in ("name", "robots")]
-    schema["oneOf"] = [{"required": ["robot"]}, {"required": ["robots"]}]
-    for monitor in ("JointLimit", "TorqueLimit", "Settled", "Divergence"):
-        schema["$defs"][monitor]["required"].remove("kind")  # a monitor's name can be its kind
+    schema["oneOf"] = [{"required": [key]} for key in ("robot", "robots")]
+    schema["oneOf"].append({"required": ["pieces"], "properties": {"robot": False, "robots": {"maxProperties": 0}}})
+    for entry in (entry for union in (MonitorConfig, SensorConfig) for entry in get_args(get_args(union)[0])):
+        schema["$defs"][entry.__name__]["required"].remove("kind")  # a monitor's or sensor's name can be its kind
     return schema
 
 

@@ -1,4 +1,4 @@
-"""Compose a station: plant, servos, tool poses, monitors."""
+"""Compose a station: plant, servos, poses, sensors, monitors."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import add_dynamic_robots
+from simrob_drake.stations.free_pieces import add_free_pieces
 from simrob_drake.stations.kinematic import add_kinematic_robots
 from simrob_drake.stations.monitoring import add_monitors
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.poses import add_poses
+from simrob_drake.stations.sensors import add_sensors
 
 
 def add_station(builder: DiagramBuilder, config: StationConfig) -> StationPorts:
@@ -34,6 +36,8 @@ def add_station(builder: DiagramBuilder, config: StationConfig) -> StationPorts:
         else add_dynamic_robots(builder, plant, config)
     )
     add_poses(builder, ports)
+    add_free_pieces(builder, ports)
+    add_sensors(builder, ports)
     add_monitors(builder, ports)
     return ports
 

@@ -88,6 +88,30 @@ def monitors() -> Table:
     return table
 
 
+def contact() -> Table:
+    """Speed of the stations with contact and force, and what sensors that only report cost while stepping."""
+    table = Table("station", "× real time", "stepping [ms]", "signals [ms]", title="contact and force")
+    stations = ("bouncing_ball", "box_on_floor", "irb120_force_stop", "irb120_cobot")
+    for name in stations:
+        results = [simulate(load_station(name)) for _ in range(ROUNDS + 1)][1:]
+        figures = ("realtime_rate", "stepping_time", "signal_time")
+        rate, stepping, signals = (np.median([getattr(result, figure) for result in results]) for figure in figures)
+        table.add_row(name, f"{rate:.0f}", f"{1e3 * stepping:.1f}", f"{1e3 * signals:.1f}")
+    ball = load_station("bouncing_ball")
+    stop = load_station("irb120_force_stop", {"reference.target_deg": [0, 0, 26.1, 0, 63.9, 0]})
+    pairs = {
+        "sensors of the ball against none": (ball, ball.model_copy(update={"sensors": {}})),
+        "monitor of a distance against none": (stop, stop.model_copy(update={"monitors": {}})),
+    }
+    for name, (more, less) in pairs.items():
+        candidates = {"more": more, "less": less}
+        times = in_turn(
+            {key: lambda config=config: simulate(config).stepping_time for key, config in candidates.items()}
+        )
+        table.add_row(name, "", f"ratio {np.median(times['more'] / times['less']):.3f}", "")
+    return table
+
+
 def whole_commands() -> Table:
     """Import time, and the command from start to finished recording, with its peak memory."""
     table = Table("whole processes", "median", "worst")
@@ -119,6 +143,7 @@ def main() -> None:
         against_hand_wired,
         realtime_rates,
         monitors,
+        contact,
         whole_commands,
         imports,
         inverse_kinematics,

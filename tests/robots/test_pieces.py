@@ -47,8 +47,8 @@ def test_every_piece_of_the_package_can_be_added(name: str) -> None:
     plant, _ = plant_with(model, collision=True)
     body = plant.GetBodyByName("tool")
     assert body.default_mass() == pytest.approx(model.mass, rel=1e-12)
-    assert len(plant.GetVisualGeometriesForBody(body)) == len(model.shapes) > 0
-    assert len(plant.GetCollisionGeometriesForBody(body)) == len(model.shapes)
+    assert len(plant.GetVisualGeometriesForBody(body)) == sum(shape.visible for shape in model.shapes) > 0
+    assert len(plant.GetCollisionGeometriesForBody(body)) == sum(shape.collides for shape in model.shapes)
 
 
 @pytest.mark.parametrize(

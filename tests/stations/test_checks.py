@@ -1,5 +1,7 @@
 """What `simrob check` foretells, against what the runs then show."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -67,3 +69,23 @@ def test_bodies_that_penetrate_at_the_start_are_named():
     assert "mm at the start" in finding.text
     apart = text_of(findings({"contact": {"model": "point"}}, "two_irb120"), "contact")
     assert apart.level == "ok"
+
+
+RIGID = """<collision><geometry><box size="0.1 0.1 0.1"/></geometry>
+      <drake:proximity_properties><drake:rigid_hydroelastic/></drake:proximity_properties></collision></link>"""
+
+
+def test_rigid_bodies_that_would_meet_in_points_are_named(one_joint_urdf, write_urdf, tmp_path):
+    text = one_joint_urdf.replace('<link name="tip"/>', f'<link name="tip">{RIGID}')
+    arm = {"urdf": str(write_urdf(text))}
+    contact = {"model": "hydroelastic_with_fallback"}
+    overrides = {"robots": {"left": arm, "right": {**arm, "base": [1, 0, 0, 0, 0, 0]}}, "contact": contact}
+    (file := tmp_path / "two.yaml").write_text(json.dumps({**overrides, "reference": {"kind": "hold"}}))
+    (warning,) = [f.text for f in check_station(load_station(file)) if f.level == "warning" and f.subject == "contact"]
+    assert "so left::arm::upper and right::arm::upper meet in points" in warning
+
+
+def test_a_solver_that_knows_no_dissipation_says_so():
+    overrides = {"solver.kind": "discrete", "solver.scheme": "sap"}
+    warnings = [f.text for f in check_station(load_station("bouncing_ball", overrides)) if f.level == "warning"]
+    assert warnings == ["the solver scheme sap does not know contact.dissipation; take lagged or similar"]

@@ -1,0 +1,117 @@
+"""The distance between two bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from itertools import product
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    Ellipsoid,
+    GeometryId,
+    HalfSpace,
+    Mesh,
+    QueryObject,
+    SceneGraphInspector,
+    Shape,
+    Sphere,
+)
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+
+_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
+
+
+class DistanceSensor(LeafSystem):
+    """Measure the signed distance between two sets of shapes: that of the nearest, or deepest, pair.
+
+    Drake finds it for all pairs of convex shapes (a mesh counts as its convex hull), but of half spaces for spheres
+    alone; of other shapes the lowest point is looked up here.
+
+    Ports:
+        in  ``query``: of the scene graph.
+        out ``distance`` (1): [m], negative where the shapes are in each other.
+    """
+
+    def __init__(
+        self, *, body: Collection[GeometryId], other: Collection[GeometryId], inspector: SceneGraphInspector
+    ) -> None:
+        """Make the block for the shapes of ``body`` and ``other``.
+
+        Raises:
+            InvalidParameter: no pair whose distance can be measured: shapes of one robot, or of one body.
+        """
+        super().__init__()
+        pairs = [(a, b) for a in body for b in other if a != b and not inspector.CollisionFiltered(a, b)]
+        if not pairs:
+            names = " and ".join(inspector.GetName(next(iter(shapes))) for shapes in (body, other))
+            expected = "two things that can touch; parts of one robot can with contact.self_collision: true"
+            raise InvalidParameter("distance sensor", f"between {names}", expected)
+        self._pairs = [pair for pair in pairs if not self._is_flat(inspector, *pair)]
+        self._above = [self._over_plane(inspector, *pair) for pair in pairs if self._is_flat(inspector, *pair)]
+        self._query = self.DeclareAbstractInputPort("query", Value[QueryObject]())
+        self.DeclareVectorOutputPort("distance", 1, self._calc_distance)
+
+    @staticmethod
+    def _is_flat(inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> bool:
+        return any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in (first, second))
+
+    @staticmethod
+    def _over_plane(
+        inspector: SceneGraphInspector, first: GeometryId, second: GeometryId
+    ) -> tuple[GeometryId, Shape, Vector, GeometryId | RigidTransform]:
+        """Return the shape over a half space, its corners, and the half space, or the world in it where it stands."""
+        if isinstance(inspector.GetShape(first), HalfSpace):
+            first, second = second, first
+        stands = inspector.GetFrameId(second) == inspector.world_frame_id()
+        plane = inspector.GetPoseInFrame(second).inverse() if stands else second
+        return first, inspector.GetShape(first).Clone(), _corners(inspector, first), plane
+
+    def _calc_distance(self, context: Context, output: BasicVector) -> None:
+        query = self._query.Eval(context)
+        distances = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._pairs]
+        for shape_id, shape, corners, plane in self._above:
+            base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
+            distances.append(lowest_point(shape, base @ query.GetPoseInWorld(shape_id), corners))
+        output.SetAtIndex(0, min(distances))
+
+
+def lowest_point(shape: Shape, pose: RigidTransform, corners: Vector) -> float:
+    """Return the smallest z of a convex shape [m].
+
+    Args:
+        shape: sphere, cylinder, capsule, ellipsoid, or one that its corners describe.
+        pose: of the shape.
+        corners: of the shape in its frame, shape (m, 3) [m]; of those with corners only.
+    """
+    up = pose.rotation().matrix()[2]  # the world's z axis in the frame of the shape
+    height = float(pose.translation()[2])
+    match shape:
+        case Sphere():
+            return float(height - shape.radius())
+        case Ellipsoid():
+            return height - float(np.linalg.norm(up * [shape.a(), shape.b(), shape.c()]))
+        case Capsule():
+            return float(height - shape.radius() - abs(up[2]) * shape.length() / 2)
+        case Cylinder():
+            return float(height - shape.radius() * np.hypot(up[0], up[1]) - abs(up[2]) * shape.length() / 2)
+        case _:
+            return height + float((corners @ up).min())
+
+
+def _corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:
+    shape = inspector.GetShape(shape_id)
+    if isinstance(shape, Box):
+        return np.asarray(_SIGNS * shape.size() / 2)
+    if isinstance(shape, Mesh | Convex):
+        hull = inspector.GetConvexHull(shape_id)
+        return np.array([hull.vertex(index) for index in range(hull.num_vertices())])
+    return np.zeros((0, 3))

@@ -1,0 +1,80 @@
+r"""Servos that give in to forces from outside: the law of the Simulink station ``D30S2_Irb120_qLC_Fext``.
+
+To the torque of a servo comes the integral of what the model of the arm does not explain,
+
+.. math::
+    \tau = k_p (q_r - q) - k_d v + \tau_{ff} + x, \qquad \dot x = K_t\,(\mathrm{ID}(q, v) - \tau),
+
+with ID the torque that would keep the arm's velocity as it is (inverse dynamics without acceleration, without any
+external force). So below :math:`K_t` [rad/s] the servo's stiffness fades: what is left of it is a damping
+:math:`k_p/K_t`, gravity is balanced, and the arm yields to a hand. With :math:`K_t = 0` it is the servo alone.
+
+Here x has the form :math:`\dot x = K_t\,(\mathrm{ID} - k_p (q_r - q) + k_d v - \tau_{ff}) - K_t\,x`, the same as long
+as the servo is not saturated; when it is, x does not wind up. Only C++ primitives are used.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.controllers import InverseDynamics
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
+
+from simrob_drake.blocks.servo import ServoGains, ServoSignals
+from simrob_drake.blocks.wiring import joined, mapped
+from simrob_drake.frames import Vector
+
+
+def add_model_torque(
+    builder: DiagramBuilder, plant: MultibodyPlant, state: OutputPort, *, pick: Vector, prefix: str = ""
+) -> OutputPort:
+    """Add the torque that keeps a robot's velocity as it is.
+
+    Args:
+        builder: the diagram under construction.
+        plant: finalized.
+        state: positions and velocities of the whole plant.
+        pick: matrix (n, nv) from the plant's generalized forces to the robot's axes.
+        prefix: stands before the names of all blocks.
+
+    Returns:
+        the torques, size n [N·m].
+    """
+    mode = InverseDynamics.InverseDynamicsMode.kInverseDynamics
+    dynamics = builder.AddNamedSystem(f"{prefix}model_torque", InverseDynamics(plant, mode))
+    steady = ConstantVectorSource(np.zeros(plant.num_velocities()))
+    builder.AddNamedSystem(f"{prefix}model_torque.acceleration", steady)
+    builder.Connect(state, dynamics.get_input_port_estimated_state())
+    builder.Connect(steady.get_output_port(), dynamics.get_input_port_desired_acceleration())
+    return mapped(builder, f"{prefix}model_torque.axes", pick, dynamics.get_output_port_generalized_force())
+
+
+def add_yielding(
+    builder: DiagramBuilder, signals: ServoSignals, gains: ServoGains, model: OutputPort, *, gain: float, prefix: str
+) -> OutputPort:
+    """Add the integrator of a robot's servos that yield.
+
+    Args:
+        builder: the diagram under construction.
+        signals: what the servos read.
+        gains: the figures of the servos.
+        model: the torque of the arm's model, size n [N·m].
+        gain: K_t [1/s], positive.
+        prefix: stands before the names of all blocks.
+
+    Returns:
+        x, size n [N·m], which belongs into the sum before the saturation.
+    """
+    count = len(gains.kp)
+    each, stiffness, damping = np.eye(count), np.diag(gains.kp), np.diag(gains.kd)
+    parts, columns = [model, signals.reference, signals.state], [each, -stiffness, stiffness, damping]
+    if signals.reference_velocity is not None:
+        parts, columns = [*parts, signals.reference_velocity], [*columns, -damping]
+    if signals.feedforward is not None:
+        parts, columns = [*parts, signals.feedforward], [*columns, -each]
+    inputs = gain * np.hstack(columns)
+    block = LinearSystem(A=-gain * each, B=inputs, C=each, D=np.zeros_like(inputs))
+    builder.AddNamedSystem(f"{prefix}yielding", block)
+    builder.Connect(joined(builder, f"{prefix}yielding.bus", *parts), block.get_input_port())
+    return block.get_output_port()

@@ -1,0 +1,116 @@
+"""Stiffness and dissipation of a contact from measured bounces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.programs.bounce_law import BounceLaw
+from simrob_drake.programs.bounce_trace import BounceTrace
+
+_CONFIDENCE = 0.95
+_ROUND_ABOUT = (0.4, 0.7, 1.0, 1.4, 2.5)  # parts of the first guess of k that are tried: the error has many valleys
+_STEPS = np.full(4, 1e-4)  # parts of the unknowns, for the Jacobian
+_FEW = 200  # samples that tell good starts from bad ones
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What was found.
+
+    Attributes:
+        stiffness, dissipation: k [N/m] and d [s/m].
+        stiffness_interval, dissipation_interval: 95 % confidence intervals.
+        residual: root mean square of the difference between measured and computed height [m].
+        heights: computed, at the times of the trace, shape (m,) [m].
+    """
+
+    stiffness: float
+    dissipation: float
+    stiffness_interval: tuple[float, float]
+    dissipation_interval: tuple[float, float]
+    residual: float
+    heights: Vector
+
+
+def identify_bounces(trace: BounceTrace, *, mass: float, gravity: float = 9.80665) -> Identified:
+    """Find stiffness and dissipation that explain measured bounces best, in the least-squares sense.
+
+    The height and speed at the start are found along with them. Intervals come from the Jacobian at the solution, with
+    the noise that the residuals show, in the logarithms of the two figures.
+
+    Args:
+        trace: of the ball's lowest point, at least two bounces.
+        mass: of the ball [kg].
+        gravity: [m/s²].
+
+    Raises:
+        InvalidParameter: a mass that is not positive.
+    """
+    if not (np.isfinite(mass) and mass > 0):
+        raise InvalidParameter("mass", mass, "positive [kg]")
+    stiffness, dissipation, height, speed = _first_guess(trace, mass, gravity)
+
+    def residuals(unknowns: Vector, times: Vector, heights: Vector) -> Vector:
+        log_stiffness, log_dissipation, height, speed = unknowns
+        law = BounceLaw(mass, float(np.exp(log_stiffness)), float(np.exp(log_dissipation)), gravity)
+        return law.heights(times, height, speed) - heights
+
+    thinned = slice(None, None, max(len(trace.times) // _FEW, 1))
+    few = trace.times[thinned], trace.heights[thinned]
+    starts = [np.array([np.log(part * stiffness), np.log(dissipation), height, speed]) for part in _ROUND_ABOUT]
+    scale = np.array([0.1, 0.1, 1e-3, 1e-2])
+    rough = min(starts, key=lambda start: float(np.sum(residuals(start, *few) ** 2)))
+    near = least_squares(residuals, rough, x_scale=scale, args=few, diff_step=_STEPS)
+    every = trace.times, trace.heights
+    solution = least_squares(residuals, near.x, x_scale=scale, args=every, diff_step=_STEPS)
+
+    free = len(trace.times) - len(solution.x)
+    variance = 2 * float(solution.cost) / free
+    jacobian = np.asarray(solution.jac)
+    covariance = variance * np.linalg.inv(jacobian.T @ jacobian)
+    reach = float(student.ppf((1 + _CONFIDENCE) / 2, free)) * np.sqrt(np.diag(covariance)[:2])
+    low, high = np.exp(solution.x[:2] - reach), np.exp(solution.x[:2] + reach)
+    stiffness, dissipation = np.exp(solution.x[:2])
+    return Identified(
+        stiffness=float(stiffness),
+        dissipation=float(dissipation),
+        stiffness_interval=(float(low[0]), float(high[0])),
+        dissipation_interval=(float(low[1]), float(high[1])),
+        residual=float(np.sqrt(np.mean(solution.fun**2))),
+        heights=trace.heights + solution.fun,
+    )
+
+
+def _first_guess(trace: BounceTrace, mass: float, gravity: float) -> tuple[float, float, float, float]:
+    """Return k, d, and height and speed at the start, from the fall, the first flight, and the contact between them.
+
+    A contact lasts about half a period of the spring, and throws back the part 1 - 2/3 d v of the speed v.
+    """
+    times, heights = trace.times, trace.heights
+    high = heights > heights[heights > 0].max() / 4
+    lands = int(np.argmax(~high & (times > times[np.argmax(high)])))
+    leaves = lands + int(np.argmax(high[lands:]))
+    down = leaves + int(np.argmax(~high[leaves:])) if not high[leaves:].all() else len(times)
+    fall, flight = (_parabola(times[part], heights[part], gravity) for part in (slice(0, lands), slice(leaves, down)))
+    speeds = [float(np.sqrt(2 * gravity * max(top, 1e-6))) for _, top in (fall, flight)]
+    lasted = (flight[0] - speeds[1] / gravity) - (fall[0] + speeds[0] / gravity)
+    lasted = max(lasted, float(np.median(np.diff(times))) / 4)
+    dissipation = float(np.clip(1.5 * (1 - speeds[1] / speeds[0]) / speeds[0], 1e-3, 2.0))
+    start = float(times[0]) - fall[0]
+    return mass * (np.pi / lasted) ** 2, dissipation, fall[1] - gravity * start**2 / 2, -gravity * start
+
+
+def _parabola(times: Vector, heights: Vector, gravity: float) -> tuple[float, float]:
+    """Return time and height of the top of a flight."""
+    middle = float(np.mean(times))
+    slope, level = np.polynomial.polynomial.polyfit(times - middle, heights + gravity * (times - middle) ** 2 / 2, 1)[
+        ::-1
+    ]
+    after = float(slope) / gravity
+    return middle + after, float(level) + gravity * after**2 / 2
