@@ -103,18 +103,20 @@ def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot
     findings = []
     for axis, name in enumerate(robot.axes):
         torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
-        subject = f"torque of {robot.prefix}{name}"
-        text = f"holding takes {torque[0]:.2f} N·m at the start and {torque[-1]:.2f} N·m at the end of the reference"
+        subject, effort = f"torque of {robot.prefix}{name}", robot.model.effort_units[axis]
+        text = f"holding takes {torque[0]:.2f} {effort} at the start and {torque[-1]:.2f} {effort} at the end"
+        text += " of the reference"
         if ports.config.mode == "kinematic":
             findings.append(Finding("ok", subject, text))
             continue
         worst = torque[np.argmax(np.abs(torque))]
         if abs(worst) > limit:
-            text += f", at most {worst:.2f} N·m, and the limit is {limit:g} N·m: the joint will not hold; "
+            text += f", at most {worst:.2f} {effort}, and the limit is {limit:g} {effort}: the joint will not hold; "
             findings.append(Finding("warning", subject, f"{text}raise servo.torque_limit or lighten the load"))
             continue
-        sag = f"; it sags by {np.rad2deg(abs(torque[-1]) / kp):.2f} deg there" if kp > 0 else ""
-        findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} N·m{sag}"))
+        unit, size = robot.model.unit_names[axis], robot.model.user_units[axis]
+        sag = f"; it sags by {abs(torque[-1]) / kp / size:.3g} {unit} there" if kp > 0 else ""
+        findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}"))
     return findings
 
 
