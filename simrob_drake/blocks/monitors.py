@@ -34,7 +34,7 @@ class JointLimitMonitor(Monitor):
         hold: float = 0.0,
         after: float = 0.0,
     ) -> None:
-        """Watch ``axes`` from ``margin`` before their limits ``lower`` and ``upper``, (n,) [rad, m where it ``slides``]."""
+        """Watch ``axes`` from ``margin`` before ``lower`` and ``upper``, each (n,) [rad, or m where it ``slides``]."""
         super().__init__(hold=hold, after=after)
         self._slides = list(slides) or [False] * len(axes)
         self._axes, self._lower, self._upper = list(axes), lower + margin, upper - margin
