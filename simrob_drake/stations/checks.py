@@ -9,7 +9,6 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.cache import import_summary
 from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
@@ -91,6 +90,8 @@ def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding
     urdf = config.robots[robot.name].urdf
     if urdf is None or robot.model.folder == urdf.parent.resolve():
         return []
+    from simrob_drake.importer.cache import import_summary
+
     text = f"{import_summary(robot.model)}; `simrob check {urdf}` tells all"
     return [Finding("ok", f"import of {urdf.name}", text)]
 
