@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
+from simrob_drake.robots.feet import Feet
 from simrob_drake.paths import models_root
 from simrob_drake.robots.urdf import (
     joint_effort,
@@ -73,6 +74,7 @@ class RobotModel(Strict):
     tools: dict[str, str] = Field(default_factory=dict)
     home_deg: AxisValues = 0.0
     servo: Gains = Gains()
+    feet: Feet | None = None
 
     @property
     def urdf_path(self) -> Path:

@@ -63,6 +63,8 @@ class RobotConfig(Strict):
     """Joint positions at the start, per axis."""
     tcp: str | None = None
     """Tool that `tcp_pose` follows; the last piece of the robot's chain unless given."""
+    feet: str | None = None
+    """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
