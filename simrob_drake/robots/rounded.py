@@ -18,14 +18,14 @@ from simrob_drake.frames import Vector
 Triple = tuple[float, float, float]
 
 _CREASE = np.cos(np.deg2rad(38.0))  # faces that meet at a sharper edge than this are shaded apart
-_FINE = 3e-2  # spheres of at least this radius get four times the faces [m]
+_FINE = 0.03, 0.012  # spheres of at least these radii get sixteen and four times the faces of the smallest [m]
 _SIDES = 32  # of a disc
 _DIGITS = 5  # of coordinates: 10 µm
 
 
 def hull(points: npt.ArrayLike, radius: float) -> trimesh.Trimesh:
     """Return the convex hull of spheres of one radius about points, shape (k, 3)."""
-    ball = trimesh.creation.icosphere(subdivisions=3 if radius >= _FINE else 1)
+    ball = trimesh.creation.icosphere(subdivisions=1 + sum(radius >= limit for limit in _FINE))
     return solid((np.asarray(points, dtype=float)[:, np.newaxis] + radius * np.asarray(ball.vertices)).reshape(-1, 3))
 
 
