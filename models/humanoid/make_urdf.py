@@ -20,7 +20,7 @@ COMMENT = """
   The humanoid of MATLAB (sm_humanoid): 22 bodies, 18 joints, 2.292 kg. It faces -y; its left is +x.
   Joints, masses, inertias and damping are the published figures; yaw angles are exact, where the original has 3.1415.
   Estimates, since the original has none of them:
-  - effort 3 N m: what servos of this size give; the thesis's motions stay below it.
+  - effort 3 N m: what servos of this size give, and enough for the thesis's step.
   - velocity 12 rad/s: a fast servo of this size.
   - ranges: those of a human, but for wrists and ankles, which keep the 90 degrees of the original's stops.
   The collision shapes are for falls; those of the feet are replaced by the feet that robot.yaml describes.
@@ -106,7 +106,9 @@ def trunk() -> Parts:
     """Chest that narrows to the waist, with a dark inlay in front and a battery on the back."""
     corners = [(0.0641, y, z) for y in (-0.0254, 0.0254) for z in (-0.0145, -0.082)]
     shell = wedge([*corners, (0.040, -0.0225, -0.2014), (0.040, 0.0225, -0.2014)], 0.011)
-    inlay = wedge([(0.036, -0.0268, -0.050), (0.036, -0.0268, -0.094), (0.020, -0.0268, -0.122), (0.03, 0, -0.06)], 0.003)
+    inlay = wedge(
+        [(0.036, -0.0268, -0.050), (0.036, -0.0268, -0.094), (0.020, -0.0268, -0.122), (0.03, 0, -0.06)], 0.003
+    )
     pack = block((-0.040, 0.0, -0.125), (0.040, 0.0285, -0.040), 0.006)
     lamp = drum(0.0065, (-0.0277, -0.0200), "y", (0, 0, -0.070), 0.001)
     return {"signal_orange": [shell], "graphite": [inlay, pack], "eye_blue": [lamp]}
@@ -127,9 +129,7 @@ def shoulder_line() -> Parts:
 def neck() -> Parts:
     """Fork that holds the head between its tines."""
     seat = block((-0.0349, -0.0101, 0.012), (0.0349, 0.0101, 0.0215), 0.004)
-    tine = wedge([(0.0349, y, z) for y in (-0.0101, 0.0101) for z in (0.014, 0.0692)], 0.0)
     side = block((0.0311, -0.0101, 0.013), (0.0349, 0.0101, 0.0745), 0.0018)
-    del tine
     return {"graphite": [drum(0.012, (-0.0025, 0.016)), seat, side, mirrored(side)]}
 
 
@@ -150,7 +150,12 @@ def cover() -> Parts:
 
 def shoulder() -> Parts:
     """Servo between trunk and upper arm."""
-    return {"graphite": [block((-0.0178, -0.0175, -0.0089), (0.0254, 0.0175, 0.0089), 0.004), drum(0.0089, (-0.019, 0.019), "y", (0.0172, 0, 0))]}
+    return {
+        "graphite": [
+            block((-0.0178, -0.0175, -0.0089), (0.0254, 0.0175, 0.0089), 0.004),
+            drum(0.0089, (-0.019, 0.019), "y", (0.0172, 0, 0)),
+        ]
+    }
 
 
 def upper_arm() -> Parts:
@@ -196,7 +201,11 @@ def upper_leg() -> Parts:
 
 def lower_leg() -> Parts:
     """Shank with a calf, and cheeks about the knee."""
-    shank = [(x, y, z) for x in (-0.0125, 0.0125) for y, z in ((-0.0055, -0.028), (0.0075, -0.034), (-0.0045, -0.084), (0.0045, -0.084))]
+    shank = [
+        (x, y, z)
+        for x in (-0.0125, 0.0125)
+        for y, z in ((-0.0055, -0.028), (0.0075, -0.034), (-0.0045, -0.084), (0.0045, -0.084))
+    ]
     cheek = block((0.0222, -0.0135, -0.045), (0.0267, 0.0135, 0.0155), 0.002)
     joint = drum(0.0135, (-0.0185, 0.0185), "x", (0, 0, -0.10414))
     return {"shell_white": [hull(shank, 0.0108), cheek, mirrored(cheek)], "graphite": [joint]}

@@ -97,12 +97,18 @@ def c_waist() -> Parts:
 
 def c_chest() -> Parts:
     """Shell with a battery pack behind, and an orange badge."""
-    front = hull([(x, y, z) for x, y in ((0.0228, 0.031), (-0.040, 0.0445)) for y in (-y, y) for z in (-0.030, 0.0235)], 0.008)
+    front = hull(
+        [(x, y, z) for x, y in ((0.0228, 0.031), (-0.040, 0.0445)) for y in (-y, y) for z in (-0.030, 0.0235)], 0.008
+    )
     pack = block((-0.0896, -0.0430, -0.0541), (-0.036, 0.0430, 0.0120), 0.008)
     frame = block((-0.032, -0.0545, -0.0165), (0.0117, 0.0545, 0.0165), 0.004)
     badge = block((0.0285, -0.014, -0.0105), (0.0318, 0.014, 0.0045), 0.0015)
     vents = [block((-0.0912, -0.026, z), (-0.080, 0.026, z + 0.005), 0.0015) for z in (-0.040, -0.028, -0.016)]
-    return {"light_grey": [front, pack], "dark_grey": [frame, *vents, drum(0.014, (0.02, 0.0345), fillet=0.003)], "orange": [badge]}
+    return {
+        "light_grey": [front, pack],
+        "dark_grey": [frame, *vents, drum(0.014, (0.02, 0.0345), fillet=0.003)],
+        "orange": [badge],
+    }
 
 
 def c_head() -> Parts:
@@ -137,7 +143,17 @@ def elbow() -> Parts:
 def lowerarm() -> Parts:
     """Fork about the elbow and a mitten."""
     fork = [block((-0.0125, y, -0.052), (0.0125, y + 0.0045, 0.0104), 0.002) for y in (-0.0240, 0.0195)]
-    mitten = hull([(-0.008, -0.0125, -0.045), (-0.008, 0.0125, -0.045), (0.006, -0.0125, -0.045), (0.006, 0.0125, -0.045), (-0.002, -0.007, -0.09), (-0.002, 0.007, -0.09)], 0.0105)
+    mitten = hull(
+        [
+            (-0.008, -0.0125, -0.045),
+            (-0.008, 0.0125, -0.045),
+            (0.006, -0.0125, -0.045),
+            (0.006, 0.0125, -0.045),
+            (-0.002, -0.007, -0.09),
+            (-0.002, 0.007, -0.09),
+        ],
+        0.0105,
+    )
     cuff = block((-0.0165, -0.0215, -0.057), (0.0145, 0.0215, -0.047), 0.003)
     return {"light_grey": [mitten, *fork], "orange": [cuff]}
 
@@ -157,7 +173,14 @@ def hipjointlower() -> Parts:
 
 def upperleg() -> Parts:
     """Thigh: a shell about its servo."""
-    shell = hull([(x, y, z) for x, z in ((-0.0115, 0.0065), (0.0165, 0.0065), (-0.0095, -0.058), (0.0155, -0.058)) for y in (-0.0085, 0.0085)], 0.0082)
+    shell = hull(
+        [
+            (x, y, z)
+            for x, z in ((-0.0115, 0.0065), (0.0165, 0.0065), (-0.0095, -0.058), (0.0155, -0.058))
+            for y in (-0.0085, 0.0085)
+        ],
+        0.0082,
+    )
     hub = drum(0.0115, (-0.0195, 0.0195), "y", (0, 0, 0))
     knee = drum(0.0120, (-0.0190, 0.0190), "y", (0, 0, -0.065008))
     return {"light_grey": [shell], "dark_grey": [hub, knee]}
@@ -165,7 +188,14 @@ def upperleg() -> Parts:
 
 def lowerleg() -> Parts:
     """Shank with an orange shin."""
-    shell = hull([(x, y, z) for x, z in ((0.0, -0.008), (0.0185, -0.008), (0.0005, -0.055), (0.0135, -0.055)) for y in (-0.0095, 0.0095)], 0.0082)
+    shell = hull(
+        [
+            (x, y, z)
+            for x, z in ((0.0, -0.008), (0.0185, -0.008), (0.0005, -0.055), (0.0135, -0.055))
+            for y in (-0.0095, 0.0095)
+        ],
+        0.0082,
+    )
     shin = hull([(0.0225, y, z) for y in (-0.007, 0.007) for z in (-0.014, -0.044)], 0.0048)
     ankle = drum(0.0112, (-0.0190, 0.0190), "y", (0, 0, -0.065203))
     return {"light_grey": [shell], "orange": [shin], "dark_grey": [ankle]}
@@ -181,7 +211,9 @@ def ankle() -> Parts:
 def foot() -> Parts:
     """Wide sole with a bracket for the ankle."""
     sole = block((-0.0672, -0.0676, -0.02593), (0.0546, 0.0104, -0.0195), 0.0028)
-    top = hull([(-0.054, -0.057, -0.0165), (-0.054, 0.0, -0.0165), (0.042, -0.057, -0.0165), (0.042, 0.0, -0.0165)], 0.0055)
+    top = hull(
+        [(-0.054, -0.057, -0.0165), (-0.054, 0.0, -0.0165), (0.042, -0.057, -0.0165), (0.042, 0.0, -0.0165)], 0.0055
+    )
     posts = [block((x, -0.0125, -0.020), (x + 0.0042, 0.0095, 0.0102), 0.0018) for x in (-0.0242, 0.0200)]
     return {"dark_grey": [sole], "light_grey": [top, *posts]}
 
@@ -211,7 +243,9 @@ def make(folder: Path) -> None:
         joints += [_joint(name, figures, sign, side) for name, figures in {**ARM, **LEG}.items()]
         for tool, link, place in (("hand", "lowerarm", (-0.002, 0, -0.101)), ("sole", "foot", (0, 0, -0.02593))):
             links.append(Link(name=f"{side}_{tool}"))
-            joints.append(Joint(name=f"{side}_{tool}_fixed", parent=f"{side}_{link}", child=f"{side}_{tool}", xyz=place))
+            joints.append(
+                Joint(name=f"{side}_{tool}_fixed", parent=f"{side}_{link}", child=f"{side}_{tool}", xyz=place)
+            )
     write_urdf(folder / "roid1.urdf", comment=COMMENT, colours=COLOURS, links=links, joints=joints)
 
 

@@ -18,8 +18,8 @@ COMMENT = """
   Yobotics quadruped: 12 joints, 9.443 kg, legs of 0.2115 and 0.2304 m. It faces +x; all frames are parallel at zero.
   Joint places, ranges, 20 N m, 10.6 rad/s, masses and inertias are the published figures. Ours are:
   - trunk: one link of the massless root and what is welded to it.
-  - hips and thighs: their centres of mass lie outward, where their shapes are; the file has them inward by as much.
-  - calf: its centre of mass 61 mm under the knee, as in the MIT Mini Cheetah, whose thigh and calf have the same masses;
+  - hips and thighs: their centres of mass lie outward, as their shapes do and the Mini Cheetah's; the file has them inward.
+  - calf: its centre of mass 61 mm under the knee, as in the MIT Mini Cheetah, whose thigh and calf have these masses;
     the file has it in the knee, with an inertia that fits a rod's about its own middle.
   - damping 0.01 N m s/rad: an estimate of the gears' losses; the file has none.
 """
@@ -102,7 +102,12 @@ def calf() -> Parts:
 
 def foot() -> Parts:
     """Rubber ball; the leg ends where it touches the floor."""
-    return {"carbon": [hull([(0, 0, FOOT_RADIUS), (0, 0, FOOT_RADIUS + 1e-4)], FOOT_RADIUS), drum(0.0135, (0.035, 0.062), fillet=0.003)]}
+    return {
+        "carbon": [
+            hull([(0, 0, FOOT_RADIUS), (0, 0, FOOT_RADIUS + 1e-4)], FOOT_RADIUS),
+            drum(0.0135, (0.035, 0.062), fillet=0.003),
+        ]
+    }
 
 
 def make(folder: Path) -> None:
@@ -123,7 +128,9 @@ def make(folder: Path) -> None:
     links, joints = [], []
     for name, (xyz, pitch, mass, moments) in CARRIED.items():
         link = "trunk" if name == "trunk_body" else name
-        links.append(Link(name=link, mass=mass, moments=moments, visuals=carried[name], collisions=bumpers.get(name, [])))
+        links.append(
+            Link(name=link, mass=mass, moments=moments, visuals=carried[name], collisions=bumpers.get(name, []))
+        )
         if link != "trunk":
             joints.append(Joint(name=f"{link}_fixed", parent="trunk", child=link, xyz=xyz, rpy=(0, pitch, 0)))
     forms = (hip, thigh, calf, foot)
@@ -157,9 +164,33 @@ def _leg_joints(leg: str, front: int, left: int) -> list[Joint]:
     names = [f"{leg}_{part}" for part in ("hip", "thigh", "calf", "foot")]
     thigh_range = (np.deg2rad(-30), np.deg2rad(225))
     return [
-        Joint(name=f"{leg}_hip_joint", parent="trunk", child=names[0], xyz=hip_place, axis=(1, 0, 0), range=hip_range, **figures),
-        Joint(name=f"{leg}_thigh_joint", parent=names[0], child=names[1], xyz=(0, left * 0.077476, 0), axis=(0, 1, 0), range=thigh_range, **figures),
-        Joint(name=f"{leg}_calf_joint", parent=names[1], child=names[2], xyz=(0, 0, -THIGH), axis=(0, 1, 0), range=(-np.pi, np.pi), **figures),
+        Joint(
+            name=f"{leg}_hip_joint",
+            parent="trunk",
+            child=names[0],
+            xyz=hip_place,
+            axis=(1, 0, 0),
+            range=hip_range,
+            **figures,
+        ),
+        Joint(
+            name=f"{leg}_thigh_joint",
+            parent=names[0],
+            child=names[1],
+            xyz=(0, left * 0.077476, 0),
+            axis=(0, 1, 0),
+            range=thigh_range,
+            **figures,
+        ),
+        Joint(
+            name=f"{leg}_calf_joint",
+            parent=names[1],
+            child=names[2],
+            xyz=(0, 0, -THIGH),
+            axis=(0, 1, 0),
+            range=(-np.pi, np.pi),
+            **figures,
+        ),
         Joint(name=f"{leg}_foot_fixed", parent=names[2], child=names[3], xyz=(0, 0, -CALF)),
     ]
 

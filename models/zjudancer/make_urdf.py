@@ -21,7 +21,7 @@ COMMENT = """
   - Legs: lengths of the team's motion code; the axes of a hip meet in a point, those of an ankle, too, and all lie in
     one plane, where the public URDF is off by up to 0.4 degrees and 2 mm.
   - Masses: the public URDF has 2.575 kg, motors and batteries apart it seems, the team's code 4.7 kg. Here the legs'
-    masses and inertias are those of the URDF times 1.384, which makes 0.85 kg a leg; neck, head and arms, of the same
+    masses and inertias are those of the URDF times 1.385, which makes 0.85 kg a leg; neck, head and arms, of the same
     motors, likewise, and the chest has the rest of the 3.0 kg, with its inertia scaled by its mass.
   - Reflected inertia 0.004 kg m2 a joint: an estimate for servos of this size; with it the robot was seen to walk.
   - Efforts: 10 N m in the legs, 7 in the shoulders, 3 in elbows and head; 20 rad/s; damping as in the public URDF.
@@ -30,8 +30,6 @@ COMMENT = """
 VELOCITY, REFLECTED = 20.0, 0.004  # rad/s, kg m²
 SMALL, LARGE = 0.0347, 0.0414  # damping of the two kinds of servo [N·m·s/rad]
 MIDDLE_Y = 0.0134  # the plane of head, arms and legs before the chest's frame [m]
-SCALE = 0.85 / 0.614347  # of the masses of all but the chest
-CHEST = 3.0 - SCALE * (0.05495974 + 0.0803704 + 2 * (0.1408805 + 0.02404427))  # kg
 
 COLOURS = {
     "racing_blue": (0.11, 0.33, 0.73, 1),
@@ -74,6 +72,12 @@ INERTIAS = {
     "leg_ankle": (0.1739482, (0, -0.016, 0.0143), (6.153e-5, 6.577e-5, 3.883e-5)),
     "foot": (0.1434286, (0.0157, 0, -0.045), (1.4142e-4, 5.055e-5, 1.8366e-4)),
 }
+SCALE = 0.85 / sum(INERTIAS[link][0] for link in INERTIAS if link not in ("arm", "hand"))  # of all but the chest
+CHEST = 3.0 - SCALE * sum(
+    figures[0] * (2 if link in INERTIAS else 1)
+    for link, figures in {**MIDDLE, **INERTIAS}.items()
+    if link in ("neck", "head", "arm", "hand")
+)  # kg
 SOLE = ((0.087, 0.147, 0.012), (0.016, 0, -0.054))  # size, centre in the right foot's link
 
 COLLISIONS: dict[str, list[Shape]] = {
@@ -89,10 +93,14 @@ Parts = dict[str, list[trimesh.Trimesh]]
 
 def chest() -> Parts:
     """Blue shell that narrows to the waist, computer on the back, pelvis plate under it."""
-    shell = wedge([(x, y, z) for x, z in ((0.061, 0.018), (0.061, -0.055), (0.044, -0.125)) for y in (-0.040, 0.046)], 0.012)
+    shell = wedge(
+        [(x, y, z) for x, z in ((0.061, 0.018), (0.061, -0.055), (0.044, -0.125)) for y in (-0.040, 0.046)], 0.012
+    )
     axle = drum(0.0165, (-0.069, 0.069), "x", (0, MIDDLE_Y, 0))
     pack = block((-0.044, -0.058, -0.105), (0.044, -0.030, 0.008), 0.008)
-    emblem = wedge([(0.030, 0.048, -0.015), (0.030, 0.048, -0.040), (0.008, 0.048, -0.075), (0.020, 0.03, -0.04)], 0.004)
+    emblem = wedge(
+        [(0.030, 0.048, -0.015), (0.030, 0.048, -0.040), (0.008, 0.048, -0.075), (0.020, 0.03, -0.04)], 0.004
+    )
     pelvis = block((-0.076, -0.026, -0.172), (0.076, 0.052, -0.160), 0.005)
     column = block((-0.034, -0.020, -0.168), (0.034, 0.040, -0.115), 0.006)
     return {"racing_blue": [shell], "servo_black": [axle, pack, column], "aluminium": [emblem, pelvis]}
@@ -207,7 +215,9 @@ def make(folder: Path) -> None:
         for tool, link, (x, y, z) in (("tip", "hand", (0, 0, -0.1435)), ("sole", "foot", (0.016, 0, -0.060))):
             links.append(Link(name=f"{side}_{tool}"))
             place = (sign * x, y, z)
-            joints.append(Joint(name=f"{side}_{tool}_fixed", parent=f"{side}_{link}", child=f"{side}_{tool}", xyz=place))
+            joints.append(
+                Joint(name=f"{side}_{tool}_fixed", parent=f"{side}_{link}", child=f"{side}_{tool}", xyz=place)
+            )
     write_urdf(folder / "zjudancer.urdf", comment=COMMENT, colours=COLOURS, links=links, joints=joints)
 
 

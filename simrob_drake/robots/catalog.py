@@ -13,8 +13,8 @@ from pydantic import BeforeValidator, Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.robots.feet import Feet
 from simrob_drake.paths import models_root
+from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.urdf import (
     joint_effort,
     joint_limits,

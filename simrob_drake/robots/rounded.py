@@ -31,7 +31,8 @@ def hull(points: npt.ArrayLike, radius: float) -> trimesh.Trimesh:
 
 def solid(points: npt.ArrayLike) -> trimesh.Trimesh:
     """Return the convex hull of points, shape (k, 3)."""
-    return trimesh.convex.convex_hull(np.asarray(points, dtype=float))
+    found: trimesh.Trimesh = trimesh.convex.convex_hull(np.asarray(points, dtype=float))
+    return found
 
 
 def block(low: Triple, high: Triple, radius: float) -> trimesh.Trimesh:

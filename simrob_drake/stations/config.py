@@ -50,6 +50,17 @@ class ServoConfig(Strict):
         return _each(values, lambda value: value > 0, "a torque limit must be positive [N·m]")
 
 
+class PushConfig(Strict):
+    """A force on a robot's root link, at its origin and along its axes."""
+
+    start: NotNegative
+    """When it begins [s]."""
+    duration: Positive = 0.1
+    """How long it lasts [s]."""
+    force: Triple
+    """Along x, y and z of the root link [N]."""
+
+
 class RobotConfig(Strict):
     """A robot of the station: one of the package by name, or any clean URDF by path."""
 
@@ -65,6 +76,8 @@ class RobotConfig(Strict):
     """Tool that `tcp_pose` follows; the last piece of the robot's chain unless given."""
     feet: str | None = None
     """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
+    pushes: tuple[PushConfig, ...] = ()
+    """Forces on its root link, such as those that it must withstand standing; dynamic stations only."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
@@ -146,6 +159,12 @@ class StationConfig(Strict):
     """Simulated time [s]."""
     sample_rate: Positive = 100.0
     """Samples a second of the signals [Hz]."""
+
+    @model_validator(mode="after")
+    def _forces_need_dynamics(self) -> StationConfig:
+        if self.mode == "kinematic" and any(robot.pushes for robot in self.robots.values()):
+            raise ValueError("a kinematic station knows no forces, so it has no pushes")
+        return self
 
     @field_validator("robots", "pieces", "monitors")
     @classmethod
