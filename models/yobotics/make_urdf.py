@@ -18,9 +18,9 @@ COMMENT = """
   Yobotics quadruped: 12 joints, 9.443 kg, legs of 0.2115 and 0.2304 m. It faces +x; all frames are parallel at zero.
   Joint places, ranges, 20 N m, 10.6 rad/s, masses and inertias are the published figures. Ours are:
   - trunk: one link of the massless root and what is welded to it.
-  - hips and thighs: their centres of mass lie outward, as their shapes do and the Mini Cheetah's; the file has them inward.
-  - calf: its centre of mass 61 mm under the knee, as in the MIT Mini Cheetah, whose thigh and calf have these masses;
-    the file has it in the knee, with an inertia that fits a rod's about its own middle.
+  - hips and thighs: their centres of mass lie outward, as their shapes do; the file has them inward by as much.
+  - calf: its centre of mass lies 61 mm under the knee. Both are as in the MIT Mini Cheetah, whose thigh and calf have
+    the same masses; the file has the calf's in the knee, with an inertia that fits a rod's about its own middle.
   - damping 0.01 N m s/rad: an estimate of the gears' losses; the file has none.
 """
 EFFORT, VELOCITY, DAMPING = 20.0, 10.6, 0.01  # N·m, rad/s, N·m·s/rad

@@ -1,4 +1,4 @@
-"""The legged robots against their published figures: masses, kinematics, limits, symmetry and the senses of the axes."""
+"""The legged robots against their published figures: masses, kinematics, limits, symmetry, senses of the axes."""
 
 import runpy
 from pathlib import Path

@@ -1,0 +1,174 @@
+"""Robots on their own feet: they stand, step and are pushed, held by nothing but the contacts of their soles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, EventStatus
+
+from simrob_drake import SimulationResult, load_station, simulate
+from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.solve import apply_solver
+
+LEGGED = ("humanoid_dynamic", "roid1_dynamic", "zjudancer_dynamic", "yobotics_dynamic")
+
+# The thesis's step ("Paso"), a second a posture, in SimRob's names.
+STEP = {
+    "kind": "sequence",
+    "targets": [
+        {"time": 1, "target_deg": {"CadIF": 60, "RodI": 60}},
+        {"time": 2, "target_deg": {"RodD": 30, "TobD": -30}},
+        {"time": 3, "target_deg": {"CadIF": 0, "RodI": 0}},
+        {"time": 4, "target_deg": {"RodD": 0, "TobD": 0, "HomDF": 0}},
+    ],
+}
+STEPPING = {"reference": STEP, "duration": 6.0}
+
+# The humanoid with its hips ahead of its ankles, the centre of mass in the middle of area C [deg].
+READY = {f"{side}_{axis}": angle for side in ("left", "right") for axis, angle in
+         (("hip_pitch", 30), ("knee", 80), ("ankle_pitch", -50))}  # fmt: skip
+READY_HEIGHT = 0.3949  # m, of the trunk
+
+
+def base_poses(result: SimulationResult) -> list[RigidTransform]:
+    return [transform_from_xyz_quaternion(row) for row in result.pose("base")]
+
+
+def tilt_deg(result: SimulationResult) -> np.ndarray:
+    """Return the angle between the base's z axis and the vertical, shape (m,) [deg]."""
+    return np.rad2deg(np.arccos(np.clip([pose.rotation().matrix()[2, 2] for pose in base_poses(result)], -1, 1)))
+
+
+def height_by_geometry(result: SimulationResult) -> float:
+    """Return how high the base stands if the lowest points of the feet touch the floor, at the end of a run [m]."""
+    robot, plant = result.plant.robots["robot"], result.plant.plant
+    context = plant.CreateDefaultContext()
+    plant.SetFreeBodyPose(context, robot.root.body(), RigidTransform(base_poses(result)[-1].rotation()))
+    for joint, sign, angle in zip(robot.joints, robot.signs, result.axes("q")[-1], strict=True):
+        joint.set_angle(context, sign * angle)
+    lowest = []
+    for link in robot.feet.links:
+        pose = plant.GetFrameByName(link).CalcPoseInWorld(context)
+        lowest += [(pose @ np.array(point))[2] - robot.feet.radius for point in robot.feet.points[link]]
+    return -min(lowest)
+
+
+@pytest.mark.parametrize("name", LEGGED)
+def test_it_stands_ten_seconds(name: str) -> None:
+    result = simulate(load_station(name))
+    base, robot = result.pose("base")[:, :3], result.plant.robots["robot"]
+    assert result.ending == "completed"
+    assert result.stop_time == 10.0
+    assert np.linalg.norm(base - base[0], axis=1).max() < 0.005
+    assert tilt_deg(result).max() < 1.0
+    assert (np.abs(result.axes("tau")).max(axis=0) < 0.5 * robot.gains.torque_limit).all()
+    # The feet sink in by what they carry over their stiffness: more than nothing, less than all of it on one sphere.
+    weight = 9.80665 * result.plant.plant.CalcTotalMass(result.plant.plant.CreateDefaultContext())
+    sunk = height_by_geometry(result) - base[-1, 2]
+    assert 0 < sunk < weight / robot.feet.stiffness / 2
+    assert np.linalg.norm(base[-1] - base[-100]) < 2e-4  # at rest: what it still moves in the last second
+
+
+@pytest.mark.parametrize(
+    ("feet", "height", "model"),
+    [
+        ("spheres_A", 0.44175, "point"),
+        ("spheres_B", 0.446475, "point"),
+        ("soles", 0.44496, "hydroelastic_with_fallback"),
+    ],
+)
+def test_the_humanoid_stands_on_each_kind_of_feet(feet: str, height: float, model: str) -> None:
+    overrides = {"robot.feet": feet, "robot.base": [0, 0, height, 0, 0, 0], "contact.model": model, "duration": 3.0}
+    result = simulate(load_station("humanoid_dynamic", overrides))
+    moved = result.pose("base")[:, :3] - (0, 0, height)
+    assert np.linalg.norm(moved, axis=1).max() < 0.003
+    assert tilt_deg(result).max() < 0.5
+
+
+@pytest.fixture(scope="module")
+def stepped() -> SimulationResult:
+    return simulate(load_station("humanoid_dynamic", STEPPING))
+
+
+def test_the_step_of_the_thesis_goes_forward_and_ends_upright(stepped: SimulationResult) -> None:
+    end = stepped.pose("base")[-1]
+    assert stepped.ending == "completed"
+    assert -0.08 < end[1] < -0.06  # forward is -y
+    assert abs(end[0]) < 0.01
+    assert tilt_deg(stepped).max() < 2.0
+    assert np.abs(stepped.axes("tau")).max() <= 3.0 + 1e-9
+
+
+def test_the_step_is_the_same_ten_times_tighter(stepped: SimulationResult) -> None:
+    config = load_station("humanoid_dynamic", STEPPING)
+    tight = simulate(config.model_copy(update={"solver": config.solver.tighter()}))
+    apart = stepped.pose("base")[:, :3] - tight.pose("base")[:, :3]
+    assert np.linalg.norm(apart, axis=1).max() < 0.003
+    assert np.abs(stepped.axes("q") - tight.axes("q")).max() < 0.01
+
+
+def test_nothing_but_contacts_and_gravity_moves_the_humanoid() -> None:
+    """Over any second of a step their impulse is the change of momentum, within 2 % of the weight's."""
+    overrides = {**STEPPING, "duration": 4.0, "solver.kind": "discrete", "solver.time_step": 2e-3}
+    config = load_station("humanoid_dynamic", overrides)
+    builder = DiagramBuilder()
+    ports = add_closed_station(builder, config)
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    apply_solver(simulator, config)
+    plant = ports.plant.plant
+    times, forces, momenta = [], [], []
+
+    def look(root):
+        context = plant.GetMyContextFromRoot(root)
+        contacts = plant.get_contact_results_output_port().Eval(context)
+        force = np.zeros(3)
+        for index in range(contacts.num_point_pair_contacts()):
+            force += contacts.point_pair_contact_info(index).contact_force()  # on body B
+        times.append(root.get_time())
+        forces.append(force)
+        momenta.append(plant.CalcSpatialMomentumInWorldAboutPoint(context, np.zeros(3)).translational())
+        return EventStatus.DidNothing()
+
+    simulator.set_monitor(look)
+    simulator.AdvanceTo(config.duration)
+    mass = plant.CalcTotalMass(plant.CreateDefaultContext())
+    # The contacts seen at a step's start are those of the step that begins there.
+    floor_pushes = np.cumsum(np.array(forces)[:-1] * np.diff(times)[:, np.newaxis], axis=0)
+    sense = np.sign(floor_pushes[-1, 2])  # body B is the floor or the robot: the floor pushes up
+    gravity = np.outer(np.array(times)[1:], [0, 0, -9.80665 * mass])
+    balance = sense * floor_pushes + gravity - np.array(momenta)[1:]
+    second = round(1.0 / 2e-3)
+    unexplained = balance[second:] - balance[:-second]
+    assert np.abs(unexplained).max() < 0.02 * 9.80665 * mass
+
+
+def fell(result: SimulationResult) -> bool:
+    height = result.pose("base")[:, 2]
+    return bool(tilt_deg(result)[-1] > 30 or height[-1] < 0.8 * height[0])
+
+
+def pushed(name: str, force: list[float], overrides: dict[str, object] | None = None) -> SimulationResult:
+    push = {"start": 0.5, "duration": 0.1, "force": force}
+    return simulate(load_station(name, {**(overrides or {}), "robot.pushes": [push], "duration": 3.0}))
+
+
+@pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+@pytest.mark.parametrize(
+    ("name", "force"), [("humanoid_dynamic", 10.0), ("roid1_dynamic", 4.0), ("yobotics_dynamic", 80.0)]
+)
+def test_a_push_is_withstood(name: str, force: float, direction: tuple[float, float]) -> None:
+    overrides = {}
+    if name == "humanoid_dynamic":
+        overrides = {"robot.initial_deg": READY, "robot.base": [0, 0, READY_HEIGHT, 0, 0, 0]}
+    result = pushed(name, [force * direction[0], force * direction[1], 0.0], overrides)
+    assert not fell(result)
+    assert tilt_deg(result).max() > 0.2  # it was pushed
+
+
+def test_twice_the_push_is_too_much() -> None:
+    assert fell(pushed("humanoid_dynamic", [0, -24.0, 0]))
+    assert fell(pushed("roid1_dynamic", [-12.0, 0, 0]))
