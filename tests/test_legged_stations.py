@@ -10,6 +10,7 @@ from pydrake.systems.framework import DiagramBuilder, EventStatus
 
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.stations.checks import holding_torque
 from simrob_drake.stations.closed import add_closed_station
 from simrob_drake.stations.solve import apply_solver
 
@@ -27,10 +28,10 @@ STEP = {
 }
 STEPPING = {"reference": STEP, "duration": 6.0}
 
-# The humanoid with its hips ahead of its ankles, the centre of mass in the middle of area C [deg].
-READY = {f"{side}_{axis}": angle for side in ("left", "right") for axis, angle in
-         (("hip_pitch", 30), ("knee", 80), ("ankle_pitch", -50))}  # fmt: skip
-READY_HEIGHT = 0.3949  # m, of the trunk
+# The humanoid with its hips ahead of its ankles, so that its centre of mass is over the middle of its feet [deg], and
+# how much lower its trunk then stands [m].
+READY = {"hip_pitch": 15, "knee": 45, "ankle_pitch": -30}
+LOWER = 0.0175
 
 
 def base_poses(result: SimulationResult) -> list[RigidTransform]:
@@ -146,6 +147,20 @@ def test_nothing_but_contacts_and_gravity_moves_the_humanoid() -> None:
     assert np.abs(unexplained).max() < 0.02 * 9.80665 * mass
 
 
+def test_the_humanoid_held_by_its_trunk_moves_as_told_and_feels_its_weight() -> None:
+    result = simulate(load_station("humanoid_fixed"))
+    np.testing.assert_array_equal(result.axes("q"), result.axes("q_ref"))
+    np.testing.assert_allclose(np.rad2deg(result.axes("q")[-1]), 30, atol=1e-9)
+    np.testing.assert_allclose(result.pose("base") - [0, 0, 0.44, 1, 0, 0, 0], 0, atol=1e-12)
+    robot = result.plant.robots["robot"]
+    expected = holding_torque(result.plant, robot, np.full(18, np.deg2rad(30)))
+    np.testing.assert_allclose(result.axes("tau")[-1], expected, atol=1e-9)
+    # The hip carries a leg of 0.548 kg that leans: no more than its weight at the length of a leg.
+    assert 0.1 < result["tau.left_hip_roll"][-1] < 0.548 * 9.80665 * 0.25
+    for axis in ("shoulder_pitch", "knee", "hip_roll"):
+        assert result[f"tau.left_{axis}"][-1] == pytest.approx(result[f"tau.right_{axis}"][-1], abs=2e-3)
+
+
 def fell(result: SimulationResult) -> bool:
     height = result.pose("base")[:, 2]
     return bool(tilt_deg(result)[-1] > 30 or height[-1] < 0.8 * height[0])
@@ -158,13 +173,17 @@ def pushed(name: str, force: list[float], overrides: dict[str, object] | None = 
 
 @pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1)])
 @pytest.mark.parametrize(
-    ("name", "force"), [("humanoid_dynamic", 10.0), ("roid1_dynamic", 4.0), ("yobotics_dynamic", 80.0)]
+    ("name", "force"),
+    [("spheres_C", 10.0), ("spheres_B", 7.0), ("roid1", 4.0), ("yobotics", 80.0)],
 )
 def test_a_push_is_withstood(name: str, force: float, direction: tuple[float, float]) -> None:
-    overrides = {}
-    if name == "humanoid_dynamic":
-        overrides = {"robot.initial_deg": READY, "robot.base": [0, 0, READY_HEIGHT, 0, 0, 0]}
-    result = pushed(name, [force * direction[0], force * direction[1], 0.0], overrides)
+    overrides: dict[str, object] = {}
+    if name.startswith("spheres"):
+        height = {"spheres_C": 0.446, "spheres_B": 0.446475}[name] - LOWER
+        posture = {f"{side}_{axis}": angle for side in ("left", "right") for axis, angle in READY.items()}
+        overrides = {"robot.feet": name, "robot.initial_deg": posture, "robot.base": [0, 0, height, 0, 0, 0]}
+    station = "humanoid_dynamic" if overrides else f"{name}_dynamic"
+    result = pushed(station, [force * direction[0], force * direction[1], 0.0], overrides)
     assert not fell(result)
     assert tilt_deg(result).max() > 0.2  # it was pushed
 

@@ -48,12 +48,12 @@ class Push:
 def add_pushes(
     builder: DiagramBuilder, plant: MultibodyPlant, frame: Frame, pushes: Sequence[Push], *, name: str
 ) -> OutputPort:
-    """Add forces at a frame's origin along its axes; where pushes overlap, they add up.
+    """Add forces at the centre of mass of a frame's body, along the frame's axes; where pushes overlap, they add up.
 
     Args:
         builder: the diagram under construction.
         plant: the finalized plant of the frame.
-        frame: where the forces act, and whose axes they are given in.
+        frame: of the body that is pushed.
         pushes: at least one.
         name: of the block.
 
@@ -66,6 +66,7 @@ def add_pushes(
     course = PiecewisePolynomial.ZeroOrderHold(breaks, np.array([*forces, np.zeros(3)]).T)
     source = builder.AddNamedSystem(f"{name}.course", TrajectorySource(course))
     builder.AddNamedSystem(f"{name}.edges", EventTimes(edges))
-    block = add_external_force(builder, plant, frame, name=name)
+    centre = frame.GetFixedPoseInBodyFrame().inverse() @ frame.body().default_com()
+    block = add_external_force(builder, plant, frame, name=name, point=centre)
     builder.Connect(source.get_output_port(), block.get_command_input_port())
     return block.get_spatial_forces_output_port()

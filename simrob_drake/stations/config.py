@@ -51,7 +51,7 @@ class ServoConfig(Strict):
 
 
 class PushConfig(Strict):
-    """A force on a robot's root link, at its origin and along its axes."""
+    """A force on a robot's root link, at its centre of mass and along its axes."""
 
     start: NotNegative
     """When it begins [s]."""

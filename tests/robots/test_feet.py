@@ -90,5 +90,5 @@ def test_a_description_that_makes_no_feet_is_refused(feet: dict[str, object], me
 
 def test_a_foot_that_is_no_link_is_named() -> None:
     robot = ET.fromstring('<robot name="r"><link name="foot"/></robot>')
-    with pytest.raises(UnknownName, match="no link .* 'fot'; did you mean 'foot'"):
+    with pytest.raises(UnknownName, match=r"no link .* 'fot'; did you mean 'foot'"):
         put_on_feet(robot, FootContact(points={"fot": ((0, 0, 0),)}))
