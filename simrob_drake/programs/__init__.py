@@ -1,0 +1,1 @@
+"""Programs: what robots are told to do, planned before they move."""
