@@ -66,9 +66,17 @@ def leg_angles(
         square = jacobian.transpose(0, 2, 1) @ jacobian + _DAMPING * np.eye(len(axes))
         move = np.linalg.solve(square, jacobian.transpose(0, 2, 1) @ error[..., np.newaxis])[..., 0]
         angles[:, axes] += np.clip(move, -_LARGEST_MOVE, _LARGEST_MOVE)
-    missing = np.zeros((len(angles), 6))
-    missing[:, rows] = _error_and_jacobian(skeleton, foot, target, root, angles)[0][:, rows]
-    _check(skeleton, foot, angles, missing, times)
+    wrong = np.abs(_error_and_jacobian(skeleton, foot, target, root, angles)[0][:, rows]).max(axis=1)
+    when = np.arange(len(angles), dtype=float) if times is None else times
+    if wrong.max() > _WRONG:
+        row = slice(int(wrong.argmax()), int(wrong.argmax()) + 1)
+        one = (target[0][row], target[1][row]), (root[0][row], root[1][row]), start[row]
+        short = _shortfall(skeleton, foot, *one, [place for place in rows if place < 3])
+        raise OutOfReach(
+            f"the leg of {foot.name} is out of reach by {1e3 * short:.0f} mm at {when[row][0]:.2f} s;"
+            " take shorter or lower steps, or let the hips come down"
+        )
+    _check_limits(skeleton, foot, angles, when)
     return angles
 
 
@@ -99,16 +107,26 @@ def _error_and_jacobian(
     return error, jacobian
 
 
-def _check(skeleton: Skeleton, foot: Foot, angles: Vector, missing: Vector, times: Vector | None) -> None:
-    """Check that the foot got there, with every joint within its limits."""
-    when = np.arange(len(angles), dtype=float) if times is None else times
-    short = np.abs(missing).max(axis=1)
-    if short.max() > _WRONG:
-        row = int(short.argmax())
-        raise OutOfReach(
-            f"the leg of {foot.name} is out of reach by {1e3 * np.linalg.norm(missing[row, :3]):.0f} mm"
-            f" at {when[row]:.2f} s; take shorter or lower steps, or let the hips come down"
-        )
+def _shortfall(
+    skeleton: Skeleton,
+    foot: Foot,
+    target: tuple[Vector, Vector],
+    root: tuple[Vector, Vector],
+    start: Vector,
+    rows: list[int],
+) -> float:
+    """Return how near one foot comes to a place if it need not be flat [m]: heavily damped, so that it settles."""
+    angles, axes = start.copy(), list(foot.axes)
+    error = np.zeros((1, 6))
+    for _ in range(10 * _ROUNDS):
+        error, jacobian = _error_and_jacobian(skeleton, foot, target, root, angles)
+        part = jacobian[0][rows]
+        angles[0, axes] += np.linalg.solve(part.T @ part + 1e-4 * np.eye(len(axes)), part.T @ error[0, rows])
+    return float(np.linalg.norm(error[0, rows]))
+
+
+def _check_limits(skeleton: Skeleton, foot: Foot, angles: Vector, when: Vector) -> None:
+    """Check that every joint of a leg stays within its limits."""
     lower, upper = skeleton.model.axis_limits
     for axis in foot.axes:
         beyond = np.maximum(lower[axis] - angles[:, axis], angles[:, axis] - upper[axis])

@@ -83,8 +83,6 @@ class Trot(Strict):
     """Part of a step in which all feet stand."""
     widen: Number = 0.0
     """How much further out each foot stands than below its hip [m]."""
-    back: Number = 0.0
-    """How far behind its hip each foot stands [m]."""
     ramp_steps: int = Field(default=4, ge=0)
     """Steps in which the step length grows at the start and shrinks at the end."""
     settle: Positive = 0.6
@@ -110,8 +108,6 @@ class Crawl(Strict):
     """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
     widen: Number = 0.0
     """How much further out each foot stands than below its hip [m]."""
-    back: Number = 0.0
-    """How far behind its hip each foot stands [m]."""
     settle: Positive = 0.8
     """Time to stand before the first leg and after the last one [s]."""
     rest: NotNegative = 1.0

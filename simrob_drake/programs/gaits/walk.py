@@ -63,10 +63,10 @@ def carriage(robot: str, facing: float, bearing: Bearing, feet: str | None = Non
     )
 
 
-def on_path(pose: Vector, ahead: float, left: float) -> Vector:
-    """Return the place that is ahead and to the left of a pose (x, y, turn), with its turn, shape (3,) [m, rad]."""
+def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:
+    """Return the pose (x, y, turn) that is ahead, to the left and turned from another, shape (3,) [m, rad]."""
     cosine, sine = np.cos(pose[2]), np.sin(pose[2])
-    return pose + np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, 0.0])
+    return np.asarray(pose + np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, turn]))
 
 
 def ramp_shares(steps: int, ramp_steps: int) -> Vector:
@@ -90,8 +90,8 @@ def _phases(steps: int, figures: Walk, start: dict[str, Vector]) -> list[Phase]:
     for number, share in enumerate(ramp_shares(steps, figures.ramp_steps)):
         swinging, standing = SIDES[number % 2], SIDES[(number + 1) % 2]
         move = share * np.array([figures.step_length, figures.sideways, np.deg2rad(figures.turn_deg)])
-        pose = on_path(pose, move[0], move[1]) + [0.0, 0.0, move[2]]
-        goal = on_path(pose, 0.0, start[swinging][1])
+        pose = on_path(pose, *move)
+        goal = on_path(pose, left=start[swinging][1])
         first = number == 0  # the weight is on the standing foot already
         phases.append(
             Phase(
@@ -105,7 +105,7 @@ def _phases(steps: int, figures: Walk, start: dict[str, Vector]) -> list[Phase]:
             )
         )
         place[swinging] = goal
-    middle = on_path(pose, figures.zmp_ahead, 0.0)[:2]
+    middle = on_path(pose, figures.zmp_ahead)[:2]
     phases.append(Phase(figures.settle, middle, figures.settle, heading=pose[2]))
     if figures.rest > 0:
         phases.append(Phase(figures.rest, middle, 0.0, heading=pose[2]))
