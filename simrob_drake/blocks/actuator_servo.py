@@ -10,6 +10,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Saturation
 
 from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_integral
 from simrob_drake.blocks.wiring import joined, mapped, summed
@@ -71,5 +72,28 @@ def add_actuator_servos(
             builder, f"{prefix}actuation", actuation_map, summed(builder, f"{prefix}feedforward_sum", *extra)
         )
         builder.Connect(total, plant.get_actuation_input_port(instance))
+    if velocity_sense < 0 and signals.reference_velocity is not None:
+        return _torque_by_law(builder, signals, gains, signals.reference_velocity, extra, prefix)
     applied = plant.get_net_actuation_output_port(instance)
     return mapped(builder, f"{prefix}applied_torque", actuation_map.T, applied)
+
+
+def _torque_by_law(
+    builder: DiagramBuilder,
+    signals: ServoSignals,
+    gains: ServoGains,
+    velocity: OutputPort,
+    extra: list[OutputPort],
+    prefix: str,
+) -> OutputPort:
+    """Add the servos' law once more, to be read only: the plant's port would tell it with the wrong sense, too."""
+    proportional, derivative = np.diag(gains.kp), np.diag(gains.kd)
+    law = np.hstack([proportional, -proportional, -derivative, derivative])
+    bus = joined(builder, f"{prefix}applied_torque.bus", signals.reference, signals.state, velocity)
+    total = mapped(builder, f"{prefix}applied_torque.pd", law, bus)
+    if extra:
+        total = summed(builder, f"{prefix}applied_torque.sum", total, *extra)
+    clamp = Saturation(-gains.torque_limit, gains.torque_limit)
+    builder.AddNamedSystem(f"{prefix}applied_torque", clamp)
+    builder.Connect(total, clamp.get_input_port())
+    return clamp.get_output_port()

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant, Propeller, PropellerInfo
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder
 
 
-def add_external_force(builder: DiagramBuilder, plant: MultibodyPlant, frame: Frame, *, name: str) -> Propeller:
+def add_external_force(
+    builder: DiagramBuilder, plant: MultibodyPlant, frame: Frame, *, name: str, point: npt.ArrayLike = (0.0, 0.0, 0.0)
+) -> Propeller:
     """Add a force along the three axes of a frame, as three propellers without drag.
 
     Drake's Propeller pushes along the z axis of a frame fixed to a body; three of them, turned, make a force vector.
@@ -19,12 +22,13 @@ def add_external_force(builder: DiagramBuilder, plant: MultibodyPlant, frame: Fr
         plant: the finalized plant of the frame.
         frame: where the force acts, and whose axes it is given in.
         name: of the block.
+        point: where it acts in the frame, shape (3,) [m].
 
     Returns:
         the block: its ``command`` input (3) is the force [N]; its ``spatial_forces`` output goes to the plant.
     """
     body = frame.body()
-    pose = frame.GetFixedPoseInBodyFrame()
+    pose = frame.GetFixedPoseInBodyFrame() @ RigidTransform(np.asarray(point, dtype=float))
     along_z = {
         "x": RotationMatrix.MakeYRotation(np.pi / 2),
         "y": RotationMatrix.MakeXRotation(-np.pi / 2),

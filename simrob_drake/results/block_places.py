@@ -6,6 +6,7 @@ knows is a user's own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -48,7 +49,7 @@ Shape = Literal["block", "mux", "bus", "port", "sum"]
 
 BARS: tuple[Shape, ...] = ("mux", "bus")
 
-_SOURCE, _STOPS, _ALL_JOINTS = "reference_source", "stops", "servo"
+_SOURCE, _PUSHES, _STOPS, _ALL_JOINTS = "reference_source", "pushes", "stops", "servo"
 _YIELDING, _MODEL_TORQUE = "yielding", "model_torque"
 _SENSORS = {
     ForceSensor: "Force sensor",
@@ -103,6 +104,10 @@ def _robot_place(name: str, local: str, system: System, robot: StationRobot, por
     if head == _SOURCE:
         label = "" if part else captions.reference_text(ports.config.reference_of(robot.name))
         return Place(f"{robot.prefix}{_SOURCE}", "reference", label)
+    if head == _PUSHES:
+        pushes = ports.config.robots[robot.name].pushes
+        text = "".join(f"\n{math.hypot(*push.force):.3g} N at {push.start:g} s" for push in pushes)
+        return Place(f"{robot.prefix}{_PUSHES}", "robot", "" if part else f"Pushes on the base{text}")
     if part and (head in robot.axes or head == _ALL_JOINTS):
         return _servo_place(name, head, system, robot)
     if isinstance(system, Propeller):

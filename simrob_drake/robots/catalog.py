@@ -17,6 +17,7 @@ from simrob_drake.paths import models_root
 from simrob_drake.robots.bodies import links_without_inertia
 from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
+from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.tools import tool_links
 from simrob_drake.robots.urdf import (
     joint_effort,
@@ -78,6 +79,7 @@ class RobotModel(Strict):
     tools: dict[str, str] = Field(default_factory=dict)
     home_deg: AxisValues = 0.0
     servo: Gains = Gains()
+    feet: Feet | None = None
 
     @model_validator(mode="before")
     @classmethod

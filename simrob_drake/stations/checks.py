@@ -16,6 +16,12 @@ from simrob_drake.stations.plant import StationPlant, add_plant
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
+from simrob_drake.stations.standing import standing
+
+_TOUCH = 1e-4
+"""Bodies that lie deeper in each other than this at the start are pushed apart [m]."""
+_DROP = 2e-3
+"""A robot that starts higher over the floor than this drops on it [m]."""
 
 _EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
 _STABLE = 2.0
@@ -50,6 +56,8 @@ def check_station(config: StationConfig) -> list[Finding]:
         findings += _import_findings(config, robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
             findings += _holding_findings(diagram, ports, robot)
+        else:
+            findings += _standing_findings(ports, robot)
     if config.mode == "dynamic":
         findings += step_findings(config, ports.plant)
         findings += _contact_findings(config)
@@ -121,6 +129,34 @@ def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot
     return findings
 
 
+def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding]:
+    """Say how a robot with a free base begins: on what it stands, whether it tips over, what its joints hold."""
+    config, subject = ports.config, f"{robot.prefix}base"
+    if config.floor is None or config.contact is None or robot.feet is None:
+        missing = "feet" if robot.feet is None else "contact" if config.floor else "floor"
+        return [Finding("warning", subject, f"the base is free and the robot has no {missing} to stand on: it falls")]
+    found = standing(ports.plant, robot)
+    findings = []
+    place = f"the feet's lowest point is {found.gap * 1e3:.2f} mm over the floor at the start"
+    findings.append(Finding("warning" if found.gap > _DROP else "ok", subject, place))
+    inside = "inside" if found.margin >= 0 else "outside"
+    area = (
+        f"{found.mass:.3f} kg on {found.contacts} points, the centre of mass {abs(found.margin) * 1e3:.0f} mm {inside}"
+    )
+    tips = "" if found.margin > 0 else ": it tips over, unless it moves"
+    findings.append(Finding("ok" if found.margin > 0 else "warning", subject, f"{area} of the support area{tips}"))
+    if robot.feet.boxes and config.contact.model == "point":
+        text = "box soles rock in point contact, which pushes at one point a box; set contact.model to "
+        findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
+    for name, torque, limit, kp in zip(robot.axes, found.torque, robot.gains.torque_limit, robot.gains.kp, strict=True):
+        text = f"standing takes {torque:.2f} N·m and the limit is {limit:g} N·m"
+        sag = f"; it sags by {np.rad2deg(abs(torque) / kp):.2f} deg" if kp > 0 else ""
+        weak = abs(torque) > limit
+        end = ": the joint will not hold" if weak else sag
+        findings.append(Finding("warning" if weak else "ok", f"torque of {robot.prefix}{name}", text + end))
+    return findings
+
+
 def step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
     """Compare the servos' damping with the steps of a solver that steps it explicitly."""
     findings = []
@@ -165,7 +201,7 @@ def _contact_findings(config: StationConfig) -> list[Finding]:
     if fallen_back and config.contact.model != "point":
         text = f"both are rigid, so {', '.join(fallen_back)} meet in points; make one of them compliant"
         findings.append(Finding("warning", "contact", text))
-    pairs = query.ComputePointPairPenetration()
+    pairs = [pair for pair in query.ComputePointPairPenetration() if pair.depth > _TOUCH]
     if not pairs:
         return [*findings, Finding("ok", "contact", "nothing penetrates at the start")]
     deepest = max(pairs, key=lambda pair: pair.depth)

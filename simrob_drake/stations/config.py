@@ -72,6 +72,17 @@ class ServoConfig(Strict):
         return _each(values, lambda value: value > 0, "a torque limit must be positive [N·m]")
 
 
+class PushConfig(Strict):
+    """A force on a robot's root link, at its centre of mass and along its axes."""
+
+    start: NotNegative
+    """When it begins [s]."""
+    duration: Positive = 0.1
+    """How long it lasts [s]."""
+    force: Triple
+    """Along x, y and z of the root link [N]."""
+
+
 class RobotConfig(Strict):
     """A robot of the station: one of the package by name, or any URDF by path."""
 
@@ -89,6 +100,10 @@ class RobotConfig(Strict):
     """Tool that `tcp_pose` follows; the last piece of the robot's chain unless given."""
     tcp_offset: Pose | None = None
     """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
+    feet: str | None = None
+    """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
+    pushes: tuple[PushConfig, ...] = ()
+    """Forces on its root link, such as those that it must withstand standing; dynamic stations only."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
@@ -197,6 +212,12 @@ class StationConfig(Strict):
     """Simulated time [s]."""
     sample_rate: Positive = 100.0
     """Samples a second of the signals [Hz]."""
+
+    @model_validator(mode="after")
+    def _forces_need_dynamics(self) -> StationConfig:
+        if self.mode == "kinematic" and any(robot.pushes for robot in self.robots.values()):
+            raise ValueError("a kinematic station knows no forces, so it has no pushes")
+        return self
 
     @field_validator("robots", "pieces", "sensors", "monitors")
     @classmethod

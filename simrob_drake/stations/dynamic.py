@@ -12,6 +12,7 @@ from pydrake.systems.primitives import Demultiplexer
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.joint_stops import add_joint_stops
+from simrob_drake.blocks.push import Push, add_pushes
 from simrob_drake.blocks.servo import ServoSignals, add_servos
 from simrob_drake.blocks.wiring import joined, mapped, summed
 from simrob_drake.blocks.yielding import add_model_torque, add_yielding
@@ -32,8 +33,7 @@ def add_dynamic_robots(builder: DiagramBuilder, plant: StationPlant, config: Sta
     if not config.solver.holds_joint_limits:
         stops = config.joint_stops
         add_joint_stops(builder, plant.plant, stiffness=stops.stiffness, damping=stops.damping)
-    if takes_force(config):
-        _add_external_forces(builder, ports)
+    _add_external_forces(builder, ports)
     return ports
 
 
@@ -97,12 +97,19 @@ def _add_model_torque(builder: DiagramBuilder, ports: StationPorts, robot: Stati
 
 
 def _add_external_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
-    robots = list(ports.plant.robots.values())
-    plant = ports.plant.plant
-    forces = builder.AddNamedSystem("external_forces", ExternallyAppliedSpatialForceMultiplexer(len(robots)))
-    for index, robot in enumerate(robots):
-        name = f"{robot.prefix}external_force"
-        block = add_external_force(builder, plant, robot.tools[robot.tcp], name=name)
-        ports.inputs[name] = block.get_command_input_port()
-        builder.Connect(block.get_spatial_forces_output_port(), forces.get_input_port(index))
-    builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())
+    """Add the forces that act from outside, if there are any: at tools by input, on bases by pushes."""
+    plant, found = ports.plant.plant, []
+    for robot in ports.plant.robots.values():
+        if takes_force(ports.config):
+            name = f"{robot.prefix}external_force"
+            block = add_external_force(builder, plant, robot.tools[robot.tcp], name=name)
+            ports.inputs[name] = block.get_command_input_port()
+            found.append(block.get_spatial_forces_output_port())
+        pushes = [Push(p.start, p.duration, np.array(p.force)) for p in ports.config.robots[robot.name].pushes]
+        if pushes:
+            found.append(add_pushes(builder, plant, robot.root, pushes, name=f"{robot.prefix}pushes"))
+    if found:
+        forces = builder.AddNamedSystem("external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)))
+        for index, port in enumerate(found):
+            builder.Connect(port, forces.get_input_port(index))
+        builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())

@@ -126,6 +126,7 @@ def check_names(config: StationConfig) -> None:
         model = robot_model(config, robot)
         initial_position(config, robot, model)
         _check_axes(config, robot, model)
+        _check_feet(config, robot, model)
     models = {piece: piece_model(config, piece) for piece in pieces}
     for piece in pieces:
         _check_frame(config, piece, models)
@@ -134,6 +135,14 @@ def check_names(config: StationConfig) -> None:
     for name, monitor in config.monitors.items():
         if monitor.robot is not None and monitor.robot not in config.robots:
             raise UnknownName(f"robot for monitors.{name}", monitor.robot, config.robots)
+
+
+def _check_feet(config: StationConfig, robot: str, model: RobotModel) -> None:
+    kind = config.robots[robot].feet
+    if model.feet is not None:
+        model.feet.kind(kind)
+    elif kind is not None:
+        raise InvalidParameter(f"robots.{robot}.feet", kind, f"left out: {model.name} has no feet")
 
 
 def _check_frame(config: StationConfig, piece: str, models: dict[str, PieceModel]) -> None:

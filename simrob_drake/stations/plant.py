@@ -41,6 +41,7 @@ logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in 
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
 _FLOOR_THICKNESS = 0.02
+_FLOOR_STIFFNESS = 1e9  # N/m: of two in a row the softer counts, which is that of what stands on the floor
 _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
@@ -139,6 +140,7 @@ def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) ->
         if config.contact is not None and config.contact.model != "point":
             AddRigidHydroelasticProperties(1.0, rigid)  # a compliant box on a compliant one would fall back to points
         rigid.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
+        rigid.AddProperty("material", "point_contact_stiffness", _FLOOR_STIFFNESS)
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", rigid)
 
 
@@ -152,10 +154,16 @@ def _set_contact_model(plant: MultibodyPlant, contact: ContactConfig | None) -> 
 
 
 def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> None:
-    """Let the links and pieces of one robot pass through each other, unless self-collision is asked."""
-    if contact is None or contact.self_collision:
+    """Let the links and pieces of one robot pass through each other; with self-collision, its feet alone.
+
+    Contact spheres may reach further than the feet that they stand for, even over the other foot.
+    """
+    if contact is None:
         return
     for robot in station.robots.values():
         bodies = [station.plant.get_body(index) for index in station.plant.GetBodyIndices(robot.instance)]
+        if contact.self_collision:
+            feet = [] if robot.feet is None else robot.feet.links
+            bodies = [station.plant.GetFrameByName(foot, robot.instance).body() for foot in feet]
         geometry = station.plant.CollectRegisteredGeometries(bodies)
         station.scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(geometry))

@@ -14,6 +14,7 @@ from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.feet import FootContact, put_on_feet
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import add_piece
 from simrob_drake.robots.pieces import TCP
@@ -45,6 +46,7 @@ class StationRobot:
     initial: Vector
     tools: dict[str, Frame] = field(default_factory=dict)
     tcp: str = ""
+    feet: FootContact | None = None
 
     @property
     def axes(self) -> list[str]:
@@ -95,6 +97,7 @@ def add_robot(plant: MultibodyPlant, config: StationConfig, name: str, *, collis
         initial=initial_position(config, name, model),
         tools=tools,
         tcp=tcp,
+        feet=model.feet.kind(entry.feet) if model.feet else None,
     )
     if servo.realization == "implicit" and config.mode == "dynamic":
         set_actuator_gains(plant, [joint.index() for joint in robot.joints], robot.gains)
@@ -121,6 +124,8 @@ def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
 def _with_pieces(config: StationConfig, name: str, model: RobotModel, carried: list[str]) -> Element:
     """Return a robot's URDF with the pieces that it carries."""
     robot = with_absolute_meshes(model.element, model.folder)
+    if model.feet is not None:
+        put_on_feet(robot, model.feet.kind(config.robots[name].feet))
     for piece in carried:
         parent = piece_parent(config, piece)
         mount = parent_frame(config, piece) if parent != name else next(iter(model.tools.values()), model.root)

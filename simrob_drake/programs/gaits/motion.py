@@ -1,0 +1,74 @@
+"""What a planner hands to a simulation: joint angles over time, and the pose that the robot begins in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.trajectories import PiecewisePolynomial, Trajectory
+
+from simrob_drake.frames import Vector, pose_from_transform
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station
+
+_FLOOR_MARGIN = 2.0  # floor beyond the way that a motion goes [m]
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """A planned motion of a robot.
+
+    Attributes:
+        robot: the name of its model.
+        feet: the kind of feet it is planned for; the default one if None.
+        times: shape (m,) [s].
+        positions: of the axes, shape (m, n) [rad].
+        root: planned pose of the root in the world, rotation (m, 3, 3) and position (m, 3) [m].
+    """
+
+    robot: str
+    feet: str | None
+    times: Vector
+    positions: Vector
+    root: tuple[Vector, Vector]
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return float(self.times[-1])
+
+    @property
+    def velocities(self) -> Vector:
+        """Of the axes, shape (m, n) [rad/s]; zero at both ends."""
+        rates = np.gradient(self.positions, self.times, axis=0)
+        rates[[0, -1]] = 0.0
+        return np.asarray(rates)
+
+    def trajectory(self) -> Trajectory:
+        """Return the angles as a smooth curve through the samples (cubics with their velocities)."""
+        return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
+
+    def station(self, overrides: Mapping[str, Any] | None = None, *, name: str | None = None) -> StationConfig:
+        """Return the robot's dynamic station, set to begin this motion; its trajectory is the reference to give it.
+
+        Args:
+            overrides: further changes, as of ``load_station``.
+            name: of the station; ``<robot>_dynamic`` unless given.
+        """
+        rotation, position = self.root
+        pose = pose_from_transform(RigidTransform(RotationMatrix(rotation[0]), position[0]))
+        way = float(np.abs(position[:, :2]).max())
+        settings: dict[str, Any] = {
+            "robot.base": [float(value) for value in pose],
+            "robot.initial_deg": [float(value) for value in np.rad2deg(self.positions[0])],
+            "inputs": ["reference_velocity"],
+            "floor.size": float(np.ceil(2.0 * (way + _FLOOR_MARGIN))),
+            "solver.max_step": 0.01,
+            "duration": self.duration,
+        }
+        if self.feet is not None:
+            settings["robot.feet"] = self.feet
+        return load_station(name or f"{self.robot}_dynamic", {**settings, **(overrides or {})})

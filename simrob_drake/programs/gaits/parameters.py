@@ -1,0 +1,151 @@
+"""The figures of a robot's gaits, read from `models/<robot>/gaits.yaml`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import Field
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.paths import models_root
+from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.pieces import NotNegative, Positive
+from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
+
+GAITS_FILE = "gaits.yaml"
+
+
+class Bearing(Strict):
+    """How a robot carries itself."""
+
+    height: Positive
+    """Of the root over the floor [m]."""
+    pitch_deg: Number = 0.0
+    """Of the trunk, forward [deg]."""
+    posture_deg: AxisValues = 0.0
+    """Angles of the axes that are in no leg; knees bend as they do here."""
+    lean_arms_deg: AxisValues = 0.0
+    """Per axis, for a lean to the right of one degree: arms as counterweights where the ankles do not roll [deg]."""
+    swing_arms_deg: AxisValues = 0.0
+    """Per axis, for a left foot that is a metre ahead of the right one [deg]."""
+
+
+class Walk(Strict):
+    """A walk on two legs."""
+
+    bearing: Bearing
+    feet: str | None = None
+    """Kind of feet; the default one unless given."""
+    step_time: Positive
+    """From one footfall to the next [s]."""
+    step_length: Number = 0.0
+    """How far each step brings the robot ahead; negative walks backward [m]."""
+    sideways: Number = 0.0
+    """How far each step brings it to the left [m]."""
+    turn_deg: Number = 0.0
+    """How far each step turns it to the left [deg]."""
+    lift: Positive = 0.03
+    """Height of the swinging foot [m]."""
+    double_support: Positive = 0.2
+    """Part of a step in which both feet stand."""
+    widen: Number = 0.0
+    """How much further out each foot stands than where straight legs have it [m]."""
+    zmp_inward: Number = 0.0
+    """How far inside of the middle of each foot the zero-moment point goes [m]."""
+    zmp_ahead: Number = 0.0
+    """How far ahead of the middle of each foot it goes [m]."""
+    ramp_steps: int = Field(default=3, ge=0)
+    """Steps in which the step length grows at the start and shrinks at the end."""
+    settle: Positive = 0.6
+    """Time to shift the weight at the start and at the end [s]."""
+    rest: NotNegative = 1.0
+    """Time to stand after that [s]."""
+    servo: Mapping[str, Any] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
+
+
+class Trot(Strict):
+    """A gait on four legs, diagonal pairs in turn."""
+
+    bearing: Bearing
+    step_time: Positive
+    """Time that a pair is in the air or stands [s]."""
+    step_length: Number = 0.0
+    """How far each step brings the robot ahead [m]."""
+    sideways: Number = 0.0
+    """How far each step brings it to the left [m]."""
+    turn_deg: Number = 0.0
+    """How far each step turns it to the left [deg]."""
+    lift: Positive = 0.05
+    """Height of the swinging feet [m]."""
+    all_stand: Positive = 0.1
+    """Part of a step in which all feet stand."""
+    widen: Number = 0.0
+    """How much further out each foot stands than below its hip [m]."""
+    ramp_steps: int = Field(default=4, ge=0)
+    """Steps in which the step length grows at the start and shrinks at the end."""
+    settle: Positive = 0.6
+    """Time before the first step and after the last one [s]."""
+    rest: NotNegative = 1.0
+    """Time to stand after that [s]."""
+    servo: Mapping[str, Any] = Field(default_factory=dict)
+
+
+class Crawl(Strict):
+    """A gait on four legs, one leg at a time."""
+
+    bearing: Bearing
+    leg_time: Positive
+    """From one leg's footfall to the next one's [s]."""
+    stride: Number = 0.0
+    """How far each leg goes when its turn comes [m]."""
+    lift: Positive = 0.04
+    """Height of the swinging foot [m]."""
+    shift: Positive = 0.6
+    """Part of the leg's time in which all feet stand and the trunk goes over the next three."""
+    inside: Positive = 0.04
+    """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
+    widen: Number = 0.0
+    """How much further out each foot stands than below its hip [m]."""
+    settle: Positive = 0.8
+    """Time to stand before the first leg and after the last one [s]."""
+    rest: NotNegative = 1.0
+    """Time to stand after that [s]."""
+    servo: Mapping[str, Any] = Field(default_factory=dict)
+
+
+class Gaits(Strict):
+    """All gaits of a robot."""
+
+    facing_deg: Number
+    """Where the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
+    walks: dict[str, Walk] = Field(default_factory=dict)
+    trots: dict[str, Trot] = Field(default_factory=dict)
+    crawls: dict[str, Crawl] = Field(default_factory=dict)
+
+
+def load_gaits(robot: str) -> Gaits:
+    """Return the gaits of a robot of the package.
+
+    Raises:
+        InvalidParameter: a robot without gaits.
+        InvalidConfig: its file has a wrong entry.
+    """
+    file = models_root() / robot / GAITS_FILE
+    if not file.is_file():
+        raise InvalidParameter(f"robot {robot}", "one without gaits", f"one with a file {GAITS_FILE}")
+    return validated(Gaits, read_yaml(file), file)
+
+
+def gait(known: Mapping[str, Any], name: str, changes: Mapping[str, Any]) -> Any:
+    """Return a gait by its name, with some of its figures changed.
+
+    Raises:
+        UnknownName: no such gait.
+        InvalidConfig: a figure that cannot be.
+    """
+    if name not in known:
+        raise UnknownName("gait", name, known)
+    found = known[name]
+    return validated(type(found), {**found.model_dump(exclude_unset=True), **changes}, f"gait {name}")

@@ -1,0 +1,121 @@
+"""Phases of a gait: who swings where, and where the zero-moment point goes meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+
+SAMPLE = 0.01
+"""Time between the samples of a plan [s]."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of time in which the same feet stand.
+
+    Attributes:
+        duration: of the phase [s].
+        zmp: where the zero-moment point rests at the end, shape (2,) [m].
+        transfer: time that it takes to get there, from the start of the phase on [s].
+        swing: feet in the air, with where each lands: ahead, left and turn, shape (3,) [m, rad].
+        lift: height of the swinging feet half-way [m].
+        delay: time before the feet lift [s].
+        rest: time that they stand before the phase ends [s].
+        heading: of the trunk at the end [rad].
+        hold: how long a foot stays up at its full height, within the swing [s]; it then rises and sinks in the rest.
+    """
+
+    duration: float
+    zmp: Vector
+    transfer: float
+    swing: Mapping[str, Vector] = field(default_factory=dict)
+    lift: float = 0.0
+    delay: float = 0.0
+    rest: float = 0.0
+    heading: float = 0.0
+    hold: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the times.
+
+        Raises:
+            InvalidParameter: a phase without duration, or with more in it than it lasts.
+        """
+        if not self.duration > 0:
+            raise InvalidParameter("duration of a phase", self.duration, "positive [s]")
+        if self.transfer > self.duration + 1e-9 or self.delay + self.rest + self.hold >= self.duration:
+            raise InvalidParameter("phase", repr(self), "one whose parts are no longer than itself")
+
+
+@dataclass(frozen=True)
+class Course:
+    """What feet, trunk and zero-moment point do, at m equal steps of time.
+
+    Attributes:
+        times: shape (m,) [s].
+        feet: places of the soles by foot, ahead, left, up and turn, shape (m, 4) [m, rad].
+        zmp: shape (m, 2) [m].
+        heading: of the trunk, shape (m,) [rad].
+    """
+
+    times: Vector
+    feet: dict[str, Vector]
+    zmp: Vector
+    heading: Vector
+
+
+def course(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> Course:
+    """Lay phases end to end.
+
+    Args:
+        feet: where they stand at the start: ahead, left and turn, shape (3,) [m, rad].
+        zmp: where the zero-moment point is at the start, shape (2,) [m].
+        phases: one after the other.
+
+    Raises:
+        UnknownName: a phase swings a foot that is none.
+        InvalidParameter: no phase at all.
+    """
+    if not phases:
+        raise InvalidParameter("phases", "empty", "at least one")
+    ends = np.cumsum([phase.duration for phase in phases])
+    times = np.arange(round(ends[-1] / SAMPLE) + 1) * SAMPLE
+    paths = {name: np.tile([*place[:2], 0.0, place[2]], (len(times), 1)) for name, place in feet.items()}
+    point, heading = np.tile(zmp, (len(times), 1)), np.zeros(len(times))
+    for phase, end in zip(phases, ends, strict=True):
+        since = times - (end - phase.duration)
+        later = since > 0
+        reached = _ratio(since[later], phase.transfer)[:, np.newaxis]
+        point[later] = point[later] + reached * (phase.zmp - point[later])
+        heading[later] += smooth(_ratio(since[later], phase.duration)) * (phase.heading - heading[later])
+        length = phase.duration - phase.delay - phase.rest
+        for name, place in phase.swing.items():
+            share = _ratio(since[later] - phase.delay, length)
+            path = paths[name][later]
+            path[:, [0, 1, 3]] += smooth(share)[:, np.newaxis] * (place - path[:, [0, 1, 3]])
+            path[:, 2] = phase.lift * _bump(share * length, length, phase.hold)
+            paths[name][later] = path
+    return Course(times, paths, point, heading)
+
+
+def smooth(share: Vector) -> Vector:
+    """Return 10 s³ - 15 s⁴ + 6 s⁵: from 0 to 1 without speed and acceleration at the ends."""
+    return np.asarray(share**3 * (10.0 - 15.0 * share + 6.0 * share**2))
+
+
+def _bump(since: Vector, length: float, hold: float) -> Vector:
+    """Return a swing's height, from 0 to 1 and back to 0, with level stretches of ``hold`` at the top."""
+    rise = (length - hold) / 2
+    if hold > 0:
+        return smooth(np.clip(since / rise, 0, 1)) - smooth(np.clip((since - rise - hold) / rise, 0, 1))
+    share = np.clip(since / length, 0, 1)
+    return np.asarray(64.0 * (share * (1.0 - share)) ** 3)
+
+
+def _ratio(part: Vector, whole: float) -> Vector:
+    return np.clip(part / whole, 0.0, 1.0) if whole > 0 else np.asarray(part >= 0, dtype=float)

@@ -1,0 +1,180 @@
+"""Walking on four legs: the trot, the crawl, and standing on three."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.feet import feet_of
+from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.parameters import Crawl, Trot, gait, load_gaits
+from simrob_drake.programs.gaits.phases import Phase, course
+from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.programs.gaits.walk import carriage, on_path, ramp_shares
+from simrob_drake.programs.gaits.whole_body import WholeBody
+
+PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left_foot"))
+"""Feet that a trot swings together."""
+CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_right_foot")
+"""Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
+
+
+def trot(robot: str, steps: int, name: str = "trot", **changes: Any) -> JointMotion:
+    """Plan a trot: diagonal pairs in turn; the last step brings the feet under the hips.
+
+    Args:
+        robot: the name of its model.
+        steps: how many, at least two.
+        name: of the trot in the robot's `gaits.yaml`.
+        changes: figures of :class:`Trot` to change.
+
+    Raises:
+        OutOfReach: steps that are too long or too high for the legs.
+        InvalidParameter: a robot that has other than four feet, or too few steps.
+        UnknownName: no such trot.
+    """
+    figures: Trot = gait(load_gaits(robot).trots, name, changes)
+    if steps < 2:
+        raise InvalidParameter("steps", steps, "at least 2")
+    start = _stance(robot, figures)
+    phases, pose = [Phase(figures.settle, np.zeros(2), 0.0)], np.zeros(3)
+    stand = figures.all_stand * figures.step_time
+    for number, share in enumerate(ramp_shares(steps, figures.ramp_steps)):
+        half = share / 2  # the trunk is half-way between the pairs
+        move = (figures.step_length, figures.sideways, np.deg2rad(figures.turn_deg))
+        landing = on_path(pose, *(share * part for part in move))
+        pose = on_path(pose, *(half * part for part in move)) if number == 0 else landing
+        goals = {foot: on_path(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
+        phases.append(
+            Phase(
+                figures.step_time,
+                pose[:2],
+                figures.step_time,
+                goals,
+                lift=figures.lift,
+                rest=stand,
+                heading=pose[2],
+            )
+        )
+        pose = landing
+    phases.append(Phase(figures.settle + figures.rest, pose[:2], figures.settle, heading=pose[2]))
+    return _solved(robot, figures, start, phases)
+
+
+def crawl(robot: str, legs: int, name: str = "crawl", **changes: Any) -> JointMotion:
+    """Plan a crawl: one leg after the other, the zero-moment point well inside of the other three feet.
+
+    Args:
+        robot: the name of its model.
+        legs: how many legs swing in all; a multiple of four ends as it began.
+        name: of the crawl in the robot's `gaits.yaml`.
+        changes: figures of :class:`Crawl` to change.
+
+    Raises:
+        OutOfReach: strides that are too long or too high for the legs.
+        InvalidParameter: a robot that has other than four feet, or no legs to swing.
+        UnknownName: no such crawl.
+    """
+    figures: Crawl = gait(load_gaits(robot).crawls, name, changes)
+    if legs < 1:
+        raise InvalidParameter("legs", legs, "at least 1")
+    start = _stance(robot, figures)
+    place = {foot: at.copy() for foot, at in start.items()}
+    shift = figures.shift * figures.leg_time
+    phases = [Phase(figures.settle, np.zeros(2), 0.0)]
+    for number in range(legs):
+        swinging = CRAWL_ORDER[number % 4]
+        triangle = np.array([place[foot][:2] for foot in place if foot != swinging])
+        middle = np.mean([at[:2] for at in place.values()], axis=0) + [figures.stride / 8, 0.0]
+        goal = on_path(place[swinging], figures.stride)
+        phases.append(
+            Phase(
+                figures.leg_time,
+                moved_inside(middle, triangle, figures.inside),
+                shift,
+                {swinging: goal},
+                lift=figures.lift,
+                delay=shift,
+            )
+        )
+        place[swinging] = goal
+    end = np.mean([at[:2] for at in place.values()], axis=0)
+    phases.append(Phase(figures.settle + figures.rest, end, figures.settle))
+    return _solved(robot, figures, start, phases)
+
+
+def three_legs(
+    robot: str, foot: str, *, height: float = 0.03, seconds: float = 5.0, name: str = "crawl"
+) -> JointMotion:
+    """Plan to lift one foot and stand on the other three.
+
+    Args:
+        robot: the name of its model.
+        foot: which to lift.
+        height: how high [m].
+        seconds: how long it stays there [s].
+        name: of the crawl in the robot's `gaits.yaml` whose stance and margin to take.
+
+    Raises:
+        OutOfReach: a foot that cannot be lifted so high.
+        UnknownName: no such foot.
+    """
+    figures: Crawl = gait(load_gaits(robot).crawls, name, {})
+    start = _stance(robot, figures)
+    if foot not in start:
+        raise UnknownName(f"foot of {robot}", foot, start)
+    triangle = np.array([at[:2] for other, at in start.items() if other != foot])
+    over = moved_inside(np.zeros(2), triangle, figures.inside)
+    rise = 0.6
+    phases = [
+        Phase(0.5, np.zeros(2), 0.0),
+        Phase(1.0, over, 1.0),
+        Phase(seconds + 2 * rise, over, 0.0, {foot: start[foot]}, lift=height, hold=seconds),
+        Phase(1.0 + figures.rest, np.zeros(2), 1.0),
+    ]
+    return _solved(robot, figures, start, phases)
+
+
+def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
+    """Return the nearest place to a point that lies inside of a triangle by a margin.
+
+    Args:
+        point: shape (2,) [m].
+        triangle: corners, shape (3, 2) [m].
+        margin: distance from every side [m].
+
+    Raises:
+        InvalidParameter: a triangle too small for the margin.
+    """
+    corners = triangle if _doubled_area(*triangle) > 0 else triangle[::-1]  # counterclockwise
+    sides = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([-sides[:, 1], sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, np.newaxis]
+    offsets = np.einsum("kx,kx->k", normals, corners) + margin
+    candidates = [np.asarray(point, dtype=float)]
+    candidates += [point + (offset - normal @ point) * normal for normal, offset in zip(normals, offsets, strict=True)]
+    candidates += [np.linalg.solve(normals[[a, b]], offsets[[a, b]]) for a, b in ((0, 1), (1, 2), (2, 0))]
+    inside = [place for place in candidates if (normals @ place >= offsets - 1e-9).all()]
+    if not inside:
+        raise InvalidParameter("inside", margin, "smaller than what the triangle of three feet has room for [m]")
+    return min(inside, key=lambda place: float(np.linalg.norm(place - point)))
+
+
+def _doubled_area(a: Vector, b: Vector, c: Vector) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def _stance(robot: str, figures: Trot | Crawl) -> dict[str, Vector]:
+    """Return where the feet stand about the middle of them, shape (3,) each [m, rad]."""
+    feet = feet_of(skeleton_of(robot), load_gaits(robot).facing_deg)
+    if sorted(foot.name for foot in feet) != sorted(CRAWL_ORDER):
+        raise InvalidParameter(f"robot {robot}", f"one with {len(feet)} feet", "one with four feet, to walk so")
+    return {foot.name: np.array([foot.home[0], foot.home[1] + foot.side * figures.widen, 0.0]) for foot in feet}
+
+
+def _solved(robot: str, figures: Trot | Crawl, start: dict[str, Vector], phases: list[Phase]) -> JointMotion:
+    way = course(start, np.zeros(2), phases)
+    body = WholeBody(carriage(robot, load_gaits(robot).facing_deg, figures.bearing), way)
+    return body.solve()[0]

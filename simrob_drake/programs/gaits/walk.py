@@ -1,0 +1,124 @@
+"""Walking on two legs: footsteps, and the posture for every moment of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.feet import Foot, feet_of
+from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.parameters import Bearing, Walk, gait, load_gaits
+from simrob_drake.programs.gaits.phases import Phase, course
+from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.programs.gaits.whole_body import Carriage, WholeBody
+
+SIDES = ("right_foot", "left_foot")
+"""Who steps first, and who next."""
+
+
+def walk(robot: str, steps: int, name: str = "walk", **changes: Any) -> JointMotion:
+    """Plan a walk of a robot with two legs.
+
+    Args:
+        robot: the name of its model.
+        steps: how many, at least two; the last one brings the feet side by side.
+        name: of the walk in the robot's `gaits.yaml`.
+        changes: figures of :class:`Walk` to change.
+
+    Raises:
+        OutOfReach: steps that are too long or too high for the legs.
+        InvalidParameter: a robot that cannot walk so.
+        UnknownName: no such walk.
+    """
+    figures: Walk = gait(load_gaits(robot).walks, name, changes)
+    return planned_walk(robot, steps, figures)[0]
+
+
+def planned_walk(robot: str, steps: int, figures: Walk) -> tuple[JointMotion, Vector, Vector]:
+    """Return a walk, and its zero-moment point as asked for and as planned, each (m, 2) [m]."""
+    facing = load_gaits(robot).facing_deg
+    feet = {foot.name: foot for foot in feet_of(skeleton_of(robot), facing, figures.feet)}
+    _check(robot, steps, figures, feet)
+    start = {name: np.array([0.0, foot.home[1] + foot.side * figures.widen, 0.0]) for name, foot in feet.items()}
+    way = course(start, np.array([figures.zmp_ahead, 0.0]), _phases(steps, figures, start))
+    motion, zmp = WholeBody(carriage(robot, facing, figures.bearing, figures.feet), way).solve()
+    return motion, way.zmp, zmp
+
+
+def carriage(robot: str, facing: float, bearing: Bearing, feet: str | None = None) -> Carriage:
+    """Return how a robot carries itself, from the figures in its file."""
+    model = skeleton_of(robot).model
+    return Carriage(
+        robot=robot,
+        facing_deg=facing,
+        height=bearing.height,
+        pitch=float(np.deg2rad(bearing.pitch_deg)),
+        posture=np.deg2rad(model.axis_vector(bearing.posture_deg, "posture_deg")),
+        arms=model.axis_vector(bearing.lean_arms_deg, "lean_arms_deg"),
+        swing=np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg")),
+        feet=feet,
+    )
+
+
+def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:
+    """Return the pose (x, y, turn) that is ahead, to the left and turned from another, shape (3,) [m, rad]."""
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    return np.asarray(pose + np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, turn]))
+
+
+def ramp_shares(steps: int, ramp_steps: int) -> Vector:
+    """Return how much of the full step each step goes ahead, shape (steps,): rising, level, falling, the last one 0."""
+    number = np.arange(steps, dtype=float)
+    rising = (number + 1) / (ramp_steps + 1)
+    falling = (steps - 1 - number) / (ramp_steps + 1)
+    return np.minimum(1.0, np.minimum(rising, falling))
+
+
+def _phases(steps: int, figures: Walk, start: dict[str, Vector]) -> list[Phase]:
+    shift = figures.double_support * figures.step_time
+    place = {name: at.copy() for name, at in start.items()}
+    pose = np.zeros(3)
+
+    def under(name: str) -> Vector:
+        inward = -np.sign(start[name][1]) * figures.zmp_inward
+        return on_path(place[name], figures.zmp_ahead, inward)[:2]
+
+    phases = [Phase(figures.settle, under(SIDES[1]), figures.settle)]
+    for number, share in enumerate(ramp_shares(steps, figures.ramp_steps)):
+        swinging, standing = SIDES[number % 2], SIDES[(number + 1) % 2]
+        move = share * np.array([figures.step_length, figures.sideways, np.deg2rad(figures.turn_deg)])
+        pose = on_path(pose, *move)
+        goal = on_path(pose, left=start[swinging][1])
+        first = number == 0  # the weight is on the standing foot already
+        phases.append(
+            Phase(
+                figures.step_time,
+                under(standing),
+                0.0 if first else shift,
+                {swinging: goal},
+                lift=figures.lift,
+                delay=0.0 if first else shift,
+                heading=pose[2],
+            )
+        )
+        place[swinging] = goal
+    middle = on_path(pose, figures.zmp_ahead)[:2]
+    phases.append(Phase(figures.settle, middle, figures.settle, heading=pose[2]))
+    if figures.rest > 0:
+        phases.append(Phase(figures.rest, middle, 0.0, heading=pose[2]))
+    return phases
+
+
+def _check(robot: str, steps: int, figures: Walk, feet: dict[str, Foot]) -> None:
+    if sorted(feet) != sorted(SIDES):
+        raise InvalidParameter(f"robot {robot}", f"one with {len(feet)} feet", "one with two feet, to walk so")
+    if steps < 2:
+        raise InvalidParameter("steps", steps, "at least 2")
+    if not figures.double_support < 1:
+        raise InvalidParameter("double_support", figures.double_support, "a part of the step, less than 1")
+    if any(len(foot.axes) == 4 for foot in feet.values()) and (figures.turn_deg or figures.sideways):
+        raise InvalidParameter("turn_deg, sideways", (figures.turn_deg, figures.sideways),
+                               f"0, since the legs of {robot} cannot turn or roll their feet")  # fmt: skip

@@ -1,0 +1,132 @@
+"""What a legged robot stands on: contact spheres or sole boxes, of which a station chooses one kind.
+
+Spheres are contact proxies: point contact pushes once for each pair of shapes, so a foot needs several to lie flat.
+A box is one shape, and lies flat in hydroelastic contact alone.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from simrob_drake.errors import UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.robots.pieces import NotNegative, Positive, Triple
+from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf_writing import Numbers, box, shape_element, sphere, text
+from simrob_drake.yaml_files import Strict
+
+
+class Sole(Strict):
+    """A box under a foot."""
+
+    size: tuple[Positive, Positive, Positive]
+    """Lengths along the axes of the foot's link [m]."""
+    centre: Triple
+    """Its middle in the foot's link [m]."""
+
+
+class FootContact(Strict):
+    """One kind of feet: spheres of one radius about points of the feet's links, or a box each."""
+
+    radius: Positive = 0.01
+    """Of the spheres [m]."""
+    points: dict[str, tuple[Triple, ...]] = Field(default_factory=dict)
+    """Middles of the spheres, by link [m]."""
+    boxes: dict[str, Sole] = Field(default_factory=dict)
+    """Soles by link."""
+    stiffness: Positive = 1.0e5
+    """Of point contact [N/m]."""
+    dissipation: NotNegative = 50.0
+    """Of Hunt and Crossley's law, f = k x (1 + d ẋ) [s/m]: such that a foot does not bounce."""
+    hydroelastic_modulus: Positive = 1.0e7
+    """Of a sole in hydroelastic contact [Pa]."""
+    friction: tuple[NotNegative, NotNegative] = (1.0, 0.9)
+    """Static and dynamic coefficient; those of the contacts in the Simulink library."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> FootContact:
+        if bool(self.points) == bool(self.boxes):
+            raise ValueError("feet are either spheres about points, or boxes")
+        return self
+
+    @property
+    def links(self) -> list[str]:
+        """The links that are feet."""
+        return [*self.points, *self.boxes]
+
+    def support_points(self, link: str) -> Vector:
+        """Return the lowest points of a foot's shapes while its link stands upright, shape (k, 3) [m], in its frame."""
+        if link in self.points:
+            return np.array(self.points[link]) - (0.0, 0.0, self.radius)
+        sole = self.boxes[link]
+        corners = np.array([(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+        return np.asarray(sole.centre + corners * np.array(sole.size) / 2)
+
+
+class Feet(Strict):
+    """The kinds of feet that a robot has."""
+
+    default: str
+    contacts: dict[str, FootContact] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _default_is_one(self) -> Feet:
+        if self.default not in self.contacts:
+            raise ValueError(f"default '{self.default}' is none of {', '.join(self.contacts)}")
+        return self
+
+    def kind(self, name: str | None) -> FootContact:
+        """Return a kind of feet by its name, or the default one.
+
+        Raises:
+            UnknownName: there is no such kind.
+        """
+        if name is not None and name not in self.contacts:
+            raise UnknownName("kind of feet", name, self.contacts)
+        return self.contacts[name or self.default]
+
+
+def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
+    """Give the feet of a robot their contact shapes, in place of what collision shapes they have.
+
+    Args:
+        robot: the ``robot`` element of a checked URDF, changed in place.
+        feet: what to put on.
+
+    Raises:
+        UnknownName: a link that the robot does not have.
+    """
+    links = {name_of(link): link for link in robot.iterfind("link")}
+    for name in feet.links:
+        if name not in links:
+            raise UnknownName("link (under feet)", name, links)
+        link = links[name]
+        for old in link.findall("collision"):
+            link.remove(old)
+        shapes = [sphere(feet.radius, point) for point in feet.points.get(name, ())]
+        if name in feet.boxes:
+            shapes = [box(feet.boxes[name].size, feet.boxes[name].centre)]
+        for number, shape in enumerate(shapes):
+            element = shape_element(link, "collision", shape)
+            element.set("name", f"{name}_contact_{number}")
+            _add_properties(element, feet)
+
+
+def _add_properties(collision: ET.Element, feet: FootContact) -> None:
+    """Add Drake's contact figures; those of point and of hydroelastic contact do not disturb each other."""
+    properties = ET.SubElement(collision, f"{DRAKE}proximity_properties")
+    ET.SubElement(properties, f"{DRAKE}compliant_hydroelastic")
+    static, dynamic = feet.friction
+    figures: dict[str, Numbers] = {
+        "point_contact_stiffness": [feet.stiffness],
+        "hunt_crossley_dissipation": [feet.dissipation],
+        "mu_static": [static],
+        "mu_dynamic": [dynamic],
+        "hydroelastic_modulus": [feet.hydroelastic_modulus],
+        "mesh_resolution_hint": [feet.radius / 2],
+    }
+    for key, value in figures.items():
+        ET.SubElement(properties, f"{DRAKE}{key}", value=text(value))

@@ -1,0 +1,104 @@
+"""How a robot with a free base stands at the start, without stepping: support, margin and the torques it takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import Context
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull, QhullError
+
+from simrob_drake.frames import Vector
+from simrob_drake.stations.plant import StationPlant
+from simrob_drake.stations.robots import StationRobot
+
+_TOUCHING = 1e-3  # what lies less above the lowest point carries, too: contacts and servos give way by as much [m]
+_EVEN = 1e-4  # weight of sharing the load evenly, where there are more contacts than equations
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A robot on a level floor, at rest.
+
+    Attributes:
+        mass: of the robot with what it carries [kg].
+        gap: height of the feet's lowest point over the floor [m]; negative if it lies deeper.
+        contacts: how many points carry.
+        margin: distance of the centre of mass, seen from above, from the border of the support area [m]; negative
+            outside of it, and zero where the points span no area.
+        torque: what the joints hold against gravity, shape (n,) [N·m].
+    """
+
+    mass: float
+    gap: float
+    contacts: int
+    margin: float
+    torque: Vector
+
+
+def standing(station: StationPlant, robot: StationRobot) -> Standing:
+    """Return how a robot stands in its initial posture.
+
+    Args:
+        station: with the robot.
+        robot: with feet.
+    """
+    plant = station.plant
+    context = plant.CreateDefaultContext()
+    points, jacobians = _support_points(station, robot, context)
+    gap = float(points[:, 2].min())
+    carrying = points[:, 2] <= gap + _TOUCHING
+    points, jacobians = points[carrying], jacobians[carrying]
+    mass = plant.CalcTotalMass(context, [robot.instance])
+    com = plant.CalcCenterOfMassPositionInWorld(context, [robot.instance])
+    weight = mass * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
+    forces = _vertical_forces(points, com, weight)
+    generalized = plant.CalcGravityGeneralizedForces(context) + np.einsum("kv,k->v", jacobians, forces)
+    torque = -robot.signs * generalized[[joint.velocity_start() for joint in robot.joints]]
+    return Standing(mass, gap, len(points), _margin(points[:, :2], com[:2]), torque)
+
+
+def _support_points(station: StationPlant, robot: StationRobot, context: Context) -> tuple[Vector, Vector]:
+    """Return the feet's lowest points (k, 3) and what lifting forces there do to the plant's velocities (k, nv)."""
+    plant, feet = station.plant, robot.feet
+    assert feet is not None  # the caller asks for robots with feet only
+    points, jacobians = [], []
+    for link in feet.links:
+        frame = plant.GetFrameByName(link, robot.instance)
+        pose = frame.CalcPoseInWorld(context)
+        if link in feet.boxes:
+            found = [pose @ corner for corner in feet.support_points(link)]
+        else:
+            found = [pose @ np.array(centre) - (0.0, 0.0, feet.radius) for centre in feet.points[link]]
+        for point in found:
+            jacobian = plant.CalcJacobianTranslationalVelocity(
+                context,
+                JacobianWrtVariable.kV,
+                frame,
+                pose.inverse() @ point,
+                plant.world_frame(),
+                plant.world_frame(),
+            )
+            points.append(point)
+            jacobians.append(jacobian[2])
+    return np.array(points), np.array(jacobians)
+
+
+def _vertical_forces(points: Vector, com: Vector, weight: float) -> Vector:
+    """Share the weight among points (k, 3), as evenly as the balance of moments about the centre of mass allows."""
+    arms = points[:, :2] - com[:2]
+    balance = np.vstack([np.ones(len(points)), arms.T])
+    rows = np.vstack([balance, _EVEN * np.eye(len(points))])
+    share, _ = nnls(rows, np.concatenate([[1.0, 0.0, 0.0], np.zeros(len(points))]))
+    return np.asarray(weight * share)
+
+
+def _margin(points: Vector, com: Vector) -> float:
+    """Return how far inside of the convex hull of points (k, 2) a point (2,) lies [m]."""
+    try:
+        sides = ConvexHull(points).equations
+    except (QhullError, ValueError):  # fewer than three points, or all in a line
+        return 0.0
+    return float(-(sides[:, :2] @ com + sides[:, 2]).max())

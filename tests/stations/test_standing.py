@@ -1,0 +1,90 @@
+"""What is foretold of robots that stand on their own feet, against statics by hand."""
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake import load_station
+from simrob_drake.errors import SimrobError
+from simrob_drake.stations.checks import Finding, check_station
+from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.standing import Standing, standing
+
+LEGGED = ("humanoid_dynamic", "roid1_dynamic", "zjudancer_dynamic", "yobotics_dynamic")
+
+
+def stands(name: str, overrides: dict[str, object] | None = None) -> Standing:
+    builder = DiagramBuilder()
+    plant = add_plant(builder, load_station(name, overrides))
+    return standing(plant, plant.robots["robot"])
+
+
+def findings(name: str, overrides: dict[str, object] | None = None) -> list[Finding]:
+    return check_station(load_station(name, overrides))
+
+
+@pytest.mark.parametrize("name", LEGGED)
+def test_every_legged_station_begins_on_the_floor_and_balanced(name: str) -> None:
+    assert [finding for finding in findings(name) if finding.level != "ok"] == []
+    found = stands(name)
+    assert abs(found.gap) < 1e-4
+    assert found.margin > 0.03
+
+
+def test_the_humanoids_balance_is_that_of_its_figures() -> None:
+    found = stands("humanoid_dynamic")
+    assert found.mass == pytest.approx(2.292, abs=1e-6)
+    assert found.contacts == 12
+    assert found.margin == pytest.approx(0.04725 + 0.0015, abs=1e-4)  # heel of area C, centre of mass; facts
+    hips = found.torque[[4, 12]]  # the ankles lie 25.4 mm outside of the hips, and each carries half the weight
+    own_legs = 0.085 * 0.004 + 0.176 * 0.025 + (0.161 + 0.126) * 0.02537  # kg m, outside of the hip's axis
+    expected = 9.80665 * (2.292 / 2 * 0.02537 - own_legs)
+    np.testing.assert_allclose(np.abs(hips), expected, rtol=0.02)
+
+
+def test_the_quadrupeds_knees_carry_the_weight() -> None:
+    """Rear and front feet share it by the place of the centre of mass; a knee holds it at its arm."""
+    found = stands("yobotics_dynamic")
+    knee_to_foot = 0.23039 * np.sin(0.8) - 0.025 * np.sin(0.8)  # the ball touches under its middle
+    assert found.contacts == 4
+    knees = found.torque[[2, 5, 8, 11]]
+    total = 9.80665 * (9.443 - 4 * (0.15 + 0.064 * 0.061 / 0.23039)) * knee_to_foot
+    assert np.abs(knees).sum() == pytest.approx(total, rel=0.03)
+    assert (np.sign(knees) == np.sign(knees[0])).all()
+
+
+def test_leaning_too_far_is_foretold() -> None:
+    found = findings("humanoid_dynamic", {"robot.initial_deg": {"CadDF": -40, "CadIF": -40}})
+    assert any(f.level == "warning" and "it tips over" in f.text for f in found if f.subject == "base")
+
+
+def test_a_drop_and_a_penetration_are_foretold() -> None:
+    high = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.5, 0, 0, 0]})
+    assert any(f.level == "warning" and "54.00 mm over the floor" in f.text for f in high)
+    low = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.44, 0, 0, 0]})
+    assert any(f.level == "warning" and "penetrate by 6.0 mm" in f.text for f in low)  # facts: the original's start
+
+
+@pytest.mark.parametrize("missing", ["floor", "contact"])
+def test_nothing_to_stand_on_is_foretold(missing: str) -> None:
+    (finding,) = [f for f in findings("humanoid_dynamic", {missing: None}) if f.level == "warning"]
+    assert f"no {missing} to stand on: it falls" in finding.text
+
+
+def test_box_soles_want_hydroelastic_contact() -> None:
+    overrides = {"robot.feet": "soles", "robot.base": [0, 0, 0.44496, 0, 0, 0]}
+    (finding,) = [f for f in findings("humanoid_dynamic", overrides) if f.level == "warning"]
+    assert "contact.model to hydroelastic_with_fallback" in finding.text
+    overrides["contact.model"] = "hydroelastic_with_fallback"
+    assert [f for f in findings("humanoid_dynamic", overrides) if f.level == "warning"] == []
+
+
+def test_too_weak_a_knee_is_foretold() -> None:
+    weak = {"servo.torque_limit": {"rear_left_knee": 2}}
+    (finding,) = [f for f in findings("yobotics_dynamic", weak) if f.level == "warning"]
+    assert finding.subject == "torque of rear_left_knee"
+
+
+def test_a_kinematic_station_takes_no_pushes() -> None:
+    with pytest.raises(SimrobError, match="kinematic station knows no forces"):
+        load_station("humanoid_fixed", {"robot.pushes": [{"start": 1, "force": [1, 0, 0]}]})
