@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -11,6 +11,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import NotNegative, Positive
+from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 GAITS_FILE = "gaits.yaml"
@@ -115,6 +116,39 @@ class Crawl(Strict):
     servo: Mapping[str, Any] = Field(default_factory=dict)
 
 
+class March(Strict):
+    """A walk on two legs by joint angles, joined by straight lines: the thesis's manner."""
+
+    move_time: Positive = 1.0
+    """Of each sub-move [s]."""
+    start_deg: AxisValues
+    """Posture at the start and at the end [deg]."""
+    left: Annotated[tuple[AxisValues, ...], Field(min_length=2)]
+    """Postures of a step with the left foot; axes that are left out are as at the start. The right one mirrors them."""
+    feet: str | None = None
+    """Kind of feet; the default one unless given."""
+    rest: NotNegative = 1.0
+    """Time to stand at the end [s]."""
+    servo: Mapping[str, Any] = Field(default_factory=dict)
+
+
+class Posing(Strict):
+    """Postures one after the other."""
+
+    start_deg: AxisValues = 0.0
+    """Posture at the start [deg]."""
+    targets: Annotated[tuple[Waypoint, ...], Field(min_length=1)]
+    """Postures, and when to be there; axes that are left out stay."""
+    repeat: int = Field(default=1, ge=1)
+    """How often to go through the targets."""
+    ramps: Literal["smooth", "linear"] = "smooth"
+    """Smooth: at rest in every posture. Linear: straight lines, as in the thesis."""
+    feet: str | None = None
+    """Kind of feet; the default one unless given."""
+    rest: NotNegative = 1.0
+    """Time to stay in the last posture [s]."""
+
+
 class Gaits(Strict):
     """All gaits of a robot."""
 
@@ -123,6 +157,8 @@ class Gaits(Strict):
     walks: dict[str, Walk] = Field(default_factory=dict)
     trots: dict[str, Trot] = Field(default_factory=dict)
     crawls: dict[str, Crawl] = Field(default_factory=dict)
+    marches: dict[str, March] = Field(default_factory=dict)
+    sequences: dict[str, Posing] = Field(default_factory=dict)
 
 
 def load_gaits(robot: str) -> Gaits:

@@ -21,6 +21,7 @@ from simrob_drake.programs.gaits.leg_angles import foot_point, leg_angles
 from simrob_drake.programs.gaits.lipm import com_from_zmp
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
+from simrob_drake.programs.gaits.rolling import rolled
 from simrob_drake.programs.gaits.skeleton import Skeleton, rotations_about, skeleton_of
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 
@@ -72,6 +73,7 @@ class WholeBody:
         self.skeleton: Skeleton = skeleton_of(carriage.robot)
         self.feet: list[Foot] = feet_of(self.skeleton, carriage.facing_deg, carriage.feet)
         self.leans = any(len(foot.axes) == 4 for foot in self.feet)
+        self._rolled = {foot.name: np.zeros((len(course.times), 2)) for foot in self.feet}
 
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
         """Return the motion, and the zero-moment point that it has if nothing slips, shape (m, 2) [m].
@@ -94,6 +96,7 @@ class WholeBody:
                 trunk = _Trunk(trunk.place + move * [1, 0], trunk.lean + side / factor)
             else:
                 trunk = _Trunk(trunk.place + move, trunk.lean)
+            self._roll(angles, root)
             angles, root = self._postures(trunk, angles)
             zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
         return self._in_the_world(angles, root), zmp
@@ -111,6 +114,7 @@ class WholeBody:
         for foot in self.feet:
             path = course.feet[foot.name]
             goal = path[:, :3] + foot.over * UP
+            goal[:, :2] += self._rolled[foot.name]
             target = rotations_about(UP, path[:, 3]), goal
             angles = leg_angles(self.skeleton, foot, target, (rotation, position), angles, course.times)
             if self.leans:
@@ -118,6 +122,15 @@ class WholeBody:
                 apart += (goal - foot_point(self.skeleton, foot, poses))[:, 1] / len(self.feet)
         position[:, 1] += apart
         return angles, (rotation, position)
+
+    def _roll(self, angles: Vector, root: tuple[Vector, Vector]) -> None:
+        """Find how far feet that are balls roll in a motion."""
+        for foot in self.feet:
+            if not foot.half.any():
+                poses = self.skeleton.poses(root, angles, list(foot.axes))
+                standing = self.course.feet[foot.name][:, 2] <= 0
+                rotation = poses.rotation[self.skeleton.frames[foot.link][0]]
+                self._rolled[foot.name] = rolled(rotation, standing, foot.over)
 
     def _with_arms(self, angles: Vector, lean: Vector) -> Vector:
         """Return the angles with the axes that are in no leg set: posture, counterweight of a lean, and swing."""
