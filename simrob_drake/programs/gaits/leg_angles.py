@@ -21,6 +21,7 @@ _ROUNDS = 30
 _DAMPING = 1e-9
 _LARGEST_MOVE = 0.4  # of a joint in a round [rad]
 _CLOSE = 1e-7  # when to stop [m, rad]
+_FLATNESS = 3.0  # metres that a radian counts for where a foot cannot get to its place
 _WRONG = 1e-4  # what counts as out of reach [m, rad]
 
 
@@ -71,7 +72,7 @@ def leg_angles(
     if wrong.max() > _WRONG:
         row = slice(int(wrong.argmax()), int(wrong.argmax()) + 1)
         one = (target[0][row], target[1][row]), (root[0][row], root[1][row]), start[row]
-        short = _shortfall(skeleton, foot, *one, [place for place in rows if place < 3])
+        short = _shortfall(skeleton, foot, *one, rows)
         raise OutOfReach(
             f"the leg of {foot.name} is out of reach by {1e3 * short:.0f} mm at {when[row][0]:.2f} s;"
             " take shorter or lower steps, or let the hips come down"
@@ -115,14 +116,15 @@ def _shortfall(
     start: Vector,
     rows: list[int],
 ) -> float:
-    """Return how near one foot comes to a place if it need not be flat [m]: heavily damped, so that it settles."""
+    """Return how near one foot, flat, comes to a place [m]: heavily damped, so that it settles."""
     angles, axes = start.copy(), list(foot.axes)
+    weight = np.where(np.array(rows) < 3, 1.0, _FLATNESS)
     error = np.zeros((1, 6))
     for _ in range(10 * _ROUNDS):
         error, jacobian = _error_and_jacobian(skeleton, foot, target, root, angles)
-        part = jacobian[0][rows]
-        angles[0, axes] += np.linalg.solve(part.T @ part + 1e-4 * np.eye(len(axes)), part.T @ error[0, rows])
-    return float(np.linalg.norm(error[0, rows]))
+        part = weight[:, np.newaxis] * jacobian[0][rows]
+        angles[0, axes] += np.linalg.solve(part.T @ part + 1e-4 * np.eye(len(axes)), part.T @ (weight * error[0, rows]))
+    return float(np.linalg.norm(error[0, [row for row in rows if row < 3]]))
 
 
 def _check_limits(skeleton: Skeleton, foot: Foot, angles: Vector, when: Vector) -> None:
