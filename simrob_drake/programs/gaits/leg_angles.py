@@ -20,7 +20,7 @@ ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 2, 3, 4], 3: [0, 1, 2]}
 _ROUNDS = 30
 _DAMPING = 1e-9
 _LARGEST_MOVE = 0.4  # of a joint in a round [rad]
-_CLOSE = 1e-7  # when to stop [m, rad]
+_CLOSE = 1e-6  # when to stop [m, rad]
 _FLATNESS = 3.0  # metres that a radian counts for where a foot cannot get to its place
 _WRONG = 1e-4  # what counts as out of reach [m, rad]
 
@@ -59,15 +59,15 @@ def leg_angles(
         raise InvalidParameter(f"leg of {foot.name}", f"{len(axes)} joints", "three, four or six joints")
     rows = ROWS[len(axes)]
     angles = start.copy()
+    error = np.full((len(angles), len(rows)), np.inf)
     for _ in range(_ROUNDS):
-        error, jacobian = _error_and_jacobian(skeleton, foot, target, root, angles)
-        error, jacobian = error[:, rows], jacobian[:, rows]
+        error, jacobian = (part[:, rows] for part in _error_and_jacobian(skeleton, foot, target, root, angles))
         if np.abs(error).max() < _CLOSE:
             break
         square = jacobian.transpose(0, 2, 1) @ jacobian + _DAMPING * np.eye(len(axes))
         move = np.linalg.solve(square, jacobian.transpose(0, 2, 1) @ error[..., np.newaxis])[..., 0]
         angles[:, axes] += np.clip(move, -_LARGEST_MOVE, _LARGEST_MOVE)
-    wrong = np.abs(_error_and_jacobian(skeleton, foot, target, root, angles)[0][:, rows]).max(axis=1)
+    wrong = np.abs(error).max(axis=1)
     when = np.arange(len(angles), dtype=float) if times is None else times
     if wrong.max() > _WRONG:
         row = slice(int(wrong.argmax()), int(wrong.argmax()) + 1)

@@ -62,7 +62,7 @@ class Walk(Strict):
     """Time to shift the weight at the start and at the end [s]."""
     rest: NotNegative = 1.0
     """Time to stand after that [s]."""
-    servo: Mapping[str, Any] = Field(default_factory=dict)
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
     """Servo figures for it, in place of the station's: kp, kd."""
 
 
@@ -80,6 +80,8 @@ class Trot(Strict):
     """How far each step turns it to the left [deg]."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
+    lead: Number = 0.0
+    """How far the trunk runs ahead of the middle of its feet, as a part of the step."""
     all_stand: Positive = 0.1
     """Part of a step in which all feet stand."""
     widen: Number = 0.0
@@ -90,7 +92,8 @@ class Trot(Strict):
     """Time before the first step and after the last one [s]."""
     rest: NotNegative = 1.0
     """Time to stand after that [s]."""
-    servo: Mapping[str, Any] = Field(default_factory=dict)
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
 
 
 class Crawl(Strict):
@@ -113,7 +116,8 @@ class Crawl(Strict):
     """Time to stand before the first leg and after the last one [s]."""
     rest: NotNegative = 1.0
     """Time to stand after that [s]."""
-    servo: Mapping[str, Any] = Field(default_factory=dict)
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
 
 
 class March(Strict):
@@ -129,7 +133,10 @@ class March(Strict):
     """Kind of feet; the default one unless given."""
     rest: NotNegative = 1.0
     """Time to stand at the end [s]."""
-    servo: Mapping[str, Any] = Field(default_factory=dict)
+    feed_velocity: bool = False
+    """Whether the servos are told the reference's velocity, too; not so in the thesis."""
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
 
 
 class Posing(Strict):

@@ -5,13 +5,16 @@ A ball of radius r that turns at :math:`\omega` without slipping moves by :math:
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
+import numpy.typing as npt
 
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.phases import smooth
 
 
-def rolled(rotation: Vector, standing: Vector, radius: float) -> Vector:
+def rolled(rotation: Vector, standing: npt.NDArray[np.bool_], radius: float) -> Vector:
     """Return how far the middle of a ball has rolled since it landed.
 
     Args:
@@ -30,7 +33,7 @@ def rolled(rotation: Vector, standing: Vector, radius: float) -> Vector:
     changes = np.flatnonzero(np.diff(standing.astype(int))) + 1
     edges = [0, *changes, len(standing)]
     result, last = np.zeros((len(standing), 2)), np.zeros(2)
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         if standing[start]:
             result[start:end] = way[start:end] - way[start]
             last = result[end - 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -10,13 +11,12 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import feet_of
+from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import March, Posing, load_gaits
 from simrob_drake.programs.gaits.phases import SAMPLE, smooth
 from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.robots.catalog import AxisValues, RobotModel
-
-_SIDES = {"left": "right", "right": "left"}
 
 
 def posing(robot: str, name: str) -> JointMotion:
@@ -73,18 +73,8 @@ def march(robot: str, steps: int, name: str = "march", *, amplitude: float = 1.0
         sub_moves = moves[step % 2] if step < steps - 1 else [*moves[step % 2][:-1], start]
         postures += [start + share * (posture - start) for posture in sub_moves]
     times = np.arange(len(postures)) * figures.move_time
-    return _motion(robot, figures.feet, list(times), postures, "linear", figures.rest)
-
-
-def mirrored(model: RobotModel, values: Vector) -> Vector:
-    """Return per-axis values (n,) with left and right exchanged; turns to a side change their sense."""
-    names = list(model.axes)
-    result = np.empty_like(values)
-    for place, name in enumerate(names):
-        side, _, rest = name.partition("_")
-        other = names.index(f"{_SIDES[side]}_{rest}") if side in _SIDES else place
-        result[place] = -values[other] if name.endswith("yaw") else values[other]
-    return result
+    motion = _motion(robot, figures.feet, list(times), postures, "linear", figures.rest)
+    return replace(motion, servo=figures.servo, feed_velocity=figures.feed_velocity)
 
 
 def standing_height(robot: str, angles: Vector, feet: str | None = None) -> float:
@@ -120,7 +110,7 @@ def _motion(
     rest: float,
 ) -> JointMotion:
     """Join postures, by straight lines or at rest in each."""
-    at = np.arange(round((times[-1] + rest) / SAMPLE) + 1) * SAMPLE
+    at: Vector = np.arange(round((times[-1] + rest) / SAMPLE) + 1, dtype=float) * SAMPLE
     piece = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     starts, ends = np.array(times)[piece], np.array(times)[piece + 1]
     share = np.clip((at - starts) / (ends - starts), 0.0, 1.0)

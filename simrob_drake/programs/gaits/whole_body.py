@@ -11,7 +11,8 @@ with :math:`Z = \sum m (z\,\partial y/\partial\varphi - y\,\partial z/\partial\v
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,11 +20,13 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import UP, Foot, facing_rotation, feet_of
 from simrob_drake.programs.gaits.leg_angles import foot_point, leg_angles
 from simrob_drake.programs.gaits.lipm import com_from_zmp
+from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
 from simrob_drake.programs.gaits.rolling import rolled
 from simrob_drake.programs.gaits.skeleton import Skeleton, rotations_about, skeleton_of
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
+from simrob_drake.robots.catalog import AxisValues
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 ROUNDS = 3
@@ -44,6 +47,7 @@ class Carriage:
         arms: angle of each axis for a lean to the right of one radian, shape (n,); a lean to the left mirrors it.
         swing: angle of each axis for a metre that the left foot is ahead of the right one, shape (n,) [rad/m].
         feet: the kind of feet; the default one if None.
+        servo: figures of the servos for it, in place of the station's.
     """
 
     robot: str
@@ -54,6 +58,7 @@ class Carriage:
     arms: Vector
     swing: Vector
     feet: str | None = None
+    servo: Mapping[str, AxisValues] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -139,22 +144,11 @@ class WholeBody:
         right, left = np.maximum(lean, 0.0), np.maximum(-lean, 0.0)
         course = self.course.feet
         stride = course["left_foot"][:, 0] - course["right_foot"][:, 0] if "left_foot" in course else 0.0 * lean
-        mirrored = self._mirrored(carriage.arms)
-        all_ = carriage.posture + np.outer(right, carriage.arms) + np.outer(left, mirrored)
+        other = mirrored(self.skeleton.model, carriage.arms)
+        all_ = carriage.posture + np.outer(right, carriage.arms) + np.outer(left, other)
         all_ = all_ + np.outer(stride, carriage.swing)
         result = angles.copy()
         result[:, free] = all_[:, free]
-        return result
-
-    def _mirrored(self, values: Vector) -> Vector:
-        """Return per-axis values with left and right exchanged."""
-        names = list(self.skeleton.model.axes)
-        swap = {"left": "right", "right": "left"}
-        result = np.zeros_like(values)
-        for place, name in enumerate(names):
-            side, _, rest = name.partition("_")
-            other = f"{swap[side]}_{rest}" if side in swap else name
-            result[place] = values[names.index(other)]
         return result
 
     def _start(self) -> tuple[Vector, float, float, float]:
@@ -181,7 +175,9 @@ class WholeBody:
         facing = facing_rotation(-self.carriage.facing_deg)
         start = root[1][0] * [1.0, 1.0, 0.0]
         turned = facing @ root[0], (root[1] - start) @ facing.T
-        return JointMotion(self.carriage.robot, self.carriage.feet, self.course.times, angles, turned)
+        return JointMotion(
+            self.carriage.robot, self.carriage.feet, self.course.times, angles, turned, self.carriage.servo
+        )
 
 
 def _first_sample(course: Course) -> Course:
