@@ -21,6 +21,7 @@ _ROUNDS = 30
 _DAMPING = 1e-9
 _LARGEST_MOVE = 0.4  # of a joint in a round [rad]
 _CLOSE = 1e-6  # when to stop [m, rad]
+_HEAVY_DAMPING = 0.02  # more than a stretched leg's curvature, what is missing times a leg's length [m²]
 _FLATNESS = 3.0  # metres that a radian counts for where a foot cannot get to its place
 _WRONG = 1e-4  # what counts as out of reach [m, rad]
 
@@ -123,7 +124,9 @@ def _shortfall(
     for _ in range(10 * _ROUNDS):
         error, jacobian = _error_and_jacobian(skeleton, foot, target, root, angles)
         part = weight[:, np.newaxis] * jacobian[0][rows]
-        angles[0, axes] += np.linalg.solve(part.T @ part + 1e-4 * np.eye(len(axes)), part.T @ (weight * error[0, rows]))
+        angles[0, axes] += np.linalg.solve(
+            part.T @ part + _HEAVY_DAMPING * np.eye(len(axes)), part.T @ (weight * error[0, rows])
+        )
     return float(np.linalg.norm(error[0, [row for row in rows if row < 3]]))
 
 

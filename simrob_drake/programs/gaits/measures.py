@@ -25,6 +25,7 @@ class Journey:
         lowest: smallest height of the root [m].
         fell_at: when it tilted beyond 45 deg, or None [s].
         torque_share: largest torque of a joint over its limit.
+        saturated: part of the time that the busiest joint is at its limit.
     """
 
     seconds: float
@@ -35,6 +36,7 @@ class Journey:
     lowest: float
     fell_at: float | None
     torque_share: float
+    saturated: float
 
     @property
     def upright(self) -> bool:
@@ -56,7 +58,7 @@ def journey(result: SimulationResult, facing_deg: float) -> Journey:
     way = pose[-1, :2] - pose[0, :2]
     tilt = np.rad2deg(np.arccos(np.clip(1.0 - 2.0 * (quaternion[:, 1] ** 2 + quaternion[:, 2] ** 2), -1.0, 1.0)))
     fallen = np.flatnonzero(tilt > FALLEN_DEG)
-    limit = next(iter(result.plant.robots.values())).gains.torque_limit
+    share = np.abs(result.axes("tau")) / next(iter(result.plant.robots.values())).gains.torque_limit
     return Journey(
         seconds=result.stop_time,
         ahead=float(way @ [np.cos(looked), np.sin(looked)]),
@@ -65,7 +67,8 @@ def journey(result: SimulationResult, facing_deg: float) -> Journey:
         tilt_deg=float(tilt.max()),
         lowest=float(pose[:, 2].min()),
         fell_at=float(result.times[fallen[0]]) if len(fallen) else None,
-        torque_share=float((np.abs(result.axes("tau")) / limit).max()),
+        torque_share=float(share.max()),
+        saturated=float((share > 0.999).mean(axis=0).max()),
     )
 
 

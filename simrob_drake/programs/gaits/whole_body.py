@@ -29,7 +29,7 @@ from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.robots.catalog import AxisValues
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-ROUNDS = 3
+ROUNDS = 4
 """How often the zero-moment point is mended."""
 _NUDGE = 1e-3  # lean whose effect is measured [rad]
 
@@ -93,7 +93,7 @@ class WholeBody:
         trunk = _Trunk(com_from_zmp(wanted, step=SAMPLE, height=height), np.zeros(count))
         angles, root = self._postures(trunk, angles)
         zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
-        for _ in range(rounds + 1):
+        for _ in range(rounds):
             missing = wanted - zmp
             move = com_from_zmp(missing, step=SAMPLE, height=height)
             if self.leans:
