@@ -1,4 +1,4 @@
-"""Trot and crawl with the quadruped, and stand on three legs."""
+"""Trot with the quadruped, crawl, and stand on three legs."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ def run(motion: JointMotion) -> SimulationResult:
 
 
 def main() -> None:
-    """Print how far the quadruped went, and where the files are."""
+    """Print how far the quadruped went, and where the files of the trot are."""
     motions = {
-        "trot": trot("yobotics", steps=20),
-        "crawl": crawl("yobotics", legs=8),
-        "three legs": three_legs("yobotics", "front_left_foot", seconds=2.0),
+        "trot": trot("yobotics", steps=12),
+        "crawl": crawl("yobotics", legs=4),
+        "three legs": three_legs("yobotics", "front_left_foot", seconds=1.0),
     }
-    for name, motion in motions.items():
-        result = run(motion)
+    results = {name: run(motion) for name, motion in motions.items()}
+    for name, result in results.items():
         found = journey(result, load_gaits("yobotics").facing_deg)
         print(f"{name}: {found.ahead:.2f} m in {found.seconds:.1f} s, turned by {found.yaw_deg:.1f} deg")
-        print("files in", result.save())
+    print("files in", results["trot"].save())
 
 
 if __name__ == "__main__":

@@ -63,7 +63,8 @@ class JointMotion:
 
         Args:
             overrides: further changes, as of ``load_station``.
-            name: of the station; ``<robot>_dynamic`` unless given.
+            name: of the station; ``<robot>_dynamic`` with steps of ``MAX_STEP`` unless given. To give that one another
+                kind of solver, override its whole section ``solver``.
         """
         rotation, position = self.root
         pose = pose_from_transform(RigidTransform(RotationMatrix(rotation[0]), position[0]))
@@ -73,9 +74,10 @@ class JointMotion:
             "robot.initial_deg": [float(value) for value in np.rad2deg(self.positions[0])],
             "inputs": ["reference_velocity"] if self.feed_velocity else [],
             "floor.size": float(np.ceil(2.0 * (way + _FLOOR_MARGIN))),
-            "solver.max_step": MAX_STEP,
             "duration": self.duration,
         }
+        if name is None:
+            settings["solver.max_step"] = MAX_STEP
         settings.update({f"servo.{key}": value for key, value in self.servo.items()})
         if self.feet is not None:
             settings["robot.feet"] = self.feet

@@ -57,7 +57,7 @@ def test_a_joint_beyond_its_limit_is_named():
     foot = feet_of(skeleton, 0.0)[0]
     one = np.eye(3)[np.newaxis]
     start = np.deg2rad(skeleton.model.axis_vector(skeleton.model.home_deg, "home"))[np.newaxis]
-    goal = (foot.home + [0.0, 0.28, 0.35])[np.newaxis]
+    goal = (foot.home + np.array([0.0, 0.28, 0.35]))[np.newaxis]
     with pytest.raises(OutOfReach, match=r"rear_left_hip_roll would need .* beyond its limits"):
         leg_angles(skeleton, foot, (one, goal), (one, np.zeros((1, 3))), start)
 
