@@ -20,7 +20,9 @@ ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 2, 3, 4], 3: [0, 1, 2]}
 _ROUNDS = 30
 _DAMPING = 1e-9
 _LARGEST_MOVE = 0.4  # of a joint in a round [rad]
-_CLOSE = 1e-7  # when to stop [m, rad]
+_CLOSE = 1e-6  # when to stop [m, rad]
+_HEAVY_DAMPING = 0.02  # more than a stretched leg's curvature, what is missing times a leg's length [m²]
+_FLATNESS = 3.0  # metres that a radian counts for where a foot cannot get to its place
 _WRONG = 1e-4  # what counts as out of reach [m, rad]
 
 
@@ -58,20 +60,20 @@ def leg_angles(
         raise InvalidParameter(f"leg of {foot.name}", f"{len(axes)} joints", "three, four or six joints")
     rows = ROWS[len(axes)]
     angles = start.copy()
+    error = np.full((len(angles), len(rows)), np.inf)
     for _ in range(_ROUNDS):
-        error, jacobian = _error_and_jacobian(skeleton, foot, target, root, angles)
-        error, jacobian = error[:, rows], jacobian[:, rows]
+        error, jacobian = (part[:, rows] for part in _error_and_jacobian(skeleton, foot, target, root, angles))
         if np.abs(error).max() < _CLOSE:
             break
         square = jacobian.transpose(0, 2, 1) @ jacobian + _DAMPING * np.eye(len(axes))
         move = np.linalg.solve(square, jacobian.transpose(0, 2, 1) @ error[..., np.newaxis])[..., 0]
         angles[:, axes] += np.clip(move, -_LARGEST_MOVE, _LARGEST_MOVE)
-    wrong = np.abs(_error_and_jacobian(skeleton, foot, target, root, angles)[0][:, rows]).max(axis=1)
+    wrong = np.abs(error).max(axis=1)
     when = np.arange(len(angles), dtype=float) if times is None else times
     if wrong.max() > _WRONG:
         row = slice(int(wrong.argmax()), int(wrong.argmax()) + 1)
         one = (target[0][row], target[1][row]), (root[0][row], root[1][row]), start[row]
-        short = _shortfall(skeleton, foot, *one, [place for place in rows if place < 3])
+        short = _shortfall(skeleton, foot, *one, rows)
         raise OutOfReach(
             f"the leg of {foot.name} is out of reach by {1e3 * short:.0f} mm at {when[row][0]:.2f} s;"
             " take shorter or lower steps, or let the hips come down"
@@ -115,14 +117,17 @@ def _shortfall(
     start: Vector,
     rows: list[int],
 ) -> float:
-    """Return how near one foot comes to a place if it need not be flat [m]: heavily damped, so that it settles."""
+    """Return how near one foot, flat, comes to a place [m]: heavily damped, so that it settles."""
     angles, axes = start.copy(), list(foot.axes)
+    weight = np.where(np.array(rows) < 3, 1.0, _FLATNESS)
     error = np.zeros((1, 6))
     for _ in range(10 * _ROUNDS):
         error, jacobian = _error_and_jacobian(skeleton, foot, target, root, angles)
-        part = jacobian[0][rows]
-        angles[0, axes] += np.linalg.solve(part.T @ part + 1e-4 * np.eye(len(axes)), part.T @ error[0, rows])
-    return float(np.linalg.norm(error[0, rows]))
+        part = weight[:, np.newaxis] * jacobian[0][rows]
+        angles[0, axes] += np.linalg.solve(
+            part.T @ part + _HEAVY_DAMPING * np.eye(len(axes)), part.T @ (weight * error[0, rows])
+        )
+    return float(np.linalg.norm(error[0, [row for row in rows if row < 3]]))
 
 
 def _check_limits(skeleton: Skeleton, foot: Foot, angles: Vector, when: Vector) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,12 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.frames import Vector, pose_from_transform
+from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 
+MAX_STEP = 0.01
+"""Of the scheme `cenic` [s]: references stand still over a step."""
 _FLOOR_MARGIN = 2.0  # floor beyond the way that a motion goes [m]
 
 
@@ -27,6 +30,8 @@ class JointMotion:
         times: shape (m,) [s].
         positions: of the axes, shape (m, n) [rad].
         root: planned pose of the root in the world, rotation (m, 3, 3) and position (m, 3) [m].
+        servo: figures of the servos for it, in place of the station's: kp, kd.
+        feed_velocity: whether the servos are told the reference's velocity, too.
     """
 
     robot: str
@@ -34,6 +39,8 @@ class JointMotion:
     times: Vector
     positions: Vector
     root: tuple[Vector, Vector]
+    servo: Mapping[str, AxisValues] = field(default_factory=dict)
+    feed_velocity: bool = True
 
     @property
     def duration(self) -> float:
@@ -56,7 +63,8 @@ class JointMotion:
 
         Args:
             overrides: further changes, as of ``load_station``.
-            name: of the station; ``<robot>_dynamic`` unless given.
+            name: of the station; ``<robot>_dynamic`` with steps of ``MAX_STEP`` unless given. To give that one another
+                kind of solver, override its whole section ``solver``.
         """
         rotation, position = self.root
         pose = pose_from_transform(RigidTransform(RotationMatrix(rotation[0]), position[0]))
@@ -64,11 +72,13 @@ class JointMotion:
         settings: dict[str, Any] = {
             "robot.base": [float(value) for value in pose],
             "robot.initial_deg": [float(value) for value in np.rad2deg(self.positions[0])],
-            "inputs": ["reference_velocity"],
+            "inputs": ["reference_velocity"] if self.feed_velocity else [],
             "floor.size": float(np.ceil(2.0 * (way + _FLOOR_MARGIN))),
-            "solver.max_step": 0.01,
             "duration": self.duration,
         }
+        if name is None:
+            settings["solver.max_step"] = MAX_STEP
+        settings.update({f"servo.{key}": value for key, value in self.servo.items()})
         if self.feet is not None:
             settings["robot.feet"] = self.feet
         return load_station(name or f"{self.robot}_dynamic", {**settings, **(overrides or {})})

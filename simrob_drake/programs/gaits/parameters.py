@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -11,6 +11,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import NotNegative, Positive
+from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 GAITS_FILE = "gaits.yaml"
@@ -61,7 +62,7 @@ class Walk(Strict):
     """Time to shift the weight at the start and at the end [s]."""
     rest: NotNegative = 1.0
     """Time to stand after that [s]."""
-    servo: Mapping[str, Any] = Field(default_factory=dict)
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
     """Servo figures for it, in place of the station's: kp, kd."""
 
 
@@ -79,6 +80,8 @@ class Trot(Strict):
     """How far each step turns it to the left [deg]."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
+    lead: Number = 0.0
+    """How far the trunk runs ahead of the middle of its feet, as a part of the step."""
     all_stand: Positive = 0.1
     """Part of a step in which all feet stand."""
     widen: Number = 0.0
@@ -89,7 +92,8 @@ class Trot(Strict):
     """Time before the first step and after the last one [s]."""
     rest: NotNegative = 1.0
     """Time to stand after that [s]."""
-    servo: Mapping[str, Any] = Field(default_factory=dict)
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
 
 
 class Crawl(Strict):
@@ -112,7 +116,44 @@ class Crawl(Strict):
     """Time to stand before the first leg and after the last one [s]."""
     rest: NotNegative = 1.0
     """Time to stand after that [s]."""
-    servo: Mapping[str, Any] = Field(default_factory=dict)
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
+
+
+class March(Strict):
+    """A walk on two legs by joint angles, joined by straight lines: the thesis's manner."""
+
+    move_time: Positive = 1.0
+    """Of each sub-move [s]."""
+    start_deg: AxisValues
+    """Posture at the start and at the end [deg]."""
+    left: Annotated[tuple[AxisValues, ...], Field(min_length=2)]
+    """Postures of a step with the left foot; axes that are left out are as at the start. The right one mirrors them."""
+    feet: str | None = None
+    """Kind of feet; the default one unless given."""
+    rest: NotNegative = 1.0
+    """Time to stand at the end [s]."""
+    feed_velocity: bool = False
+    """Whether the servos are told the reference's velocity, too; not so in the thesis."""
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
+
+
+class Posing(Strict):
+    """Postures one after the other."""
+
+    start_deg: AxisValues = 0.0
+    """Posture at the start [deg]."""
+    targets: Annotated[tuple[Waypoint, ...], Field(min_length=1)]
+    """Postures, and when to be there; axes that are left out stay."""
+    repeat: int = Field(default=1, ge=1)
+    """How often to go through the targets."""
+    ramps: Literal["smooth", "linear"] = "smooth"
+    """Smooth: at rest in every posture. Linear: straight lines, as in the thesis."""
+    feet: str | None = None
+    """Kind of feet; the default one unless given."""
+    rest: NotNegative = 1.0
+    """Time to stay in the last posture [s]."""
 
 
 class Gaits(Strict):
@@ -123,6 +164,8 @@ class Gaits(Strict):
     walks: dict[str, Walk] = Field(default_factory=dict)
     trots: dict[str, Trot] = Field(default_factory=dict)
     crawls: dict[str, Crawl] = Field(default_factory=dict)
+    marches: dict[str, March] = Field(default_factory=dict)
+    sequences: dict[str, Posing] = Field(default_factory=dict)
 
 
 def load_gaits(robot: str) -> Gaits:

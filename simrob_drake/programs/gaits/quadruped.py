@@ -13,7 +13,7 @@ from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import Crawl, Trot, gait, load_gaits
 from simrob_drake.programs.gaits.phases import Phase, course
 from simrob_drake.programs.gaits.skeleton import skeleton_of
-from simrob_drake.programs.gaits.walk import carriage, on_path, ramp_shares
+from simrob_drake.programs.gaits.stepping import carriage, on_path, ramp_shares
 from simrob_drake.programs.gaits.whole_body import WholeBody
 
 PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left_foot"))
@@ -41,22 +41,21 @@ def trot(robot: str, steps: int, name: str = "trot", **changes: Any) -> JointMot
         raise InvalidParameter("steps", steps, "at least 2")
     start = _stance(robot, figures)
     phases, pose = [Phase(figures.settle, np.zeros(2), 0.0)], np.zeros(3)
+    move = np.array([figures.step_length, figures.sideways, np.deg2rad(figures.turn_deg)])
     stand = figures.all_stand * figures.step_time
     for number, share in enumerate(ramp_shares(steps, figures.ramp_steps)):
-        half = share / 2  # the trunk is half-way between the pairs
-        move = (figures.step_length, figures.sideways, np.deg2rad(figures.turn_deg))
-        landing = on_path(pose, *(share * part for part in move))
-        pose = on_path(pose, *(half * part for part in move)) if number == 0 else landing
+        landing = on_path(pose, *(share * move))
+        between = on_path((pose + landing) / 2, *(share * figures.lead * move))  # of pairs that stand and that land
         goals = {foot: on_path(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
         phases.append(
             Phase(
                 figures.step_time,
-                pose[:2],
+                between[:2],
                 figures.step_time,
                 goals,
                 lift=figures.lift,
                 rest=stand,
-                heading=pose[2],
+                heading=between[2],
             )
         )
         pose = landing
@@ -88,7 +87,7 @@ def crawl(robot: str, legs: int, name: str = "crawl", **changes: Any) -> JointMo
     for number in range(legs):
         swinging = CRAWL_ORDER[number % 4]
         triangle = np.array([place[foot][:2] for foot in place if foot != swinging])
-        middle = np.mean([at[:2] for at in place.values()], axis=0) + [figures.stride / 8, 0.0]
+        middle = np.mean([at[:2] for at in place.values()], axis=0)
         goal = on_path(place[swinging], figures.stride)
         phases.append(
             Phase(
@@ -176,5 +175,5 @@ def _stance(robot: str, figures: Trot | Crawl) -> dict[str, Vector]:
 
 def _solved(robot: str, figures: Trot | Crawl, start: dict[str, Vector], phases: list[Phase]) -> JointMotion:
     way = course(start, np.zeros(2), phases)
-    body = WholeBody(carriage(robot, load_gaits(robot).facing_deg, figures.bearing), way)
+    body = WholeBody(carriage(robot, figures), way)
     return body.solve()[0]

@@ -84,11 +84,19 @@ class Skeleton:
         position = np.empty((len(self.parents) + 1, count, 3))
         rotation[ROOT], position[ROOT] = root
         for axis in self.order if axes is None else axes:
-            parent = self.parents[axis]
-            turned = rotation[parent] @ self.before[0][axis] @ rotations_about(self.directions[axis], angles[:, axis])
-            at = position[parent] + rotation[parent] @ self.before[1][axis]
-            rotation[axis + 1] = turned @ self.after[0][axis]
-            position[axis + 1] = at + turned @ self.after[1][axis]
+            parent, (fixed, across) = self.parents[axis], (self.before, self.after)
+            # before * turn * after as one sum of constant matrices: a product of many small ones less
+            turn = _turn_parts(self.directions[axis])
+            parts = fixed[0][axis] @ turn @ across[0][axis]
+            sine, versine = np.sin(angles[:, axis, None, None]), 1.0 - np.cos(angles[:, axis, None, None])
+            rotation[axis + 1] = rotation[parent] @ (parts[0] + sine * parts[1] + versine * parts[2])
+            offset = fixed[1][axis]
+            if across[1][axis].any():
+                arms = fixed[0][axis] @ turn @ across[1][axis]
+                offset = (offset + arms[0] + sine[:, 0] * arms[1] + versine[:, 0] * arms[2])[..., np.newaxis]
+                position[axis + 1] = position[parent] + (rotation[parent] @ offset)[..., 0]
+            else:
+                position[axis + 1] = position[parent] + rotation[parent] @ offset
         return Poses(rotation, position)
 
     def mass_points(self, poses: Poses) -> Vector:
@@ -109,11 +117,17 @@ class Skeleton:
 
 
 def rotations_about(direction: Vector, angles: Vector) -> Vector:
-    """Return rotations about one unit vector (3,) by many angles (m,), shape (m, 3, 3) (Rodrigues' formula)."""
+    """Return rotations about one unit vector (3,) by many angles (m,), shape (m, 3, 3)."""
+    parts = _turn_parts(direction)
+    sine, versine = np.sin(angles)[:, np.newaxis, np.newaxis], 1.0 - np.cos(angles)[:, np.newaxis, np.newaxis]
+    return np.asarray(parts[0] + sine * parts[1] + versine * parts[2])
+
+
+def _turn_parts(direction: Vector) -> Vector:
+    """Return the constant parts of 1 + sin(a) K + (1 - cos(a)) K² (Rodrigues' formula), shape (3, 3, 3)."""
     x, y, z = direction
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, cosine = np.sin(angles)[:, np.newaxis, np.newaxis], np.cos(angles)[:, np.newaxis, np.newaxis]
-    return np.asarray(np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross))
+    return np.array([np.eye(3), cross, cross @ cross])
 
 
 @lru_cache(maxsize=8)

@@ -10,10 +10,11 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import Foot, feet_of
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import Bearing, Walk, gait, load_gaits
+from simrob_drake.programs.gaits.parameters import Walk, gait, load_gaits
 from simrob_drake.programs.gaits.phases import Phase, course
 from simrob_drake.programs.gaits.skeleton import skeleton_of
-from simrob_drake.programs.gaits.whole_body import Carriage, WholeBody
+from simrob_drake.programs.gaits.stepping import carriage, on_path, ramp_shares
+from simrob_drake.programs.gaits.whole_body import WholeBody
 
 SIDES = ("right_foot", "left_foot")
 """Who steps first, and who next."""
@@ -44,37 +45,8 @@ def planned_walk(robot: str, steps: int, figures: Walk) -> tuple[JointMotion, Ve
     _check(robot, steps, figures, feet)
     start = {name: np.array([0.0, foot.home[1] + foot.side * figures.widen, 0.0]) for name, foot in feet.items()}
     way = course(start, np.array([figures.zmp_ahead, 0.0]), _phases(steps, figures, start))
-    motion, zmp = WholeBody(carriage(robot, facing, figures.bearing, figures.feet), way).solve()
+    motion, zmp = WholeBody(carriage(robot, figures, figures.feet), way).solve()
     return motion, way.zmp, zmp
-
-
-def carriage(robot: str, facing: float, bearing: Bearing, feet: str | None = None) -> Carriage:
-    """Return how a robot carries itself, from the figures in its file."""
-    model = skeleton_of(robot).model
-    return Carriage(
-        robot=robot,
-        facing_deg=facing,
-        height=bearing.height,
-        pitch=float(np.deg2rad(bearing.pitch_deg)),
-        posture=np.deg2rad(model.axis_vector(bearing.posture_deg, "posture_deg")),
-        arms=model.axis_vector(bearing.lean_arms_deg, "lean_arms_deg"),
-        swing=np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg")),
-        feet=feet,
-    )
-
-
-def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:
-    """Return the pose (x, y, turn) that is ahead, to the left and turned from another, shape (3,) [m, rad]."""
-    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
-    return np.asarray(pose + np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, turn]))
-
-
-def ramp_shares(steps: int, ramp_steps: int) -> Vector:
-    """Return how much of the full step each step goes ahead, shape (steps,): rising, level, falling, the last one 0."""
-    number = np.arange(steps, dtype=float)
-    rising = (number + 1) / (ramp_steps + 1)
-    falling = (steps - 1 - number) / (ramp_steps + 1)
-    return np.minimum(1.0, np.minimum(rising, falling))
 
 
 def _phases(steps: int, figures: Walk, start: dict[str, Vector]) -> list[Phase]:

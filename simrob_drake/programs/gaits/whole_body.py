@@ -11,7 +11,8 @@ with :math:`Z = \sum m (z\,\partial y/\partial\varphi - y\,\partial z/\partial\v
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,13 +20,16 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import UP, Foot, facing_rotation, feet_of
 from simrob_drake.programs.gaits.leg_angles import foot_point, leg_angles
 from simrob_drake.programs.gaits.lipm import com_from_zmp
+from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
+from simrob_drake.programs.gaits.rolling import rolled
 from simrob_drake.programs.gaits.skeleton import Skeleton, rotations_about, skeleton_of
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
+from simrob_drake.robots.catalog import AxisValues
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-ROUNDS = 3
+ROUNDS = 4
 """How often the zero-moment point is mended."""
 _NUDGE = 1e-3  # lean whose effect is measured [rad]
 
@@ -43,6 +47,7 @@ class Carriage:
         arms: angle of each axis for a lean to the right of one radian, shape (n,); a lean to the left mirrors it.
         swing: angle of each axis for a metre that the left foot is ahead of the right one, shape (n,) [rad/m].
         feet: the kind of feet; the default one if None.
+        servo: figures of the servos for it, in place of the station's.
     """
 
     robot: str
@@ -53,6 +58,7 @@ class Carriage:
     arms: Vector
     swing: Vector
     feet: str | None = None
+    servo: Mapping[str, AxisValues] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,7 @@ class WholeBody:
         self.skeleton: Skeleton = skeleton_of(carriage.robot)
         self.feet: list[Foot] = feet_of(self.skeleton, carriage.facing_deg, carriage.feet)
         self.leans = any(len(foot.axes) == 4 for foot in self.feet)
+        self._rolled = {foot.name: np.zeros((len(course.times), 2)) for foot in self.feet}
 
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
         """Return the motion, and the zero-moment point that it has if nothing slips, shape (m, 2) [m].
@@ -86,7 +93,7 @@ class WholeBody:
         trunk = _Trunk(com_from_zmp(wanted, step=SAMPLE, height=height), np.zeros(count))
         angles, root = self._postures(trunk, angles)
         zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
-        for _ in range(rounds + 1):
+        for _ in range(rounds):
             missing = wanted - zmp
             move = com_from_zmp(missing, step=SAMPLE, height=height)
             if self.leans:
@@ -94,6 +101,7 @@ class WholeBody:
                 trunk = _Trunk(trunk.place + move * [1, 0], trunk.lean + side / factor)
             else:
                 trunk = _Trunk(trunk.place + move, trunk.lean)
+            self._roll(angles, root)
             angles, root = self._postures(trunk, angles)
             zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
         return self._in_the_world(angles, root), zmp
@@ -111,6 +119,7 @@ class WholeBody:
         for foot in self.feet:
             path = course.feet[foot.name]
             goal = path[:, :3] + foot.over * UP
+            goal[:, :2] += self._rolled[foot.name]
             target = rotations_about(UP, path[:, 3]), goal
             angles = leg_angles(self.skeleton, foot, target, (rotation, position), angles, course.times)
             if self.leans:
@@ -119,6 +128,15 @@ class WholeBody:
         position[:, 1] += apart
         return angles, (rotation, position)
 
+    def _roll(self, angles: Vector, root: tuple[Vector, Vector]) -> None:
+        """Find how far feet that are balls roll in a motion."""
+        for foot in self.feet:
+            if not foot.half.any():
+                poses = self.skeleton.poses(root, angles, list(foot.axes))
+                standing = self.course.feet[foot.name][:, 2] <= 0
+                rotation = poses.rotation[self.skeleton.frames[foot.link][0]]
+                self._rolled[foot.name] = rolled(rotation, standing, foot.over)
+
     def _with_arms(self, angles: Vector, lean: Vector) -> Vector:
         """Return the angles with the axes that are in no leg set: posture, counterweight of a lean, and swing."""
         carriage = self.carriage
@@ -126,22 +144,11 @@ class WholeBody:
         right, left = np.maximum(lean, 0.0), np.maximum(-lean, 0.0)
         course = self.course.feet
         stride = course["left_foot"][:, 0] - course["right_foot"][:, 0] if "left_foot" in course else 0.0 * lean
-        mirrored = self._mirrored(carriage.arms)
-        all_ = carriage.posture + np.outer(right, carriage.arms) + np.outer(left, mirrored)
+        other = mirrored(self.skeleton.model, carriage.arms)
+        all_ = carriage.posture + np.outer(right, carriage.arms) + np.outer(left, other)
         all_ = all_ + np.outer(stride, carriage.swing)
         result = angles.copy()
         result[:, free] = all_[:, free]
-        return result
-
-    def _mirrored(self, values: Vector) -> Vector:
-        """Return per-axis values with left and right exchanged."""
-        names = list(self.skeleton.model.axes)
-        swap = {"left": "right", "right": "left"}
-        result = np.zeros_like(values)
-        for place, name in enumerate(names):
-            side, _, rest = name.partition("_")
-            other = f"{swap[side]}_{rest}" if side in swap else name
-            result[place] = values[names.index(other)]
         return result
 
     def _start(self) -> tuple[Vector, float, float, float]:
@@ -168,7 +175,9 @@ class WholeBody:
         facing = facing_rotation(-self.carriage.facing_deg)
         start = root[1][0] * [1.0, 1.0, 0.0]
         turned = facing @ root[0], (root[1] - start) @ facing.T
-        return JointMotion(self.carriage.robot, self.carriage.feet, self.course.times, angles, turned)
+        return JointMotion(
+            self.carriage.robot, self.carriage.feet, self.course.times, angles, turned, self.carriage.servo
+        )
 
 
 def _first_sample(course: Course) -> Course:

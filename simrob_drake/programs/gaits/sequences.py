@@ -1,0 +1,123 @@
+"""Postures one after the other: the thesis's step and march, bows, waves, swimming strokes, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.feet import feet_of
+from simrob_drake.programs.gaits.mirror import mirrored
+from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.parameters import March, Posing, load_gaits
+from simrob_drake.programs.gaits.phases import SAMPLE, smooth
+from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.robots.catalog import AxisValues, RobotModel
+
+
+def posing(robot: str, name: str) -> JointMotion:
+    """Return one of a robot's sequences of postures.
+
+    Args:
+        robot: the name of its model.
+        name: of the sequence in the robot's `gaits.yaml`.
+
+    Raises:
+        UnknownName: no such sequence, or an axis that is none.
+    """
+    known = load_gaits(robot).sequences
+    if name not in known:
+        raise UnknownName(f"sequence of {robot}", name, known)
+    figures: Posing = known[name]
+    model = skeleton_of(robot).model
+    start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
+    times, postures = [0.0], [start]
+    for number in range(figures.repeat):
+        begun = number * figures.targets[-1].time
+        for target in figures.targets:
+            times.append(begun + target.time)
+            postures.append(_vector(model, target.target_deg, postures[-1]))
+    return _motion(robot, figures.feet, times, postures, figures.ramps, figures.rest)
+
+
+def march(robot: str, steps: int, name: str = "march", *, amplitude: float = 1.0) -> JointMotion:
+    """Return a walk by joint angles in the thesis's manner: each step a few sub-moves, left and right in turn.
+
+    Args:
+        robot: the name of its model.
+        steps: how many, at least two; the first and the last one are half as long.
+        name: of the march in the robot's `gaits.yaml`.
+        amplitude: scales how far all joints go from the posture at the start, which keeps their proportions.
+
+    Raises:
+        InvalidParameter: fewer than two steps, or an amplitude that is not positive.
+        UnknownName: no such march.
+    """
+    known = load_gaits(robot).marches
+    if name not in known:
+        raise UnknownName(f"march of {robot}", name, known)
+    if steps < 2 or not amplitude > 0:
+        raise InvalidParameter("steps, amplitude", (steps, amplitude), "at least 2, and positive")
+    figures: March = known[name]
+    model = skeleton_of(robot).model
+    start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
+    left = [_vector(model, posture, start) for posture in figures.left]
+    moves = {0: left, 1: [mirrored(model, posture) for posture in left]}
+    postures = [start]
+    for step in range(steps):
+        share = amplitude * (0.5 if step == 0 else 1.0)
+        sub_moves = moves[step % 2] if step < steps - 1 else [*moves[step % 2][:-1], start]
+        postures += [start + share * (posture - start) for posture in sub_moves]
+    times = np.arange(len(postures)) * figures.move_time
+    motion = _motion(robot, figures.feet, list(times), postures, "linear", figures.rest)
+    return replace(motion, servo=figures.servo, feed_velocity=figures.feed_velocity)
+
+
+def standing_height(robot: str, angles: Vector, feet: str | None = None) -> float:
+    """Return how high the root of a robot is while its lowest foot touches the floor [m]."""
+    skeleton = skeleton_of(robot)
+    poses = skeleton.poses((np.eye(3)[np.newaxis], np.zeros((1, 3))), angles[np.newaxis])
+    lowest = 0.0
+    if skeleton.model.feet is None:
+        return lowest
+    contact = skeleton.model.feet.kind(feet)
+    for foot in feet_of(skeleton, 0.0, feet):
+        body, rotation, position = skeleton.frames[foot.link]
+        turned = poses.rotation[body, 0] @ rotation
+        at = poses.position[body, 0] + poses.rotation[body, 0] @ position
+        if foot.link in contact.points:
+            points, under = np.array(contact.points[foot.link]), contact.radius
+        else:
+            points, under = contact.support_points(foot.link), 0.0
+        lowest = min(lowest, float((at + points @ turned.T)[:, 2].min()) - under)
+    return -lowest
+
+
+def _vector(model: RobotModel, values: AxisValues, otherwise: Vector) -> Vector:
+    return np.deg2rad(model.axis_vector(values, "target_deg", np.rad2deg(otherwise)))
+
+
+def _motion(
+    robot: str,
+    feet: str | None,
+    times: Sequence[float],
+    postures: Sequence[Vector],
+    ramps: Literal["smooth", "linear"],
+    rest: float,
+) -> JointMotion:
+    """Join postures, by straight lines or at rest in each."""
+    at: Vector = np.arange(round((times[-1] + rest) / SAMPLE) + 1, dtype=float) * SAMPLE
+    piece = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    starts, ends = np.array(times)[piece], np.array(times)[piece + 1]
+    share = np.clip((at - starts) / (ends - starts), 0.0, 1.0)
+    if ramps == "smooth":
+        share = smooth(share)
+    table = np.array(postures)
+    positions = table[piece] + share[:, np.newaxis] * (table[piece + 1] - table[piece])
+    count, height = len(at), standing_height(robot, table[0], feet)
+    root = np.tile(np.eye(3), (count, 1, 1)), np.tile([0.0, 0.0, height], (count, 1))
+    return JointMotion(robot, feet, at, positions, root)

@@ -1,0 +1,40 @@
+"""What all walks share: places on the way, how steps grow and shrink, and how a robot carries itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.parameters import Crawl, Trot, Walk, load_gaits
+from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.programs.gaits.whole_body import Carriage
+
+
+def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:
+    """Return the pose (x, y, turn) that is ahead, to the left and turned from another, shape (3,) [m, rad]."""
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    return np.asarray(pose + np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, turn]))
+
+
+def ramp_shares(steps: int, ramp_steps: int) -> Vector:
+    """Return how much of the full step each step goes ahead, shape (steps,): rising, level, falling, the last one 0."""
+    number = np.arange(steps, dtype=float)
+    rising = (number + 1) / (ramp_steps + 1)
+    falling = (steps - 1 - number) / (ramp_steps + 1)
+    return np.minimum(1.0, np.minimum(rising, falling))
+
+
+def carriage(robot: str, figures: Walk | Trot | Crawl, feet: str | None = None) -> Carriage:
+    """Return how a robot carries itself, from the figures of a gait."""
+    model, bearing = skeleton_of(robot).model, figures.bearing
+    return Carriage(
+        robot=robot,
+        facing_deg=load_gaits(robot).facing_deg,
+        height=bearing.height,
+        pitch=float(np.deg2rad(bearing.pitch_deg)),
+        posture=np.deg2rad(model.axis_vector(bearing.posture_deg, "posture_deg")),
+        arms=model.axis_vector(bearing.lean_arms_deg, "lean_arms_deg"),
+        swing=np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg")),
+        feet=feet,
+        servo=figures.servo,
+    )

@@ -1,0 +1,155 @@
+"""Plans: feet where they were meant to be, the zero-moment point over them, and bad figures refused."""
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.programs.gaits.feet import facing_rotation, feet_of
+from simrob_drake.programs.gaits.leg_angles import OutOfReach, foot_point
+from simrob_drake.programs.gaits.parameters import gait, load_gaits
+from simrob_drake.programs.gaits.phases import SAMPLE, Phase, course
+from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_inside, three_legs, trot
+from simrob_drake.programs.gaits.rolling import rolled
+from simrob_drake.programs.gaits.skeleton import rotations_about, skeleton_of
+from simrob_drake.programs.gaits.walk import planned_walk, walk
+from simrob_drake.programs.gaits.zmp import whole_body_zmp
+
+WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("zjudancer", "walk")]
+
+
+def feet_in_walking_direction(motion):
+    """Return the feet, the place of each (m, 3) and its rotation from flat and ahead (m, 3, 3)."""
+    skeleton, facing = skeleton_of(motion.robot), load_gaits(motion.robot).facing_deg
+    back = facing_rotation(facing)
+    root = back @ motion.root[0], motion.root[1] @ back.T
+    poses = skeleton.poses(root, motion.positions)
+    feet = feet_of(skeleton, facing, motion.feet)
+    places = {foot.name: foot_point(skeleton, foot, poses) - [0, 0, foot.over] for foot in feet}
+    flat = {
+        foot.name: poses.rotation[skeleton.frames[foot.link][0]] @ skeleton.frames[foot.link][1] @ foot.upright.T
+        for foot in feet
+    }
+    return feet, places, flat, whole_body_zmp(skeleton, root, motion.positions, SAMPLE)
+
+
+def margin(corners, point):
+    sides = ConvexHull(corners).equations
+    return -(sides[:, :2] @ point + sides[:, 2]).max()
+
+
+@pytest.mark.parametrize(("robot", "name"), WALKS)
+def test_soles_stay_flat_and_the_zero_moment_point_over_those_that_stand(robot, name):
+    motion = walk(robot, 6, name)
+    feet, places, flat, zmp = feet_in_walking_direction(motion)
+    for foot in feet:
+        assert places[foot.name][:, 2].min() > -1e-5
+        np.testing.assert_allclose(flat[foot.name], np.broadcast_to(np.eye(3), flat[foot.name].shape), atol=1e-4)
+        standing = places[foot.name][:, 2] < 1e-6
+        still = standing[1:] & standing[:-1]
+        assert np.abs(np.diff(places[foot.name][:, 0])[still]).max() < 1e-5  # no foot is dragged along
+        assert places[foot.name][:, 2].max() == pytest.approx(load_gaits(robot).walks[name].lift, abs=1e-3)
+    for row in range(0, len(zmp), 3):
+        corners = [
+            places[foot.name][row, :2] + foot.half * sign
+            for foot in feet
+            if places[foot.name][row, 2] < 1e-6
+            for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))
+        ]
+        assert margin(np.array(corners), zmp[row]) > 0.005, f"at {motion.times[row]:.2f} s"
+
+
+@pytest.mark.parametrize(("robot", "name"), WALKS)
+def test_the_zero_moment_point_is_where_it_was_asked_for(robot, name):
+    _, wanted, planned = planned_walk(robot, 6, load_gaits(robot).walks[name])
+    assert np.abs(wanted - planned).max() < 5e-4
+
+
+def test_a_walk_goes_as_far_as_its_steps_say():
+    motion = walk("roid1", 8, step_length=0.04, ramp_steps=0)
+    assert motion.root[1][-1, 0] == pytest.approx(7 * 0.04, abs=1e-3)  # the last step brings the feet together
+    assert motion.root[1][-1, 1] == pytest.approx(0, abs=1e-3)
+    assert np.abs(motion.velocities[[0, -1]]).max() == 0
+
+
+def test_a_turning_walk_turns():
+    motion = walk("zjudancer", 10, "turn", turn_deg=6, ramp_steps=0)
+    heading = np.arctan2(motion.root[0][-1, 1, 0], motion.root[0][-1, 0, 0])
+    assert np.rad2deg(heading) == pytest.approx(9 * 6, abs=1e-6)
+
+
+def test_the_humanoid_walks_to_where_it_looks():
+    assert walk("humanoid", 6).root[1][-1, 1] < -0.2
+
+
+def test_feet_of_a_crawl_roll_and_its_zero_moment_point_stays_inside():
+    motion = crawl("yobotics", 4)
+    _, places, _, zmp = feet_in_walking_direction(motion)
+    for row in range(0, len(zmp), 3):
+        corners = [place[row, :2] for place in places.values() if place[row, 2] < 1e-6]
+        assert margin(np.array(corners), zmp[row]) > 0.02, f"at {motion.times[row]:.2f} s"
+
+
+@pytest.mark.parametrize("foot", CRAWL_ORDER)
+def test_a_foot_is_lifted_as_high_and_as_long_as_asked(foot):
+    motion = three_legs("yobotics", foot, height=0.035, seconds=2.0)
+    _, places, _, _ = feet_in_walking_direction(motion)
+    assert (places[foot][:, 2] > 0.0349).sum() * SAMPLE >= 2.0
+    assert all(place[:, 2].max() < 1e-5 for name, place in places.items() if name != foot)
+
+
+def test_a_ball_rolls_by_its_radius_times_the_angle():
+    angle = np.linspace(0, 0.4, 41)
+    standing = np.ones(41, dtype=bool)
+    rotation = rotations_about(np.array([0.0, 1.0, 0.0]), angle)
+    np.testing.assert_allclose(rolled(rotation, standing, 0.025)[-1], [0.025 * 0.4, 0], rtol=1e-4)
+    standing[20:30] = False
+    again = rolled(rotation, standing, 0.025)
+    np.testing.assert_allclose(again[30], 0, atol=1e-9)  # it lands where it was meant to
+    np.testing.assert_allclose(again[-1], [0.025 * 0.1, 0], rtol=1e-4)
+
+
+def test_moved_inside_goes_to_the_nearest_place():
+    triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    np.testing.assert_allclose(moved_inside(np.array([0.3, 0.3]), triangle, 0.1), [0.3, 0.3])
+    np.testing.assert_allclose(moved_inside(np.array([0.3, -2.0]), triangle, 0.1), [0.3, 0.1])
+    np.testing.assert_allclose(moved_inside(np.array([-1.0, -1.0]), triangle[::-1], 0.1), [0.1, 0.1])
+    with pytest.raises(InvalidParameter, match="inside"):
+        moved_inside(np.zeros(2), triangle, 0.5)
+
+
+def test_a_swing_rises_and_lands():
+    phase = Phase(1.0, np.array([0.0, 0.1]), 0.5, {"foot": np.array([0.2, 0.0, 0.3])}, lift=0.05, delay=0.2, rest=0.2)
+    way = course({"foot": np.zeros(3)}, np.zeros(2), [phase])
+    np.testing.assert_allclose(way.feet["foot"][[20, 50, 80]], [[0, 0, 0, 0], [0.1, 0, 0.05, 0.15], [0.2, 0, 0, 0.3]],
+                               atol=1e-12)  # fmt: skip
+    np.testing.assert_allclose(way.zmp[[0, 25, 50, 100], 1], [0, 0.05, 0.1, 0.1])
+
+
+@pytest.mark.parametrize(
+    ("plan", "error", "says"),
+    [
+        (lambda: walk("roid1", 10, step_length=0.2), OutOfReach, r"_foot is out of reach by \d+ mm"),
+        (lambda: walk("humanoid", 10, height=1), InvalidConfig, "height"),
+        (lambda: walk("humanoid", 10, turn_deg=5), InvalidParameter, "turn"),
+        (lambda: walk("humanoid", 1), InvalidParameter, "steps"),
+        (lambda: walk("humanoid", 10, step_time=0), InvalidConfig, "step_time"),
+        (lambda: walk("humanoid", 10, double_support=1.5), InvalidParameter, "double_support"),
+        (lambda: walk("humanoid", 10, "run"), UnknownName, "run"),
+        (lambda: walk("irb120", 10), InvalidParameter, "without gaits"),
+        (lambda: walk("yobotics", 10), UnknownName, "walk"),
+        (lambda: trot("yobotics", 1), InvalidParameter, "steps"),
+        (lambda: crawl("yobotics", 0), InvalidParameter, "legs"),
+        (lambda: three_legs("yobotics", "left_foot"), UnknownName, "left_foot"),
+        (lambda: three_legs("yobotics", "rear_left_foot", height=0.5), OutOfReach, "rear_left"),
+    ],
+)
+def test_what_cannot_be_is_refused(plan, error, says):
+    with pytest.raises(error, match=says):
+        plan()
+
+
+def test_changes_keep_the_other_figures():
+    figures = gait(load_gaits("roid1").walks, "walk", {"lift": 0.01})
+    assert figures.lift == 0.01
+    assert figures.step_time == load_gaits("roid1").walks["walk"].step_time

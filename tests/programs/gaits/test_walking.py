@@ -1,0 +1,101 @@
+"""Walks that the robots really do, held by nothing but their feet; the minutes are in tests/benchmarks/walking.py."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import simulate
+from simrob_drake.programs.gaits.feet import feet_of
+from simrob_drake.programs.gaits.measures import journey
+from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
+from simrob_drake.programs.gaits.sequences import march, posing
+from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.programs.gaits.walk import walk
+
+
+def walked(motion, overrides=None):
+    result = simulate(motion.station(overrides), reference=motion.trajectory(), progress=False)
+    return result, journey(result, load_gaits(motion.robot).facing_deg)
+
+
+def planned_way(motion):
+    return float(np.linalg.norm(motion.root[1][-1, :2]))
+
+
+@pytest.mark.parametrize(
+    ("plan", "tilt"),
+    [
+        (lambda: walk("humanoid", 10), 6.0),
+        (lambda: walk("humanoid", 10, "real_sole"), 20.0),  # it leans on purpose
+        (lambda: walk("roid1", 14), 5.0),
+        (lambda: walk("zjudancer", 10), 5.0),
+        (lambda: trot("yobotics", 16), 12.0),
+        (lambda: crawl("yobotics", 8), 3.0),
+    ],
+    ids=["humanoid", "humanoid on its real sole", "roid1", "zjudancer", "trot", "crawl"],
+)
+def test_a_walk_goes_about_as_far_as_planned_and_straight(plan, tilt):
+    motion = plan()
+    result, found = walked(motion)
+    assert result.ending == "completed"
+    assert found.upright
+    assert found.tilt_deg < tilt
+    assert found.ahead == pytest.approx(planned_way(motion), rel=0.12)
+    assert abs(found.left) < 0.1 * found.ahead
+    assert abs(found.yaw_deg) < 5
+    assert found.torque_share <= 1 + 1e-9
+
+
+def test_the_humanoid_falls_on_its_real_sole_if_it_does_not_lean():
+    """The pendulum's plan for area C, on area B: what the lean is for, and that the floor is no hidden support."""
+    _, found = walked(walk("humanoid", 10, feet="spheres_B"))
+    assert not found.upright
+
+
+def test_the_march_of_the_thesis_walks_with_its_gains():
+    motion = march("humanoid", 4)
+    config = motion.station()
+    assert config.inputs == ()  # no reference velocity: the gains of the thesis as they are
+    assert (config.servo.kp, config.servo.kd) == (100, 100)
+    _, found = walked(motion)
+    assert found.upright
+    assert 0.12 < found.ahead < 0.25
+    assert found.tilt_deg < 3
+
+
+def test_a_turning_walk_turns_the_robot():
+    motion = walk("zjudancer", 10, "turn")
+    planned = np.rad2deg(np.arctan2(motion.root[0][-1, 1, 0], motion.root[0][-1, 0, 0]))
+    _, found = walked(motion)
+    assert found.upright
+    assert planned > 30
+    assert found.yaw_deg == pytest.approx(planned, rel=0.15)
+
+
+def test_a_foot_stays_up_for_as_long_as_asked():
+    motion = three_legs("yobotics", "front_left_foot", seconds=2.0)
+    result, found = walked(motion)
+    foot = next(foot for foot in feet_of(skeleton_of("yobotics"), 0.0) if foot.name == "front_left_foot")
+    plant = result.plant.plant
+    context = plant.CreateDefaultContext()
+    times = np.arange(0.0, motion.duration, 0.05)
+    heights = []
+    for row in result.positions_at(times):
+        plant.SetPositions(context, row)
+        heights.append((plant.GetFrameByName(foot.link).CalcPoseInWorld(context) @ foot.point)[2] - foot.over)
+    assert found.upright
+    assert (np.array(heights) > 0.02).sum() * 0.05 >= 2.0
+
+
+@pytest.mark.parametrize("name", ["crouch", "bow", "wave"])
+def test_the_humanoid_keeps_its_balance_in_postures(name):
+    _, found = walked(posing("humanoid", name))
+    assert found.upright
+    assert np.hypot(found.ahead, found.left) < 0.01
+
+
+def test_it_falls_forward_when_asked_to():
+    result, found = walked(posing("humanoid", "fall_forward"))
+    assert not found.upright
+    assert found.ahead > 0.2
+    assert result.ending == "completed"
