@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial import ConvexHull
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
@@ -14,6 +15,8 @@ from simrob_drake.programs.gaits.rolling import rolled
 from simrob_drake.programs.gaits.skeleton import rotations_about, skeleton_of
 from simrob_drake.programs.gaits.walk import planned_walk, walk
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
+from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.standing import standing
 
 WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("zjudancer", "walk")]
 
@@ -140,6 +143,7 @@ def test_a_swing_rises_and_lands():
         (lambda: walk("yobotics", 10), UnknownName, "walk"),
         (lambda: trot("yobotics", 1), InvalidParameter, "steps"),
         (lambda: crawl("yobotics", 0), InvalidParameter, "legs"),
+        (lambda: three_legs("yobotics", "rear_left_foot", seconds=-1), InvalidParameter, "seconds"),
         (lambda: three_legs("yobotics", "left_foot"), UnknownName, "left_foot"),
         (lambda: three_legs("yobotics", "rear_left_foot", height=0.5), OutOfReach, "rear_left"),
     ],
@@ -153,3 +157,17 @@ def test_changes_keep_the_other_figures():
     figures = gait(load_gaits("roid1").walks, "walk", {"lift": 0.01})
     assert figures.lift == 0.01
     assert figures.step_time == load_gaits("roid1").walks["walk"].step_time
+
+
+@pytest.mark.parametrize(("robot", "name"), WALKS)
+def test_a_walk_begins_in_balance_with_its_soles_on_the_floor(robot, name):
+    motion = walk(robot, 4, name)
+    config = motion.station()
+    plant = add_plant(DiagramBuilder(), config)
+    found = standing(plant, plant.robots["robot"])
+    assert found.gap == pytest.approx(0, abs=1e-5)
+    assert found.margin > 0.01
+    assert config.inputs == ("reference_velocity",)
+    assert config.robots["robot"].feet == motion.feet
+    assert config.duration == motion.duration
+    np.testing.assert_allclose(motion.trajectory().value(0)[:, 0], plant.robots["robot"].initial, atol=1e-12)
