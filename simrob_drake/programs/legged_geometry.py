@@ -154,13 +154,11 @@ class LeggedGeometry:
             Unreachable: names the pose, why, and how near the best posture comes.
             UnknownName: no such tool, frame or solver.
         """
-        chain, begin = (
-            self.chain(tool, "trunk" if frame == "world" else frame),
-            self.reference if start is None else start,
-        )
+        chain = self.chain(tool, "trunk" if frame == "world" else frame)
+        begin = self.reference if start is None else start
         targets = world_poses(pose, self._place_of(frame).inverse(), RotationMatrix().matrix(), "pose")
         chosen = NumericSolver(chain, weights=_PLACE_ONLY) if is_place(pose) else solver_for(chain, solver)
-        found = require(chosen.solve(targets, begin), "pose")
+        found = require(chosen.solve(targets, begin), "pose").copy()
         others = [axis for axis in range(len(chain.names)) if axis not in chain.order]
         found[:, others] = np.asarray(begin, dtype=float)[others]  # searches that begin anew change all axes
         single = isinstance(pose, RigidTransform) or np.shape(pose) in ((3,), (6,), (4, 4))

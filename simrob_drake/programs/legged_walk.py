@@ -24,7 +24,7 @@ _READY_TIME = 2.0
 _SETTLE_TIME = 0.5
 """Time to stand in it [s]."""
 _SAMPLE = 0.01  # s between the samples of the way into it
-_BESIDE = 2.0  # floor beyond the way [m]
+_BESIDE = 1.0  # floor beyond the way [m]
 _MAX_STEP = 0.01  # of the solver [s]: a walk's references are held over a step
 _SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
 _PLANNERS: dict[str, Callable[..., JointMotion]] = {"walks": walk, "trots": trot, "crawls": crawl}
