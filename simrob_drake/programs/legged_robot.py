@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.frames import PoseLike, Vector
+from simrob_drake.programs.legged_program import MOVE_TIME, Programmed
 from simrob_drake.programs.legged_walk import walking
-from simrob_drake.programs.postures import postures_of, targets_on
-from simrob_drake.programs.program import Cell, Move, Program, cell_of, move_of
-from simrob_drake.programs.workcell import GOES_ON, Workcell
+from simrob_drake.programs.postures import postures_of
+from simrob_drake.programs.program import Move, Program, move_of
+from simrob_drake.programs.workcell import GOES_ON
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.state import State
 from simrob_drake.simulate import Reference
-from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.station import Station
+from simrob_drake.stations.names import WORLD
 
 STEP: tuple[Mapping[str, float], ...] = (
     {"left_hip_pitch": 60, "left_knee": 60},
@@ -28,19 +25,9 @@ STEP: tuple[Mapping[str, float], ...] = (
     {"right_knee": 0, "right_ankle_pitch": 0, "right_shoulder_pitch": 0},
 )
 """The step of the thesis (p. 94, "Paso") [deg]."""
-_MOVE_TIME = 1.0  # s, of a move unless told otherwise; tinc of the thesis
 
 
-@dataclass(frozen=True)
-class _Snapshot:
-    """What :meth:`LeggedRobot.undo` goes back to."""
-
-    program: Program
-    state: State | None
-    config: StationConfig
-
-
-class LeggedRobot(LeggedGeometry):
+class LeggedRobot(Programmed):
     """A robot with legs, told by joint angles what to do: each move runs the station and returns its result.
 
     Axes go by name or alias, angles are absolute and in degrees, and the axes of a move go together, at constant speed
@@ -52,14 +39,7 @@ class LeggedRobot(LeggedGeometry):
         program: the moves and cells that are stored.
     """
 
-    def __init__(self, station: Workcell | str | Path | StationConfig | Station, robot: str | None = None) -> None:
-        """Take a robot of a station; see :class:`LeggedGeometry`."""
-        super().__init__(station, robot)
-        self.program = Program()
-        self._start = self.cell.config
-        self._past: list[_Snapshot] = []
-
-    def test_move(self, target_deg: Mapping[str, float], duration: float = _MOVE_TIME) -> SimulationResult:
+    def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
         """Move from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
 
         Args:
@@ -73,29 +53,14 @@ class LeggedRobot(LeggedGeometry):
         """
         return self._tried([move_of(target_deg, duration)])
 
-    def add_move(self, target_deg: Mapping[str, float], duration: float = _MOVE_TIME) -> SimulationResult:
+    def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
         """Move from the last state, and store the move at the end of the program (AddMove).
 
         A run that diverges is not stored. Arguments and errors are those of :meth:`test_move`.
         """
         return self._added([move_of(target_deg, duration)])
 
-    def add_reference(self, target_deg: Mapping[str, float]) -> None:
-        """Store targets without a time as a cell for a sequencer, which decides when to go on (AddRef).
-
-        Arguments and errors are those of :meth:`test_move`; nothing moves.
-        """
-        cell = cell_of(target_deg)
-        targets_on(self.model, cell.target_deg, "the reference")
-        self._remember()
-        self.program = self.program.with_reference(cell)
-
-    @property
-    def cells(self) -> list[dict[int, float]]:
-        """The stored references as a sequencer takes them: the place of each axis, and its target [rad]."""
-        return [targets_on(self.model, cell.target_deg, "the reference") for cell in self.program.references]
-
-    def step(self, move_time: float = _MOVE_TIME) -> SimulationResult:
+    def step(self, move_time: float = MOVE_TIME) -> SimulationResult:
         """Take the step of the thesis with the left leg, four moves, and store them (Paso).
 
         Args:
@@ -133,7 +98,7 @@ class LeggedRobot(LeggedGeometry):
         finally:
             self.cell.change(before.model_copy(update={"floor": config.floor}))
         if result.ending in GOES_ON:
-            self._past.append(snapshot)
+            self._remember(snapshot)
         return result
 
     def run(self, program: Program | Path | str) -> SimulationResult:
@@ -150,6 +115,41 @@ class LeggedRobot(LeggedGeometry):
         given = program if isinstance(program, Program) else Program.load(program)
         return self._tried(given.moves)
 
+    def planned(self, program: Program) -> tuple[Reference, float]:
+        """Return the reference that a program is from where the robot is, and its duration [s]; nothing moves.
+
+        With several robots in a workcell, ``cell.follow({robot.name: reference, ...}, duration)`` runs theirs at once.
+
+        Raises:
+            SimrobError: as :meth:`run`.
+        """
+        self._check(program.moves, self.reference)
+        return self._planned(program.moves)
+
+    def attach(self, piece: str, *, pose: PoseLike | None = None) -> None:
+        """Take a piece with the robot's first tool, on the humanoids the right hand; see :meth:`Workcell.attach`.
+
+        Args:
+            piece: which.
+            pose: its pose in the hand, to put it there; it keeps its place in the world unless given.
+
+        Raises:
+            UnknownName: no such piece.
+        """
+        snapshot = self._snapshot()
+        self.cell.attach(piece, self.name, pose=pose)
+        self._remember(snapshot)
+
+    def release(self, piece: str, parent: str = WORLD) -> None:
+        """Let go of a piece: it stays where it is, in the world or on another piece; see :meth:`Workcell.attach`.
+
+        Raises:
+            UnknownName: no such piece or parent.
+        """
+        snapshot = self._snapshot()
+        self.cell.attach(piece, parent)
+        self._remember(snapshot)
+
     def simulate(self) -> SimulationResult:
         """Run all stored moves as one from the start (Sim); the robot goes on from its end.
 
@@ -165,7 +165,7 @@ class LeggedRobot(LeggedGeometry):
             self._restore(snapshot)
             raise
         if result.ending in GOES_ON:
-            self._past.append(snapshot)
+            self._remember(snapshot)
         else:
             self._restore(snapshot)
         return result
@@ -177,79 +177,12 @@ class LeggedRobot(LeggedGeometry):
         if not keep_program:
             self.program = Program()
 
-    def remove(self, index: int = -1) -> None:
-        """Take a stored move out of the program, the last unless given; the robot stays where it is.
-
-        Raises:
-            InvalidParameter: no such move.
-        """
-        self._replace(self.program.removed(index))
-
-    def edit(self, index: int, target_deg: Mapping[str, float] | None = None, duration: float | None = None) -> None:
-        """Change targets or duration of a stored move; the robot stays where it is.
-
-        Args:
-            index: of the move, counted from 0; negative numbers count from the end.
-            target_deg: in place of its targets [deg].
-            duration: in place of its duration [s].
-
-        Raises:
-            SimrobError: as :meth:`test_move`, or no such move.
-        """
-        self.program.removed(index)  # there is one
-        old = self.program.moves[index]
-        move = move_of(
-            old.target_deg if target_deg is None else target_deg, old.duration if duration is None else duration
-        )
-        self._replace(self.program.edited(index, move), move)
-
-    def insert(self, index: int, target_deg: Mapping[str, float], duration: float = _MOVE_TIME) -> None:
-        """Put a move before the stored one of number ``index``; the robot stays where it is.
-
-        Raises:
-            SimrobError: as :meth:`test_move`, or no such place.
-        """
-        move = move_of(target_deg, duration)
-        self._replace(self.program.inserted(index, move), move)
-
-    def undo(self) -> None:
-        """Take back the last thing that was done, a test, a run or a change of the program: robot and program.
-
-        Raises:
-            InvalidParameter: nothing was done.
-        """
-        if not self._past:
-            raise InvalidParameter("undo", "asked for before anything was done", "called after a move or a change")
-        self._restore(self._past.pop())
-
-    def save(self, file: Path | str) -> Path:
-        """Write the program as YAML; see :meth:`Program.save`."""
-        return self.program.save(file)
-
-    def load(self, file: Path | str) -> None:
-        """Take the program of a YAML file in place of the stored one; the robot stays where it is.
-
-        Raises:
-            InvalidConfig: a damaged file.
-            SimrobError: a program that this robot cannot do.
-        """
-        program = Program.load(file)
-        for cell in program.references:
-            targets_on(self.model, cell.target_deg, "the reference")
-        postures_of(self.model, program.moves, self.reference)
-        self._replace(program)
-
-    def _replace(self, program: Program, *moves: Move) -> None:
-        postures_of(self.model, moves, self.reference)  # the robot can do them
-        self._remember()
-        self.program = program
-
     def _tried(self, moves: Sequence[Move]) -> SimulationResult:
         self._check(moves, self.reference)
         snapshot = self._snapshot()
         result = self._run(moves)
         if result.ending in GOES_ON:
-            self._past.append(snapshot)
+            self._remember(snapshot)
         return result
 
     def _added(self, moves: Sequence[Move]) -> SimulationResult:
@@ -264,25 +197,15 @@ class LeggedRobot(LeggedGeometry):
         postures_of(self.model, moves, start)
 
     def _run(self, moves: Sequence[Move]) -> SimulationResult:
+        reference, duration = self._planned(moves)
+        return self.cell.follow({self.name: reference}, duration)
+
+    def _planned(self, moves: Sequence[Move]) -> tuple[Reference, float]:
         times, postures = postures_of(self.model, moves, self.reference)
-        reference: Reference = (times, postures)
-        if self.cell.config.mode == "kinematic":
-            reference = sequence(postures[0], times[1:].tolist(), list(postures[1:]))
-        return self.cell.follow({self.name: reference}, float(times[-1]))
+        if self.cell.config.mode == "dynamic":
+            return (times, postures), float(times[-1])
+        return sequence(postures[0], times[1:].tolist(), list(postures[1:])), float(times[-1])
 
     def _back_to_start(self) -> None:
         self.cell.state = None
         self.cell.change(self._start)
-
-    def _remember(self) -> None:
-        self._past.append(self._snapshot())
-
-    def _snapshot(self) -> _Snapshot:
-        return _Snapshot(self.program, self.cell.state, self.cell.config)
-
-    def _restore(self, snapshot: _Snapshot) -> None:
-        self.program, self.cell.state = snapshot.program, snapshot.state
-        self.cell.change(snapshot.config)
-
-
-__all__ = ["STEP", "Cell", "LeggedRobot", "Move", "Program"]
