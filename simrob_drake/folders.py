@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -9,6 +10,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from simrob_drake.errors import OutputError
+
+CACHE_VARIABLE = "XDG_CACHE_HOME"
+"""The environment variable that says where caches lie; without it that is ``~/.cache``."""
+
+
+def cache_root() -> Path:
+    """Return the folder of our caches: imported robots, and the meshes of pieces."""
+    return Path(os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache") / "simrob_drake"
 
 
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from simrob_drake.cli import run_command
 from simrob_drake.cli.app import BAD_INPUT
-from simrob_drake.importer.cache import CACHE_VARIABLE
+from simrob_drake.folders import CACHE_VARIABLE
 
 RAW = """<robot name="arm">
   <link name="base"/>

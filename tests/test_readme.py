@@ -7,7 +7,7 @@ import pytest
 
 from simrob_drake import load_station, station_names
 from simrob_drake.cli import run_command
-from simrob_drake.importer.cache import CACHE_VARIABLE
+from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.results.robot_view import RobotView
 
 ROOT = Path(__file__).parent.parent

@@ -29,12 +29,14 @@ class JointLimitMonitor(Monitor):
         axes: Sequence[str],
         lower: Vector,
         upper: Vector,
-        margin: float = 0.0,
+        margin: float | Vector = 0.0,
+        slides: Sequence[bool] = (),
         hold: float = 0.0,
         after: float = 0.0,
     ) -> None:
-        """Watch ``axes`` with limits ``lower`` and ``upper``, each (n,) [rad], from ``margin`` [rad] before them."""
+        """Watch ``axes`` from ``margin`` before ``lower`` and ``upper``, each (n,) [rad, or m where it ``slides``]."""
         super().__init__(hold=hold, after=after)
+        self._slides = list(slides) or [False] * len(axes)
         self._axes, self._lower, self._upper = list(axes), lower + margin, upper - margin
         self._position = self.watch("position", len(axes))
 
@@ -47,7 +49,9 @@ class JointLimitMonitor(Monitor):
         index, _ = largest(self._overshoot(context))
         axis, side = self._axes[index % len(self._axes)], "upper" if index < len(self._axes) else "lower"
         limit = (self._upper if side == "upper" else self._lower)[index % len(self._axes)]
-        return f"{axis} reached its {side} limit of {np.rad2deg(limit):.1f} deg"
+        slides = self._slides[index % len(self._axes)]
+        told = f"{limit:.4g} m" if slides else f"{np.rad2deg(limit):.1f} deg"
+        return f"{axis} reached its {side} limit of {told}"
 
     def _overshoot(self, context: Context) -> Vector:
         position = self._position.Eval(context)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import simrob_drake
 from simrob_drake.errors import OutputError, SimrobError
+from simrob_drake.folders import cache_root
 from simrob_drake.importer.importing import REPORT_FILE, import_robot
 from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import ImportOptions
@@ -17,8 +17,6 @@ from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel, load_robot_from_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.yaml_files import read_yaml
-
-CACHE_VARIABLE = "XDG_CACHE_HOME"
 
 
 def robot_from_file(path: Path, options: ImportOptions | None = None) -> RobotModel:
@@ -50,7 +48,7 @@ def import_summary(robot: RobotModel) -> str:
 
 
 def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
-    folder = _cache_root() / _key(source, options)
+    folder = cache_root() / "robots" / _key(source, options)
     if not (folder / REPORT_FILE).is_file():
         try:
             import_robot(source, folder, options, apart=False)
@@ -59,11 +57,6 @@ def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
                 raise
     urdf = str(read_yaml(folder / ROBOT_FILE)["urdf"])
     return load_robot_from_urdf(folder / urdf)
-
-
-def _cache_root() -> Path:
-    caches = Path(os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache")
-    return caches / "simrob_drake" / "robots"
 
 
 def _key(source: Path, options: ImportOptions) -> str:

@@ -60,7 +60,7 @@ def _names(model: StationModel, query: QueryObject, pair: PenetrationAsPointPair
 def _owner(model: StationModel, query: QueryObject, geometry: GeometryId) -> str:
     inspector = query.inspector()
     shape: str = inspector.GetName(geometry).split("::")[-1]
-    piece = shape.rpartition("_")[0]  # shapes of pieces are numbered
+    piece = shape.partition(".")[0]  # shapes of pieces are called <piece>.<shape>
     if piece in model.config.pieces:
         return piece
     body = model.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))

@@ -14,10 +14,10 @@ from simrob_drake.blocks.force_sensor import contacts_of
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import SimulationResult
 
-_LENGTH = 0.25  # m, of the arrow of a typical large force
+_LENGTH = 0.12  # m, of the arrow of a typical large force
 _LARGE = 95  # percentile of the forces that is drawn at that length: a blow may be longer
 _SMALLEST = 0.01  # part of that force that is still drawn
-_RADIUS = 0.004  # m
+_RADIUS = 0.003  # m
 
 
 def draw_contact_forces(meshcat: Meshcat, result: SimulationResult, times: Vector, shown: Sequence[float]) -> None:

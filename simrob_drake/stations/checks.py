@@ -9,7 +9,6 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.cache import import_summary
 from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
@@ -99,6 +98,8 @@ def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding
     urdf = config.robots[robot.name].urdf
     if urdf is None or robot.model.folder == urdf.parent.resolve():
         return []
+    from simrob_drake.importer.cache import import_summary
+
     text = f"{import_summary(robot.model)}; `simrob check {urdf}` tells all"
     return [Finding("ok", f"import of {urdf.name}", text)]
 
@@ -111,18 +112,20 @@ def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot
     findings = []
     for axis, name in enumerate(robot.axes):
         torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
-        subject = f"torque of {robot.prefix}{name}"
-        text = f"holding takes {torque[0]:.2f} N·m at the start and {torque[-1]:.2f} N·m at the end of the reference"
+        subject, effort = f"torque of {robot.prefix}{name}", robot.model.effort_units[axis]
+        text = f"holding takes {torque[0]:.2f} {effort} at the start and {torque[-1]:.2f} {effort} at the end"
+        text += " of the reference"
         if ports.config.mode == "kinematic":
             findings.append(Finding("ok", subject, text))
             continue
         worst = torque[np.argmax(np.abs(torque))]
         if abs(worst) > limit:
-            text += f", at most {worst:.2f} N·m, and the limit is {limit:g} N·m: the joint will not hold; "
+            text += f", at most {worst:.2f} {effort}, and the limit is {limit:g} {effort}: the joint will not hold; "
             findings.append(Finding("warning", subject, f"{text}raise servo.torque_limit or lighten the load"))
             continue
-        sag = f"; it sags by {np.rad2deg(abs(torque[-1]) / kp):.2f} deg there" if kp > 0 else ""
-        findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} N·m{sag}"))
+        unit, size = robot.model.unit_names[axis], robot.model.user_units[axis]
+        sag = f"; it sags by {abs(torque[-1]) / kp / size:.3g} {unit} there" if kp > 0 else ""
+        findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}"))
     return findings
 
 

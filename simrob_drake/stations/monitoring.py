@@ -65,8 +65,10 @@ def _joint_monitor(config: JointLimit | TorqueLimit | Settled | Divergence, robo
     times = {"hold": config.hold, "after": config.after}
     if isinstance(config, JointLimit):
         lower, upper = robot.model.axis_limits
-        margin = float(np.deg2rad(config.margin_deg))
-        return JointLimitMonitor(axes=robot.axes, lower=lower, upper=upper, margin=margin, **times)
+        margin = config.margin_deg * robot.model.user_units
+        return JointLimitMonitor(
+            axes=robot.axes, lower=lower, upper=upper, margin=margin, slides=robot.model.slides, **times
+        )
     if isinstance(config, TorqueLimit):
         return TorqueLimitMonitor(axes=robot.axes, limit=robot.gains.torque_limit, **times)
     if isinstance(config, Divergence):

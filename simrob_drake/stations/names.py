@@ -8,7 +8,6 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.stations.config import StationConfig
@@ -22,6 +21,8 @@ def robot_model(config: StationConfig, robot: str) -> RobotModel:
     """Return the model of one of the station's robots."""
     entry = config.robots[robot]
     if entry.urdf is not None:
+        from simrob_drake.importer.cache import robot_from_file  # few stations need the importer
+
         return robot_from_file(entry.urdf, entry.import_options)
     model = str(entry.model)
     return load_robot_file(Path(model)) if model.endswith(YAML_SUFFIXES) else load_robot(model)

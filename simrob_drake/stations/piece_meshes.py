@@ -3,119 +3,64 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import struct
-import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
+from simrob_drake.errors import InvalidModel
+from simrob_drake.folders import cache_root, written_at_once
+from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.mending import mend
+from simrob_drake.importer.meshes.parts import Part, joined
+from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
+from simrob_drake.importer.meshes.reading import read_mesh
+from simrob_drake.importer.meshes.references import MESH_FORMATS
+from simrob_drake.importer.meshes.writing import obj_text
 
-from simrob_drake.errors import InvalidModel, OutputError
-
-PIECE_MESHES = (".stl", ".obj", ".dae", ".glb", ".ply", ".off")
-"""What a piece's ``mesh:`` may be."""
-CACHE_VARIABLE = "XDG_CACHE_HOME"
-
-_LARGEST = 100_000_000  # bytes
-_UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
-"""From y upwards, as glTF has it, to z upwards."""
-_FORM = "1"  # of what is written; another number makes all meshes be converted anew
-_GARBAGE = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    ImportError,
-    LookupError,
-    MemoryError,
-    NotImplementedError,
-    OSError,
-    RecursionError,
-    SyntaxError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
-"""What mesh libraries raise on files that hold no mesh."""
+_FORM = "2"  # of what is written; another number makes all meshes be converted anew
 
 
 def drake_mesh(file: Path) -> Path:
     """Return an OBJ file with the triangles of a mesh file, faces outwards; colours and textures are left out.
 
-    The file lies in ``$XDG_CACHE_HOME/simrob_drake/pieces``, in a folder whose name follows from the file's content.
-    glTF, whose y points upwards, is turned to z upwards, as Drake does.
+    It lies in the cache, in a folder whose name follows from the file's content. Other files that the mesh names, as
+    the buffers of a glTF, are read from its own folder only.
 
     Raises:
         InvalidModel: the file is missing, too large, of another format, garbage, or holds no triangles.
         OutputError: the cache cannot be written.
     """
     kind = file.suffix.lower()
-    if kind not in PIECE_MESHES:
-        raise InvalidModel(file, "", f"is no mesh that a piece can have; {', '.join(PIECE_MESHES)} are")
+    if kind not in MESH_FORMATS:
+        raise InvalidModel(file, "", f"is no mesh that a piece can have; {', '.join(MESH_FORMATS)} are")
     try:
-        if file.stat().st_size > _LARGEST:
-            raise InvalidModel(file, "", f"has more than {_LARGEST / 1e6:.0f} MB; decimate the mesh")
-        data = file.read_bytes()
+        others, _ = MeshPlaces(file.resolve(), ()).needed_by(file.resolve())
+        content = b"".join(path.read_bytes() for path in (file, *others.values()))
+        key = hashlib.sha256(f"{_FORM} {kind} ".encode() + content).hexdigest()[:32]
+        converted = cache_root() / "pieces" / key / "mesh.obj"
+        if not converted.is_file():
+            written_at_once(converted, obj_text(_outside_out(_one_part(file, others))).decode())
     except OSError as problem:
         raise InvalidModel(file, "", f"cannot be read ({problem.strerror or problem})") from problem
-    key = hashlib.sha256(f"{_FORM} {kind} ".encode() + data).hexdigest()[:32]
-    converted = _cache_root() / key / "mesh.obj"
-    if not converted.is_file():
-        _write(converted, _obj_text(file))
+    except (UnreadableMesh, MeshOutside) as problem:
+        raise InvalidModel(file, "", str(problem)) from problem
     return converted
 
 
-def _obj_text(file: Path) -> str:
-    """Convert a mesh: the one place where a mesh library is asked."""
-    mesh = _loaded(file)
-    points, faces = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
-    if not len(faces) or not np.isfinite(points).all():
-        raise InvalidModel(file, "", "holds no triangles" if not len(faces) else "holds points that are no numbers")
-    lines = ["# made by simrob_drake"]
-    lines += ["v " + " ".join(f"{value:.9g}" for value in point) for point in points.tolist()]
-    lines += ["f " + " ".join(map(str, face)) for face in (faces + 1).tolist()]
-    return "\n".join(lines) + "\n"
+def _one_part(file: Path, others: Mapping[str, Path]) -> Part:
+    """Return all triangles of a file as one part."""
+    part = mend(joined([replace(part, uv=None, image=None) for part in read_mesh(file, others).parts]))
+    if not len(part.faces):
+        raise UnreadableMesh("holds no triangle with an area")
+    return part
 
 
-def _loaded(file: Path) -> Any:
-    import trimesh
+def _outside_out(part: Part) -> Part:
+    """Return a closed mesh with its faces outwards, which its volume depends on; an open one stays as it is."""
+    from trimesh import Trimesh
 
-    garbage: tuple[type[Exception], ...] = (*_GARBAGE, *_collada_errors(file))
-    try:
-        mesh = trimesh.load_mesh(file)
-        if file.suffix.lower() == ".glb":
-            mesh.apply_transform(_UPRIGHT)
-        mesh.merge_vertices(merge_tex=True, merge_norm=True)
-        mesh.update_faces(mesh.nondegenerate_faces())
-        mesh.remove_unreferenced_vertices()
-        if mesh.is_watertight:
-            mesh.fix_normals()
-    except garbage as problem:
-        unknown = "its text is in no known encoding" if isinstance(problem, ImportError) else ""  # it lacks a guesser
-        reason = unknown or " ".join(str(problem).split())[:120] or type(problem).__name__
-        raise InvalidModel(file, "", f"is not readable as a mesh ({reason})") from problem
-    return mesh
-
-
-def _collada_errors(file: Path) -> tuple[type[Exception], ...]:
-    if file.suffix.lower() != ".dae":
-        return ()
-    from collada.common import DaeError
-
-    return (DaeError,)
-
-
-def _cache_root() -> Path:
-    caches = Path(os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache")
-    return caches / "simrob_drake" / "pieces"
-
-
-def _write(file: Path, text: str) -> None:
-    """Write a file at once: two runs may convert the same mesh."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=file.parent, delete=False, encoding="utf-8") as part:
-            part.write(text)
-        os.replace(part.name, file)
-    except OSError as problem:
-        raise OutputError(f"{file.parent}: cannot be written: {problem.strerror or problem}") from problem
+    mesh = Trimesh(part.vertices, part.faces, process=False)
+    if not mesh.is_watertight:
+        return part
+    mesh.fix_normals()
+    return replace(part, faces=mesh.faces, normals=None)

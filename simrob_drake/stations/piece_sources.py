@@ -10,7 +10,6 @@ from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.robots.pieces import PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.stations.config import PieceConfig
-from simrob_drake.stations.piece_meshes import drake_mesh
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 _FIGURES = {"density", "mass", "com", "inertia", "tcp", "frames", "colour"}
@@ -43,6 +42,8 @@ def _described(entry: PieceConfig, name: str) -> PieceModel:
 
 
 def _mesh_piece(file: Path, scale: float, name: str) -> PieceModel:
+    from simrob_drake.stations.piece_meshes import drake_mesh  # few stations need a mesh library
+
     mesh = drake_mesh(file)
     size = scale * float(np.ptp(np.array(ReadObjToTriangleSurfaceMesh(str(mesh)).vertices()), axis=0).max())
     if not _SIZES[0] <= size <= _SIZES[1]:

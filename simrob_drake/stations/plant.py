@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,6 +35,9 @@ from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.names import WORLD, carrier, parent_frame, piece_model, piece_parent, pieces_outward
 from simrob_drake.stations.robots import StationRobot, add_robot
 from simrob_drake.stations.solver_config import DiscreteSolver
+
+logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in record.getMessage())
+"""Drake warns of every half space that deformable bodies could not touch; a station has none of these."""
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
 _FLOOR_THICKNESS = 0.02

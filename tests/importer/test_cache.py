@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.importer.cache import CACHE_VARIABLE, import_summary, robot_from_file
+from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.importer.cache import import_summary, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.paths import models_root
 from simrob_drake.simulate import simulate

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
-from scipy.spatial import ConvexHull, QhullError
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import Part
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 MOST_CORNERS = 130
 """A convex body with that many corners has at most 256 faces: contact stays quick, and no robot needs more."""
@@ -73,7 +76,10 @@ def box_of(points: Vector) -> tuple[Vector, RigidTransform, float]:
     solid, thickness = _thick(points)
     lower, upper = solid.min(axis=0), solid.max(axis=0)
     straight = upper - lower
-    to_box, size = oriented_bounds(solid[_convex(solid).vertices])  # type: ignore[no-untyped-call]
+    try:
+        to_box, size = oriented_bounds(solid[_convex(solid).vertices])  # type: ignore[no-untyped-call]
+    except TypeError:  # it finds none where the volume is lost in rounding
+        to_box, size = np.eye(4), straight
     if np.prod(straight) <= 1.02 * np.prod(size):
         return straight.round(9), RigidTransform(((lower + upper) / 2).round(9) + 0.0), thickness
     pose = np.linalg.inv(to_box)
@@ -97,6 +103,8 @@ def _thick(points: Vector) -> tuple[Vector, float]:
 
 
 def _convex(points: Vector) -> ConvexHull:
+    from scipy.spatial import ConvexHull, QhullError  # slow to load, and only imports of meshes need it
+
     try:
         return ConvexHull(points)
     except QhullError as problem:

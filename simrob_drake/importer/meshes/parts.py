@@ -78,10 +78,11 @@ def of_one_look(parts: Iterable[Part]) -> list[Part]:
     for part in parts:
         picture = b"" if part.image is None else hashlib.sha256(part.image.tobytes()).digest()
         groups.setdefault((part.rgba, picture), []).append(part)
-    return [group[0] if len(group) == 1 else _joined(group) for group in groups.values()]
+    return [group[0] if len(group) == 1 else joined(group) for group in groups.values()]
 
 
-def _joined(parts: list[Part]) -> Part:
+def joined(parts: list[Part]) -> Part:
+    """Return all parts as one, of the first one's look."""
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=True)])
     normals = [part.normals for part in parts if part.normals is not None]

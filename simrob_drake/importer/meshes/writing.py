@@ -42,7 +42,7 @@ class MeshWriter:
         """
         library = f"{stem}.mtl"
         kept = None if original is None else _relabelled(original, library if part.image else "")
-        text = kept if kept is not None else _obj(part, library)
+        text = kept if kept is not None else obj_text(part, library)
         png = b"" if part.image is None else as_png(part.image)
         content = hashlib.sha256(text.replace(library.encode(), b"") + b"\0" + png).hexdigest()
         name = self._written.setdefault((role, content), f"{FOLDER}/{stem}.obj")
@@ -73,7 +73,7 @@ def _relabelled(data: bytes, library: str) -> bytes:
     return re.sub(rb"^[ \t]*(mtllib|usemtl)\b[^\n]*\n?", b"", data, flags=re.MULTILINE)
 
 
-def _obj(part: Part, library: str) -> bytes:
+def obj_text(part: Part, library: str = "") -> bytes:
     """Return a part as an OBJ file; the library is named only if there is a texture."""
     lit = shaded(part)
     assert lit.normals is not None
