@@ -25,10 +25,14 @@ from simrob_drake.stations.station import Station, add_station, build_station
 
 if TYPE_CHECKING:
     from simrob_drake.programs.arm import Arm
+    from simrob_drake.programs.legged_robot import LeggedRobot
+    from simrob_drake.programs.program import Program
     from simrob_drake.programs.workcell import Workcell
 
 __all__ = [
     "Arm",
+    "LeggedRobot",
+    "Program",
     "SimrobError",
     "SimulationResult",
     "State",
@@ -47,7 +51,12 @@ __all__ = [
     "three_point_frame",
 ]
 
-_LATE = {"Arm": "simrob_drake.programs.arm", "Workcell": "simrob_drake.programs.workcell"}
+_LATE = {
+    "Arm": "simrob_drake.programs.arm",
+    "LeggedRobot": "simrob_drake.programs.legged_robot",
+    "Program": "simrob_drake.programs.program",
+    "Workcell": "simrob_drake.programs.workcell",
+}
 """What loads scipy, and so is imported when it is first used."""
 
 

@@ -95,3 +95,38 @@ def test_the_belt_s_rook_stands_on_the_pallet():
     cell, _ = example("belt_pick").run()
     assert cell.config.pieces["rook"].parent == "pallet"
     np.testing.assert_allclose(cell.frame("rook").translation(), [0.1, 0.4, 0.0626], atol=1e-6)
+
+
+def test_both_hands_leave_the_parcel_beside():
+    robot = example("humanoid_box").run()
+    np.testing.assert_allclose(robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6)
+    assert robot.cell.frame("parcel").rotation().IsNearlyIdentity(1e-6)
+    assert robot.cell.config.pieces["parcel"].parent == "world"
+    np.testing.assert_allclose(robot.pose("left_hand")[:2], [0.08318, 0.0], atol=1e-5)  # hangs down again; facts
+
+
+def test_the_hands_keep_their_distance_while_they_carry():
+    box = example("humanoid_box")
+    robot = box.LeggedRobot("humanoid_box")
+    robot.test_move(box.hands(robot, 0.0), 0.5)
+    result = robot.test_move(box.hands(robot, box.SHIFT), 0.5)
+    for q in result.axes("q"):
+        apart = robot.pose("left_hand", q)[:3] - robot.pose("right_hand", q)[:3]
+        np.testing.assert_allclose(apart, [2 * box.HALF_WIDTH, 0, 0], atol=2e-3)
+
+
+def test_one_program_has_one_effect_on_three_humanoids():
+    """Arm and leg turn about their joints by 30 degrees: ahead by sin 30, up by 1 - cos 30 of the same length."""
+    humanoids = example("humanoids_same_program")
+    result, robots = humanoids.run()
+    assert [robot.name for robot in robots] == ["humanoid", "roid1", "zjudancer"]
+    for robot in robots:
+        ahead, up = humanoids.ways(result, robot, "right_foot")[-1]
+        assert up / ahead == pytest.approx(np.tan(np.deg2rad(15)), rel=0.1)  # the tool lies a little before the line
+        assert 0.09 < ahead < 0.16
+
+
+def test_all_joints_of_the_humanoid_reach_thirty_degrees():
+    result = example("humanoid_all_joints").run()
+    np.testing.assert_allclose(result.axes("q")[-1], np.deg2rad(30), atol=1e-9)
+    assert np.abs(result.axes("tau")).max() < 3

@@ -32,6 +32,16 @@ def test_the_program_runs(capsys):
     assert "ran to its end" in capsys.readouterr().out
 
 
+def test_the_legged_program_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    script = next(script for script in fenced("python") if "LeggedRobot(" in script)
+    exec(compile(script, "README.md", "exec"), {})
+    shown = capsys.readouterr().out
+    assert "ran to its end at 5 s" in shown
+    assert 0.05 < float(shown.splitlines()[-1].split()[0]) < 0.3
+    assert [file.name for file in tmp_path.iterdir()] == ["step.yaml"]
+
+
 COMMANDS = [line.split("#")[0].split() for block in fenced("sh") for line in block.splitlines() if "simrob " in line]
 
 

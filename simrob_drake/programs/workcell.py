@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,16 +24,19 @@ from simrob_drake.programs.trajectories import Piece, rest, trajectory
 from simrob_drake.programs.window import Window
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.state import State
-from simrob_drake.simulate import simulate
+from simrob_drake.simulate import Reference, simulate
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.names import WORLD
+from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.station import Station
 
 if TYPE_CHECKING:
     from simrob_drake.programs.arm import Arm
 
 
+GOES_ON = ("completed", "monitor")
+"""Endings of a run after which the next one begins where it ended."""
 _SAME_PLACE = 1e-9
 """How far from the robot's reference a plan may begin [rad or m]."""
 
@@ -104,6 +107,10 @@ class Workcell:
         self._model.place({robot: self.position(robot) for robot in self.config.robots})
         return self._model
 
+    def robot(self, name: str) -> StationRobot:
+        """Return what a robot is in the station's plant."""
+        return self._model.robots[name]
+
     def frame(self, wobj: WorkObject) -> RigidTransform:
         """Return the pose of a work object in the world.
 
@@ -152,17 +159,33 @@ class Workcell:
         own = {plan.robot: plan.pieces for plan in plans}
         pieces = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
         take = Take(self.config, self.state, pieces, end)
+        result = self.follow({robot: trajectory(motion) for robot, motion in pieces.items()}, end)
+        if result.ending in GOES_ON:
+            self.tape.keep(take)
+        return result
+
+    def follow(self, references: Mapping[str, Reference], duration: float) -> SimulationResult:
+        """Run references as :func:`simrob_drake.simulate` takes them, while the other robots hold their places.
+
+        Args:
+            references: by robot; that nothing jumps where they begin is up to whoever gives them.
+            duration: of the run [s].
+
+        Returns:
+            the run; unless it diverged or was interrupted, the next one begins where it ended.
+        """
+        still = [robot for robot in self.config.robots if robot not in references]
+        held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
         result = simulate(
             self.config,
-            reference={robot: trajectory(motion) for robot, motion in pieces.items()},
-            duration=end,
+            reference={**held, **references},
+            duration=duration,
             start=self.state,
             progress=False,
             on_step=self._window.on_step if self._window else None,
         )
-        if result.ending in ("completed", "monitor"):
+        if result.ending in GOES_ON:
             self.state = result.final_state
-            self.tape.keep(take)
         if self._window:
             self._window.add_paths(result)
         return result

@@ -16,6 +16,7 @@ from pydrake.trajectories import Trajectory
 import simrob_drake
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.results.locomotion import legged_robots, locomotion
 from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.free_pieces import VELOCITY_NAMES
@@ -160,6 +161,7 @@ class SimulationResult:
                 "piece_pose": {piece: pose_vector(self.piece_pose(piece)[-1]) for piece in self.config.free_pieces},
             },
             "peak": {"joint_torque": self._peaks("tau"), "force": self._peak_forces()},
+            "locomotion": self._locomotion(),
             "sensors": {name: self._sensor_note(name) for name in self.config.sensors},
             "versions": {
                 "simrob_drake": simrob_drake.__version__,
@@ -168,6 +170,11 @@ class SimulationResult:
                 "python": platform.python_version(),
             },
         }
+
+    def _locomotion(self) -> dict[str, Any] | None:
+        """Return how the legged robots walked, by robot where there are several; None where nothing could be told."""
+        found = {name: locomotion(self, name) for name in legged_robots(self)} if self.ending != DIVERGED else {}
+        return found.get(self.config.only_robot) if self.config.only_robot else found or None
 
     def _peak_forces(self) -> dict[str, float]:
         """Return the largest size of every contact force [N] by sensor."""

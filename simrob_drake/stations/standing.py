@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
-from scipy.optimize import nnls
-from scipy.spatial import ConvexHull, QhullError
 
 from simrob_drake.frames import Vector
 from simrob_drake.stations.plant import StationPlant
@@ -88,6 +86,8 @@ def _support_points(station: StationPlant, robot: StationRobot, context: Context
 
 def _vertical_forces(points: Vector, com: Vector, weight: float) -> Vector:
     """Share the weight among points (k, 3), as evenly as the balance of moments about the centre of mass allows."""
+    from scipy.optimize import nnls  # loaded where it is needed: importing the package stays quick
+
     arms = points[:, :2] - com[:2]
     balance = np.vstack([np.ones(len(points)), arms.T])
     rows = np.vstack([balance, _EVEN * np.eye(len(points))])
@@ -97,6 +97,8 @@ def _vertical_forces(points: Vector, com: Vector, weight: float) -> Vector:
 
 def _margin(points: Vector, com: Vector) -> float:
     """Return how far inside of the convex hull of points (k, 2) a point (2,) lies [m]."""
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         sides = ConvexHull(points).equations
     except (QhullError, ValueError):  # fewer than three points, or all in a line

@@ -1,0 +1,58 @@
+"""Run one program on three humanoids side by side: left arm and right leg ahead, in SimRob's names of the joints."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from simrob_drake import LeggedRobot, Program, SimulationResult, Workcell
+
+PROGRAM = Program.model_validate(
+    {
+        "description": "left arm and right leg ahead",
+        "moves": [{"target_deg": {"HomIF": 30, "CadDF": 30}, "duration": 1}],
+    }
+)
+
+
+def run() -> tuple[SimulationResult, list[LeggedRobot]]:
+    """Return the run of all three at once, and the robots."""
+    cell = Workcell("three_humanoids")
+    robots = [LeggedRobot(cell, name) for name in cell.config.robots]
+    planned = {robot.name: robot.planned(PROGRAM) for robot in robots}
+    duration = max(time for _, time in planned.values())
+    return cell.follow({name: reference for name, (reference, _) in planned.items()}, duration), robots
+
+
+def ways(result: SimulationResult, robot: LeggedRobot, tool: str) -> np.ndarray:
+    """Return how far a tool went ahead and up over time, shape (m, 2) [m]; all three face the world's -y."""
+    places = robot.pose(tool, result.axes("q", robot.name))[:, :3] - robot.pose(tool, np.zeros(len(robot.axes)))[:3]
+    return np.column_stack([-places[:, 1], places[:, 2]])
+
+
+def main() -> None:
+    """Save plots of the hands' and feet's ways and of the torques, and the run."""
+    result, robots = run()
+    figure, panels = plt.subplots(2, 3, figsize=(10, 5.5), sharex=True, sharey="row")
+    for (way_panel, torque_panel), robot in zip(panels.T, robots, strict=True):
+        for tool, colour in (("left_hand", "#1f6fb4"), ("right_foot", "#e08214")):
+            ahead, up = 1e3 * ways(result, robot, tool).T
+            way_panel.plot(result.times, ahead, color=colour, label=f"{tool}, ahead")
+            way_panel.plot(result.times, up, "--", color=colour, label=f"{tool}, up")
+            print(f"{robot.name:10} {tool:10} {ahead[-1]:4.0f} mm ahead, {up[-1]:3.0f} mm up")
+        for axis in ("left_shoulder_pitch", "right_hip_pitch"):
+            torque_panel.plot(result.times, result[f"{robot.name}.tau.{axis}"], label=axis)
+        way_panel.set_title(robot.name)
+        torque_panel.set_xlabel("time [s]")
+    panels[0, 0].set_ylabel("way [mm]")
+    panels[1, 0].set_ylabel("torque [N·m]")
+    for row in panels:
+        row[0].legend(fontsize=7)
+    figure.tight_layout()
+    figure.savefig("humanoids_same_program.png", dpi=120)
+    plt.close(figure)
+    print("plot in humanoids_same_program.png, files in", result.save())
+
+
+if __name__ == "__main__":
+    main()

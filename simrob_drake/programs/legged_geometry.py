@@ -1,0 +1,183 @@
+"""Where a legged robot and its hands, feet and head are, and what posture brings them elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform, RotationMatrix
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector, poses_from_matrices, transform_from_pose, transform_from_xyz_quaternion
+from simrob_drake.programs.kinematics import Chain, NumericSolver, require
+from simrob_drake.programs.solvers import SolverLike, solver_for
+from simrob_drake.programs.targets import PoseTargets, is_place, world_poses
+from simrob_drake.programs.workcell import Workcell
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.station import Station
+
+_PLACE_ONLY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+
+
+class LeggedGeometry:
+    """A robot whose root moves: its axes, and kinematics from the trunk to hands, feet and head. Nothing moves.
+
+    Attributes:
+        cell: the station and its state.
+        name: of the robot in the station.
+    """
+
+    def __init__(self, station: Workcell | str | Path | StationConfig | Station, robot: str | None = None) -> None:
+        """Take a robot of a station.
+
+        Args:
+            station: a workcell, or what makes one: a station's name, file or configuration.
+            robot: its name in the station; needed where there are several.
+
+        Raises:
+            UnknownName: no such station or robot.
+            InvalidParameter: no robot named where there are several.
+        """
+        self.cell = station if isinstance(station, Workcell) else Workcell(station)
+        robots, wanted = self.cell.config.robots, robot or self.cell.config.only_robot
+        if wanted is None:
+            raise InvalidParameter("robot", None, f"one of {', '.join(robots)}")
+        if wanted not in robots:
+            raise UnknownName("robot", wanted, robots)
+        self.name = wanted
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot as its ``robot.yaml`` describes it."""
+        return self.cell.robot(self.name).model
+
+    @property
+    def axes(self) -> list[str]:
+        """The names of the axes, in order."""
+        return list(self.model.axes)
+
+    @property
+    def position(self) -> Vector:
+        """Where the axes are, shape (n,) [rad]."""
+        return self.cell.position(self.name)
+
+    @property
+    def velocity(self) -> Vector:
+        """How fast they move, shape (n,) [rad/s]."""
+        return self.cell.velocity(self.name)
+
+    @property
+    def reference(self) -> Vector:
+        """Where they should be, and the next move begins, shape (n,) [rad]."""
+        return self.cell.reference(self.name)
+
+    @property
+    def base_pose(self) -> RigidTransform:
+        """Pose of the root link in the world."""
+        entry, state = self.cell.config.robots[self.name], self.cell.state
+        floating = self.cell.config.mode == "dynamic" and self.model.base == "floating"
+        if state is None or not floating:
+            return transform_from_pose(entry.base)
+        robot = self.cell.robot(self.name)
+        plant = self.cell.model.plant
+        joint = f"{plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
+        quaternion_first = state.joints[joint].position
+        return transform_from_xyz_quaternion(np.roll(quaternion_first, 3))
+
+    @property
+    def tools(self) -> list[str]:
+        """The names of hands, feet, head and of what they carry."""
+        return list(self.cell.robot(self.name).tools)
+
+    def chain(self, tool: str, base: str = "trunk") -> Chain:
+        """Return the axes from the trunk, or from another tool, to a tool, with their limits.
+
+        Raises:
+            UnknownName: no such tool.
+        """
+        model = self.cell.model
+        robot = model.robots[self.name]
+        return Chain.of_plant(
+            model.plant,
+            joints=robot.joints,
+            base=robot.root if base == "trunk" else robot.tools[self._tool(base)],
+            tool=robot.tools[self._tool(tool)],
+            signs=robot.signs,
+            names=robot.axes,
+        )
+
+    def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
+        """Return where a tool is (forward kinematics).
+
+        Args:
+            tool: one of :attr:`tools`.
+            q: postures (n,) or (k, n) [rad]; where the robot is unless given.
+            frame: ``world`` (with the trunk where it is now), ``trunk``, or another tool.
+
+        Returns:
+            [x y z Rz Ry Rx], shape (6,), or (k, 6) for rows.
+
+        Raises:
+            UnknownName: no such tool or frame.
+        """
+        rows = self.position if q is None else q
+        chain = self.chain(tool, "trunk" if frame == "world" else frame)
+        poses = poses_from_matrices(self._place_of(frame).GetAsMatrix4() @ chain.forward(rows))
+        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
+
+    def joint(
+        self,
+        tool: str,
+        pose: PoseTargets,
+        frame: str = "trunk",
+        solver: SolverLike = "numeric",
+        *,
+        start: npt.ArrayLike | None = None,
+    ) -> Vector:
+        """Return postures that bring a tool to poses (inverse kinematics); axes that do not move it stay.
+
+        Args:
+            tool: one of :attr:`tools`.
+            pose: one or many, or places [x y z], which leave the orientation free: limbs of less than six axes reach
+                few whole poses.
+            frame: ``trunk``, ``world`` (with the trunk where it is now), or another tool, such as a foot that stands:
+                then all axes from there to the tool help.
+            solver: for whole poses.
+            start: near which posture (n,) the first is wanted; where its reference is unless given.
+
+        Returns:
+            shape (n,), or (k, n) for rows [rad].
+
+        Raises:
+            Unreachable: names the pose, why, and how near the best posture comes.
+            UnknownName: no such tool, frame or solver.
+        """
+        chain = self.chain(tool, "trunk" if frame == "world" else frame)
+        begin = self.reference if start is None else start
+        targets = world_poses(pose, self._place_of(frame).inverse(), RotationMatrix().matrix(), "pose")
+        chosen = NumericSolver(chain, weights=_PLACE_ONLY) if is_place(pose) else solver_for(chain, solver)
+        found = require(chosen.solve(targets, begin), "pose").copy()
+        others = [axis for axis in range(len(chain.names)) if axis not in chain.order]
+        found[:, others] = np.asarray(begin, dtype=float)[others]  # searches that begin anew change all axes
+        single = isinstance(pose, RigidTransform) or np.shape(pose) in ((3,), (6,), (4, 4))
+        return np.asarray(found[0]) if single else found
+
+    def targets_deg(self, q: npt.ArrayLike) -> dict[str, float]:
+        """Return a posture (n,) [rad] as targets of a move [deg]: the axes that differ from where the reference is."""
+        wanted = np.asarray(q, dtype=float)
+        if wanted.shape != (len(self.axes),):
+            raise InvalidParameter("q", f"of shape {wanted.shape}", f"a posture of {len(self.axes)} axes [rad]")
+        moved = np.abs(wanted - self.reference) > 0
+        values = wanted / self.model.user_units
+        return {axis: float(value) for axis, value, new in zip(self.axes, values, moved, strict=True) if new}
+
+    def _place_of(self, frame: str) -> RigidTransform:
+        return self.base_pose if frame == "world" else RigidTransform()
+
+    def _tool(self, tool: str) -> str:
+        known = self.cell.robot(self.name).tools
+        if tool not in known:
+            raise UnknownName(f"tool of {self.model.name}", tool, [*known, "trunk", "world"])
+        return tool

@@ -1,0 +1,68 @@
+"""What the moves of a program are on one robot: postures and times, within the limits of its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.programs.errors import JointLimitExceeded
+from simrob_drake.programs.program import Move
+from simrob_drake.robots.catalog import RobotModel
+
+_ROUNDING = 1e-9  # rad or m
+
+
+def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:
+    """Return the targets of a move on one robot: the place of each axis, and its position [rad or m].
+
+    Args:
+        model: the robot.
+        target_deg: by axis name or alias.
+        where: what messages call the move.
+        time: how long it takes, for the error [s].
+
+    Raises:
+        UnknownName: an axis that the robot does not have; proposes the nearest.
+        InvalidParameter: an axis under two names.
+        JointLimitExceeded: a target beyond an axis' limits; tells by how much.
+    """
+    names, units, slides = list(model.axes), model.user_units, model.slides
+    lower, upper = model.axis_limits
+    found: dict[int, float] = {}
+    for axis, value in target_deg.items():
+        place = model.axis_index(axis, where)
+        if place in found:
+            raise InvalidParameter(f"{where}: {axis}", "another name of an axis that it moves, too", "named once")
+        position = float(value * units[place])
+        bound = lower[place] if position < lower[place] else upper[place]
+        if abs(position - np.clip(position, lower[place], upper[place])) > _ROUNDING:
+            unit, limit = ("m" if slides[place] else "deg"), bound / units[place]
+            shown = f"{value:.4g} {unit}, {abs(value - limit):.4g} {unit} beyond its limit of {limit:.4g} {unit}"
+            raise JointLimitExceeded(where, names[place], point=1, time=time, value=position, shown=shown)
+        found[place] = position
+    return found
+
+
+def postures_of(model: RobotModel, moves: Sequence[Move], start: Vector) -> tuple[Vector, Vector]:
+    """Return when the moves of a program end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
+
+    Args:
+        model: the robot.
+        moves: one after the other.
+        start: the posture before them, shape (n,) [rad or m]; axes that no move names stay there.
+
+    Raises:
+        SimrobError: as :func:`targets_on`.
+    """
+    times, postures = [0.0], [np.array(start, dtype=float)]
+    for number, move in enumerate(moves):
+        where = f"move {number}" if len(moves) > 1 else "the move"
+        posture = postures[-1].copy()
+        for place, position in targets_on(model, move.target_deg, where, move.duration).items():
+            posture[place] = position
+        times.append(times[-1] + move.duration)
+        postures.append(posture)
+    return np.array(times), np.array(postures)

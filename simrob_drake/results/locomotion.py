@@ -1,0 +1,176 @@
+r"""How well a legged robot walked, computed from the recorded states of a run.
+
+All figures are about the root link and the samples of the run, from its beginning to its end; SI units and radians.
+"Ahead" is where the robot faced at the beginning, seen from above.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.robots.feet import FootContact
+from simrob_drake.stations.robots import StationRobot
+
+if TYPE_CHECKING:
+    from simrob_drake.results.result import SimulationResult
+
+_SHORTEST_WAY = 0.01
+"""Way below which a cost of transport means nothing [m]."""
+
+
+def legged_robots(result: SimulationResult) -> list[str]:
+    """Return the robots of a run that could walk: with feet, a free base and joints that are moved by torque."""
+    if result.config.mode != "dynamic":
+        return []
+    robots = result.plant.robots.items()
+    return [name for name, robot in robots if robot.feet is not None and robot.model.base == "floating"]
+
+
+def locomotion(result: SimulationResult, robot: str | None = None) -> dict[str, Any]:
+    r"""Return the measures of a legged robot's run.
+
+    Args:
+        result: a run that did not diverge.
+        robot: its name; needed where there are several.
+
+    Returns:
+        a mapping with
+
+        * ``distance``: horizontal distance between the root's first and last place [m];
+        * ``ahead``, ``drift``: its parts ahead and to the left [m];
+        * ``speed``: distance over the time of the run [m/s];
+        * ``yaw``: by how much it turned to the left, whole turns counted [rad];
+        * ``smallest_height``: of the root over the world's origin [m];
+        * ``fall_time``: when a fall monitor ended the run [s], or None;
+        * ``peak_torque``: ``axis``, ``torque``, ``limit`` [N·m] and ``ratio``, where :math:`|\tau| / \tau_{max}` was
+          largest;
+        * ``work``: :math:`\int \sum_i |\tau_i \dot q_i| \, dt`, trapezoids between samples [J];
+        * ``cost_of_transport``: work over :math:`m g` times distance, or None below 1 cm;
+        * ``foot_slip``: by link, see :func:`foot_slip` [m].
+    """
+    name = robot or legged_robots(result)[0]
+    own = result.plant.robots[name]
+    base = result.pose("base", name)
+    way = base[-1, :2] - base[0, :2]
+    heading = headings(result, own, base)
+    ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
+    left = np.array([-ahead[1], ahead[0]])
+    distance = float(np.linalg.norm(way))
+    work = mechanical_work(result, name)
+    return {
+        "distance": distance,
+        "ahead": float(way @ ahead),
+        "drift": float(way @ left),
+        "speed": distance / result.stop_time if result.stop_time > 0 else 0.0,
+        "yaw": float(heading[-1] - heading[0]),
+        "smallest_height": float(base[:, 2].min()),
+        "fall_time": fall_time(result, name),
+        "peak_torque": _peak_torque(result, own),
+        "work": work,
+        "cost_of_transport": work / (_weight(result, own) * distance) if distance > _SHORTEST_WAY else None,
+        "foot_slip": foot_slip(result, name),
+    }
+
+
+def headings(result: SimulationResult, robot: StationRobot, base: Vector) -> Vector:
+    """Return where a robot faces, counterclockwise from the world's x, without jumps, shape (m,) [rad].
+
+    It faces across the line from its right to its left feet, as its tools are called, in the posture of zero angles;
+    along its root's x where they do not tell left from right.
+
+    Args:
+        result: the run.
+        robot: who.
+        base: poses of its root, shape (m, 7).
+    """
+    context = result.plant.plant.CreateDefaultContext()
+    for joint in robot.joints:
+        joint.set_angle(context, 0.0)
+    sides = {
+        side: [frame.CalcPose(context, robot.root).translation() for name, frame in robot.tools.items() if side in name]
+        for side in ("left", "right")
+    }
+    poses = [transform_from_xyz_quaternion(row).rotation().matrix() for row in base]
+    forward = np.array([1.0, 0.0, 0.0])
+    if sides["left"] and sides["right"]:
+        across = np.mean(sides["left"], axis=0) - np.mean(sides["right"], axis=0)
+        forward = np.cross(across, poses[0].T @ [0.0, 0.0, 1.0])
+    seen = np.array(poses) @ forward
+    return np.asarray(np.unwrap(np.arctan2(seen[:, 1], seen[:, 0])))
+
+
+def fall_time(result: SimulationResult, robot: str) -> float | None:
+    """Return when a fall monitor that watches a robot ended the run [s]; None if none did."""
+    monitor = result.config.monitors.get(result.stopped_by or "")
+    if monitor is None or monitor.kind != "fall" or getattr(monitor, "piece", None):
+        return None
+    return result.stop_time if (monitor.robot or result.config.only_robot) == robot else None
+
+
+def mechanical_work(result: SimulationResult, robot: str) -> float:
+    r"""Return :math:`\int \sum_i |\tau_i \dot q_i| \, dt` over a run [J]: joints that brake give nothing back."""
+    power = np.abs(result.axes("tau", robot) * result.axes("v", robot)).sum(axis=1)
+    return float(np.trapezoid(power, result.times))
+
+
+def foot_slip(result: SimulationResult, robot: str) -> dict[str, float]:
+    """Return how far each foot slid over the floor, by its link [m].
+
+    A foot touches with those lowest points of its contact shapes that lie below the floor's surface, z = 0. From one
+    sample to the next each point that touches in both is followed as a point of its link, and the foot slides by the
+    mean of their horizontal displacements. A foot that rolls does not slide.
+    """
+    own = result.plant.robots[robot]
+    assert own.feet is not None  # the caller asks for robots with feet only
+    slips = {}
+    for link, (turns, places) in _link_poses(result, own).items():
+        points = _lowest(own.feet, link, turns, places)
+        local = np.einsum("mji,mkj->mki", turns[:-1], points[:-1] - places[:-1, np.newaxis])
+        moved = places[1:, np.newaxis] + np.einsum("mij,mkj->mki", turns[1:], local)
+        touches = (points[:-1, :, 2] < 0) & (points[1:, :, 2] < 0)
+        ways = np.linalg.norm((moved - points[:-1])[..., :2], axis=2) * touches
+        slips[link] = float((ways.sum(axis=1) / np.maximum(touches.sum(axis=1), 1)).sum())
+    return slips
+
+
+def _link_poses(result: SimulationResult, robot: StationRobot) -> dict[str, tuple[Vector, Vector]]:
+    """Return rotations (m, 3, 3) and positions (m, 3) of the feet's links in the world at the samples of a run."""
+    plant = result.plant.plant
+    assert robot.feet is not None  # checked by the caller
+    frames = {link: plant.GetFrameByName(link, robot.instance) for link in robot.feet.links}
+    context = plant.CreateDefaultContext()
+    found: dict[str, list[Vector]] = {link: [] for link in frames}
+    for positions in result.positions_at(result.times):
+        plant.SetPositions(context, positions)
+        for link, frame in frames.items():
+            found[link].append(frame.CalcPoseInWorld(context).GetAsMatrix4())
+    stacks = {link: np.array(rows) for link, rows in found.items()}
+    return {link: (poses[:, :3, :3], poses[:, :3, 3]) for link, poses in stacks.items()}
+
+
+def _lowest(feet: FootContact, link: str, turns: Vector, places: Vector) -> Vector:
+    """Return the lowest points of a foot's shapes in the world, shape (m, k, 3) [m]."""
+    spheres = link in feet.points
+    local = np.array(feet.points[link]) if spheres else feet.support_points(link)
+    points = places[:, np.newaxis] + np.einsum("mij,kj->mki", turns, local)
+    return np.asarray(points - (0.0, 0.0, feet.radius if spheres else 0.0))
+
+
+def _peak_torque(result: SimulationResult, robot: StationRobot) -> dict[str, Any]:
+    torque, limit = np.abs(result.axes("tau", robot.name)).max(axis=0), robot.gains.torque_limit
+    axis = int(np.argmax(torque / limit))
+    return {
+        "axis": robot.axes[axis],
+        "torque": float(torque[axis]),
+        "limit": float(limit[axis]),
+        "ratio": float(torque[axis] / limit[axis]),
+    }
+
+
+def _weight(result: SimulationResult, robot: StationRobot) -> float:
+    """Return the weight of a robot with what it carries [N]."""
+    plant = result.plant.plant
+    return float(plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance]) * abs(result.config.gravity))

@@ -1,0 +1,370 @@
+"""Legged robots do what joint angles tell them, and go on from where they stand."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import LeggedRobot, Program, SimrobError, Workcell, load_station, simulate
+from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.frames import transform_from_pose
+from simrob_drake.programs.errors import JointLimitExceeded
+from simrob_drake.programs.gaits.leg_angles import OutOfReach
+from simrob_drake.programs.kinematics import Unreachable
+
+HUMANOIDS = ("humanoid", "roid1", "zjudancer")
+ARM, KNEES = {"HomDF": 40}, {"CadDF": 15, "RodD": 45, "TobD": -30, "CadIF": 15, "RodI": 45, "TobI": -30}
+
+
+@pytest.fixture
+def standing():
+    """The humanoid on its own feet."""
+    return LeggedRobot("humanoid_dynamic")
+
+
+@pytest.fixture
+def held():
+    """The humanoid held by its trunk, motion as the input."""
+    return LeggedRobot("humanoid_fixed")
+
+
+def snapshot(robot):
+    state = None if robot.cell.state is None else robot.cell.state.to_json()
+    return robot.program, state, robot.cell.config
+
+
+def turned(robot, axis):
+    return np.rad2deg(robot.position[robot.axes.index(axis)])
+
+
+class TestMoves:
+    def test_a_test_moves_and_stores_nothing(self, held):
+        result = held.test_move({"HomDF": 40, "left_knee": 20}, 0.5)
+        assert result.stop_time == 0.5
+        assert turned(held, "right_shoulder_pitch") == pytest.approx(40)
+        assert turned(held, "left_knee") == pytest.approx(20)
+        assert held.program == Program()
+        held.test_move({"RodI": 30}, 0.5)
+        assert turned(held, "right_shoulder_pitch") == pytest.approx(40)  # who is not named stays
+        assert turned(held, "left_knee") == pytest.approx(30)  # angles are absolute
+
+    def test_a_kinematic_move_has_a_torque(self, held):
+        """It is smooth: rest at both ends, and the peak speed of the polynomial of degree five."""
+        result = held.test_move({"HomDF": 40}, 0.5)
+        speed = np.rad2deg(result["v.right_shoulder_pitch"])
+        assert speed.max() == pytest.approx(1.875 * 40 / 0.5, rel=1e-3)
+        np.testing.assert_allclose(speed[[0, -1]], 0, atol=1e-9)
+        assert 0.01 < np.abs(result["tau.right_shoulder_pitch"]).max() < 3
+
+    def test_two_tests_are_one_run(self, standing):
+        """Joints, velocities and the pose of the trunk go on: cut in two, a move ends where the whole one does."""
+        standing.test_move(KNEES, 1.0)
+        half = standing.velocity
+        second = standing.test_move(KNEES | {"HomDF": 30}, 0.6)
+        assert np.abs(half).max() > 0.05  # it was on its way: the servos lag by 1 s
+        np.testing.assert_allclose(second.axes("v")[0], half, atol=1e-9)
+        whole = LeggedRobot("humanoid_dynamic")
+        program = Program.model_validate(
+            {"moves": [{"target_deg": KNEES}, {"target_deg": {"HomDF": 30}, "duration": 0.6}]}
+        )
+        result = whole.run(program)
+        assert result.stop_time == pytest.approx(1.6)
+        np.testing.assert_allclose(standing.position, whole.position, atol=2e-3)  # accuracy 1e-3, steps of 20 ms
+        apart = standing.base_pose.translation() - whole.base_pose.translation()
+        assert np.linalg.norm(apart) < 1e-3
+        sunk = standing.base_pose.translation()[2]
+        assert 0.40 < sunk < 0.4455  # and it did bend its knees
+
+    def test_ramps_are_straight_on_a_dynamic_station(self, standing):
+        result = standing.add_move(ARM, 0.5)
+        reference = np.rad2deg(result["q_ref.right_shoulder_pitch"])
+        np.testing.assert_allclose(reference, 80 * result.times, atol=1e-9)
+
+    def test_the_program_in_one_run_ends_where_its_moves_did(self, standing):
+        for targets, duration in ((KNEES, 1.0), (ARM, 0.5)):
+            standing.add_move(targets, duration)
+        q, base = standing.position, standing.base_pose.translation()
+        result = standing.simulate()
+        assert result.stop_time == pytest.approx(1.5)
+        assert result.start is None
+        np.testing.assert_allclose(standing.position, q, atol=2e-3)
+        np.testing.assert_allclose(standing.base_pose.translation(), base, atol=1e-3)
+        again = standing.simulate()
+        np.testing.assert_array_equal(again.values, result.values)  # from the start, to the last bit
+
+    def test_the_step_of_the_thesis(self, standing):
+        result = standing.step()
+        assert [dict(move.target_deg) for move in standing.program.moves][1] == {
+            "right_knee": 30,
+            "right_ankle_pitch": -30,
+        }
+        assert result.ending == "completed"
+        assert standing.base_pose.translation()[1] == pytest.approx(-0.06, abs=0.02)  # towards -y
+        assert standing.base_pose.rotation().matrix()[2, 2] > np.cos(np.deg2rad(4))
+
+    def test_a_reference_is_kept_for_the_sequencer(self, held):
+        held.add_reference({"HomIF": 30, "CadDF": 30})
+        held.add_reference({"HomIF": 0})
+        assert held.cell.state is None
+        places = [held.axes.index("left_shoulder_pitch"), held.axes.index("right_hip_pitch")]
+        assert held.cells[0] == pytest.approx({places[0]: np.deg2rad(30), places[1]: np.deg2rad(30)})
+        assert held.cells[1] == {places[0]: 0.0}
+        assert held.program.moves == ()
+
+    def test_robots_of_a_station_move_one_at_a_time(self):
+        config = load_station("humanoid_fixed")
+        entry = config.robots["robot"]
+        robots = {
+            name: entry.model_copy(update={"base": (x, 0.0, 0.44, 0.0, 0.0, 0.0)})
+            for name, x in (("left", 0.3), ("right", -0.3))
+        }
+        config = config.model_copy(update={"robots": robots, "name": "two_humanoids"})
+        cell = Workcell(config)
+        left, right = LeggedRobot(cell, "left"), LeggedRobot(cell, "right")
+        left.test_move(ARM, 0.2)
+        right.test_move({"HomIF": 10}, 0.2)
+        assert turned(left, "right_shoulder_pitch") == pytest.approx(40)
+        assert turned(right, "right_shoulder_pitch") == 0
+        np.testing.assert_allclose(left.pose("head")[:2] - right.pose("head")[:2], [0.6, 0], atol=1e-12)
+        with pytest.raises(InvalidParameter, match="one of left, right"):
+            LeggedRobot(cell)
+
+
+class TestEditing:
+    def test_moves_are_inserted_edited_and_removed(self, held):
+        held.add_move(ARM, 0.2)
+        held.add_move({"RodD": 10}, 0.2)
+        held.insert(1, {"RodI": 20}, 0.3)
+        held.edit(0, {"HomDF": 60})
+        held.edit(-1, duration=0.4)
+        assert [(dict(move.target_deg), move.duration) for move in held.program.moves] == [
+            ({"HomDF": 60}, 0.2),
+            ({"RodI": 20}, 0.3),
+            ({"RodD": 10}, 0.4),
+        ]
+        assert turned(held, "right_shoulder_pitch") == pytest.approx(40)  # it stays where it is
+        result = held.simulate()
+        assert result.stop_time == pytest.approx(0.9)
+        assert [turned(held, axis) for axis in ("right_shoulder_pitch", "left_knee", "right_knee")] == pytest.approx(
+            [60, 20, 10]
+        )
+        held.remove(0)
+        held.simulate()
+        assert turned(held, "right_shoulder_pitch") == 0
+
+    def test_undo_takes_back_robot_and_program(self, standing):
+        seen = [snapshot(standing)]
+        for do in (
+            lambda: standing.test_move(ARM, 0.1),
+            lambda: standing.add_move(ARM, 0.1),
+            lambda: standing.insert(0, KNEES),
+            lambda: standing.edit(0, duration=0.2),
+            lambda: standing.add_reference(ARM),
+            standing.remove,
+            standing.simulate,
+            standing.reset,
+        ):
+            do()
+            seen.append(snapshot(standing))
+        for before in reversed(seen[:-1]):
+            standing.undo()
+            assert snapshot(standing) == before
+        with pytest.raises(InvalidParameter, match="before anything was done"):
+            standing.undo()
+
+    def test_alternatives_are_tried_from_the_same_state(self, standing):
+        standing.add_move(KNEES, 0.3)
+        first = standing.test_move({"HomDF": 30}, 0.2)
+        standing.undo()
+        standing.test_move({"HomDF": -30}, 0.2)
+        standing.undo()
+        np.testing.assert_array_equal(standing.test_move({"HomDF": 30}, 0.2).values, first.values)
+
+    def test_reset_goes_back_to_the_start(self, standing):
+        standing.add_move(KNEES, 0.3)
+        standing.reset(keep_program=True)
+        assert len(standing.program.moves) == 1
+        np.testing.assert_array_equal(standing.position, np.zeros(18))
+        np.testing.assert_array_equal(standing.base_pose.translation(), [0, 0, 0.446])
+        standing.reset()
+        assert standing.program == Program()
+
+    def test_a_program_is_saved_and_loaded(self, held, tmp_path):
+        held.add_move(ARM, 0.2)
+        held.add_reference({"RodD": 10})
+        file = held.save(tmp_path / "arm.yaml")
+        other = LeggedRobot("zjudancer_dynamic")
+        other.load(file)
+        assert other.program == held.program
+        assert other.run(file).stop_time == pytest.approx(0.2)
+
+
+class TestEveryRobot:
+    @pytest.mark.parametrize("name", HUMANOIDS)
+    def test_one_program_has_one_effect(self, name):
+        """HomIF 30 brings the left hand ahead and up, CadDF 30 the right foot: seen from the robot, on each of them."""
+        robot = LeggedRobot(load_station(f"{name}_dynamic", {"mode": "kinematic", "contact": None, "monitors": {}}))
+        before = {tool: robot.pose(tool, frame="trunk")[:3] for tool in robot.tools}
+        robot.run(Program.model_validate({"moves": [{"target_deg": {"HomIF": 30, "CadDF": 30}}]}))
+        left = before["left_foot"] - before["right_foot"]
+        up = transform_from_pose([0, 0, 0, 0, 0, 0]).inverse().rotation().matrix()[2]
+        vertical = robot.base_pose.rotation().inverse().matrix() @ up
+        ahead = np.cross(left, vertical) / np.linalg.norm(left)
+        for tool in robot.tools:
+            moved = robot.pose(tool, frame="trunk")[:3] - before[tool]
+            if tool in ("left_hand", "right_foot"):
+                assert moved @ ahead > 0.05
+                assert moved @ vertical > 0.005
+            else:
+                np.testing.assert_allclose(moved, 0, atol=1e-9)
+
+    @pytest.mark.parametrize(("name", "steps", "least"), [("humanoid", 4, 0.08), ("yobotics", 6, 0.08)])
+    def test_it_walks_from_where_it_stands(self, name, steps, least):
+        robot = LeggedRobot(f"{name}_dynamic")
+        config = robot.cell.config
+        result = robot.walk(steps)
+        assert result.ending == "completed"
+        measures = result.summary()["locomotion"]
+        assert measures["ahead"] > least
+        assert abs(measures["drift"]) < 0.02
+        assert robot.cell.config == config  # servos and solver are its own again, and the floor was large enough
+        robot.undo()
+        half = robot.walk(steps, amplitude=0.5).summary()["locomotion"]
+        assert half["ahead"] == pytest.approx(measures["ahead"] / 2, rel=0.25)
+
+    def test_a_far_walk_gets_a_larger_floor(self):
+        robot = LeggedRobot(load_station("roid1_dynamic", {"floor.size": 0.5}))
+        robot.walk(2)
+        assert robot.cell.config.floor.size >= 2
+
+    def test_a_gait_is_made_for_its_feet(self):
+        robot = LeggedRobot(load_station("humanoid_dynamic", {"robot.feet": "spheres_B"}))
+        with pytest.raises(InvalidParameter, match=r"gait of humanoid is walk; .* for feet that are not spheres_B"):
+            robot.walk(2, gait="walk")
+
+
+class TestGeometry:
+    def test_feet_and_head_are_where_the_figures_say(self, standing):
+        """Of facts on the model: ankle ±44.42 mm beside the middle; head 34.4 mm over the trunk's frame."""
+        np.testing.assert_allclose(
+            standing.pose("left_foot")[:3], [0.04442, standing.pose("right_foot")[1], 0], atol=0.002
+        )
+        np.testing.assert_allclose(standing.pose("head", frame="trunk")[:3], [0, 0, 0.0344], atol=1e-6)
+        moved = standing.pose("left_foot", np.zeros((2, 18)), "right_foot")
+        assert moved.shape == (2, 6)
+        np.testing.assert_allclose(np.linalg.norm(moved[:, :3], axis=1), 2 * 0.04442, atol=1e-6)
+
+    def test_the_world_moves_with_the_trunk(self, standing):
+        standing.test_move(KNEES, 1.0)
+        trunk = standing.base_pose @ transform_from_pose(standing.pose("right_hand", frame="trunk"))
+        np.testing.assert_allclose(trunk.translation(), standing.pose("right_hand")[:3], atol=1e-9)
+        assert standing.pose("left_foot")[2] == pytest.approx(0.0, abs=3e-3)  # on the floor, though the trunk sank
+
+    @pytest.mark.parametrize("name", ["humanoid", "roid1", "yobotics"])
+    def test_limbs_reach_places(self, name):
+        robot = LeggedRobot(f"{name}_dynamic")
+        for tool in [tool for tool in robot.tools if tool.endswith(("hand", "foot"))]:
+            q = np.zeros(len(robot.axes))
+            moving = list(robot.chain(tool).order)
+            q[moving] = 0.2 + 0.1 * np.arange(len(moving))
+            wanted = robot.pose(tool, q, "trunk")[:3]
+            found = robot.joint(tool, wanted)
+            np.testing.assert_allclose(robot.pose(tool, found, "trunk")[:3], wanted, atol=1e-5)
+            others = [axis for axis in range(len(q)) if axis not in moving]
+            np.testing.assert_array_equal(found[others], robot.reference[others])
+
+    def test_a_leg_of_six_axes_reaches_a_pose(self):
+        robot = LeggedRobot("roid1_dynamic")
+        pose = robot.pose("left_foot", frame="trunk") + np.array([0.02, 0.01, 0.03, 0.1, 0.05, -0.05])
+        q = robot.joint("left_foot", pose)
+        np.testing.assert_allclose(robot.pose("left_foot", q, "trunk"), pose, atol=1e-4)
+        assert set(robot.targets_deg(q)) <= {axis for axis in robot.axes if axis.startswith("left_")}
+
+    def test_the_whole_body_reaches_from_a_standing_foot(self, standing):
+        place = standing.pose("left_hand", frame="right_foot")[:3] + np.array([0, -0.05, 0.02])
+        q = standing.joint("left_hand", place, "right_foot")
+        np.testing.assert_allclose(standing.pose("left_hand", q, "right_foot")[:3], place, atol=1e-5)
+
+    def test_what_is_too_far_is_unreachable(self, standing):
+        with pytest.raises(Unreachable):
+            standing.joint("right_hand", [0, -1.0, 0])
+
+    def test_an_unknown_tool_has_a_nearest_name(self, standing):
+        with pytest.raises(UnknownName, match=r"did you mean 'left_foot'\?"):
+            standing.pose("left_fot")
+        with pytest.raises(InvalidParameter, match="a posture of 18 axes"):
+            standing.targets_deg([0.0])
+
+
+class TestErrors:
+    @pytest.mark.parametrize(
+        ("do", "error", "message"),
+        [
+            (lambda r: r.test_move({"HomDG": 3}), UnknownName, r"did you mean 'Hom\w+'\?"),
+            (lambda r: r.add_move({"left_kne": 3}), UnknownName, "did you mean 'left_knee'"),
+            (
+                lambda r: r.test_move({"HomDF": 200}),
+                JointLimitExceeded,
+                "right_shoulder_pitch would be at 200 deg, 20 deg",
+            ),
+            (lambda r: r.add_reference({"HomDF": -200}), JointLimitExceeded, "110 deg beyond its limit of -90 deg"),
+            (lambda r: r.test_move({"HomDF": 10}, 0), InvalidParameter, "duration is 0"),
+            (lambda r: r.step(-1), InvalidParameter, "duration is -1"),
+            (lambda r: r.edit(0, duration=0), InvalidParameter, "duration is 0"),
+            (lambda r: r.edit(0, {"HomDF": 999}), JointLimitExceeded, "beyond its limit"),
+            (lambda r: r.insert(9, {"HomDF": 9}), InvalidParameter, "index is 9"),
+            (lambda r: r.remove(1), InvalidParameter, "index is 1"),
+            (lambda r: r.run(Program()), InvalidParameter, "the program is empty"),
+            (lambda r: r.run("none.yaml"), InvalidConfig, "none.yaml: cannot be read"),
+            (lambda r: r.walk(0), InvalidParameter, "steps is 0"),
+            (lambda r: r.walk(2, gait="trott"), UnknownName, "gait of humanoid"),
+            (lambda r: r.walk(4, amplitude=20), OutOfReach, "leg of right_foot is out of reach"),
+            (lambda r: r.walk(4, amplitude=float("nan")), InvalidParameter, "amplitude"),
+        ],
+    )
+    def test_all_stays_as_it_was(self, standing, do, error, message):
+        standing.add_move(ARM, 0.05)
+        before = snapshot(standing)
+        with pytest.raises(error, match=message):
+            do(standing)
+        assert snapshot(standing) == before
+        standing.undo()
+        assert standing.program == Program()  # nor did the error leave anything to undo
+
+    def test_an_empty_program_cannot_be_simulated(self, standing):
+        with pytest.raises(InvalidParameter, match=r"the program is empty; .*add_move"):
+            standing.simulate()
+
+    @pytest.mark.parametrize(
+        ("station", "message"), [("irb120_dynamic", "one with feet, to walk"), ("humanoid_fixed", "a dynamic one")]
+    )
+    def test_who_cannot_walk_is_told_why(self, station, message):
+        with pytest.raises(InvalidParameter, match=message):
+            LeggedRobot(station).walk(4)
+
+    def test_a_quadruped_has_no_human_step(self):
+        with pytest.raises(UnknownName, match="axis of yobotics"):
+            LeggedRobot("yobotics_dynamic").step()
+
+    def test_a_program_that_the_robot_cannot_do_is_not_loaded(self, standing, tmp_path):
+        file = Program.model_validate({"moves": [{"target_deg": {"torso_yaw": 10}}]}).save(tmp_path / "turn.yaml")
+        with pytest.raises(UnknownName, match="axis of humanoid"):
+            standing.load(file)
+        assert standing.program == Program()
+
+    def test_a_station_without_that_robot(self):
+        with pytest.raises(SimrobError, match="there is no robot 'left'"):
+            LeggedRobot("humanoid_fixed", "left")
+
+
+def test_a_walk_into_nothing_ends_by_the_fall_monitor():
+    """Tipped over by an ankle's turn, the robot falls: the run says so and when, and another one ends at once."""
+    robot = LeggedRobot("humanoid_dynamic")
+    result = robot.test_move({"TobD": -80, "TobI": -80}, 1.0)
+    while result.stopped_by is None and result.stop_time > 0:
+        result = robot.test_move({"TobD": -80}, 2.0)
+    assert result.stopped_by == "fall"
+    assert "robot fell" in result.message
+    assert np.isfinite(result.values).all()
+    assert result.summary()["locomotion"]["fall_time"] == result.stop_time
+    assert robot.test_move(ARM, 1.0).stop_time < 0.05
+    standing = simulate(robot.cell.config, duration=0.2, progress=False)
+    assert standing.ending == "completed"
