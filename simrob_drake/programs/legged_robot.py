@@ -90,13 +90,14 @@ class LeggedRobot(Programmed):
             OutOfReach: steps that the legs cannot do; tells by how much.
         """
         config, reference, duration = walking(self, steps, amplitude, gait, changes)
-        before = self.cell.config
         snapshot = self._snapshot()
         self.cell.change(config)
         try:
             result = self.cell.follow({self.name: reference}, duration)
-        finally:
-            self.cell.change(before.model_copy(update={"floor": config.floor}))
+        except BaseException:
+            self._restore(snapshot)
+            raise
+        self.cell.change(snapshot.config.model_copy(update={"floor": config.floor}))
         if result.ending in GOES_ON:
             self._remember(snapshot)
         return result
