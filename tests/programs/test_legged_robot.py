@@ -294,7 +294,7 @@ class TestGeometry:
         assert len(feet) == (4 if name == "yobotics" else 2)
         q = robot.posture(transform_from_pose([*shift, 0, 0, 0]) @ trunk)
         robot.test_move(robot.targets_deg(q), 1.0)
-        robot.test_move(robot.targets_deg(q) or {robot.axes[0]: 0}, 5.0 if name == "humanoid" else 0.5)  # a lag of 1 s
+        robot.test_move({robot.axes[0]: np.rad2deg(q[0])}, 5.0 if name == "humanoid" else 0.5)  # a lag of 1 s
         for foot, place in feet.items():
             np.testing.assert_allclose(robot.pose(foot)[:3], place, atol=2e-3)
         went = robot.base_pose.translation() - trunk.translation()
