@@ -76,7 +76,7 @@ class LeggedRobot(Programmed):
         """Walk from the last state, and store nothing (Marcha).
 
         The robot first takes the posture in which its gait begins. Servos and floor are those of the gait while it
-        walks; the floor stays as large as it had to become.
+        walks, and steps of the solver are 10 ms at most; the floor stays as large as it had to become.
 
         Args:
             steps: how many; legs in turn for a crawl.
