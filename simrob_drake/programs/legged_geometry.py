@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,14 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector, poses_from_matrices, transform_from_pose, transform_from_xyz_quaternion
+from simrob_drake.frames import (
+    PoseLike,
+    Vector,
+    as_transform,
+    poses_from_matrices,
+    transform_from_pose,
+    transform_from_xyz_quaternion,
+)
 from simrob_drake.programs.kinematics import Chain, NumericSolver, require
 from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, is_place, world_poses
@@ -18,6 +26,9 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import Station
 
+_STAYS = (1e-4, 1e-3)
+"""What counts as a foot that stays [m, rad]: soles that sink in stand a little crooked."""
+_WHOLE_POSE = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 _PLACE_ONLY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -77,8 +88,7 @@ class LeggedGeometry:
     def base_pose(self) -> RigidTransform:
         """Pose of the root link in the world."""
         entry, state = self.cell.config.robots[self.name], self.cell.state
-        floating = self.cell.config.mode == "dynamic" and self.model.base == "floating"
-        if state is None or not floating:
+        if state is None or not self._floats:
             return transform_from_pose(entry.base)
         robot = self.cell.robot(self.name)
         plant = self.cell.model.plant
@@ -164,6 +174,47 @@ class LeggedGeometry:
         single = isinstance(pose, RigidTransform) or np.shape(pose) in ((3,), (6,), (4, 4))
         return np.asarray(found[0]) if single else found
 
+    def posture(
+        self, trunk: PoseLike, reach: Mapping[str, PoseTargets] | None = None, *, start: npt.ArrayLike | None = None
+    ) -> Vector:
+        """Return the posture (n,) [rad] in which the trunk is somewhere else while the feet stay where they are.
+
+        Args:
+            trunk: pose of the root link in the world.
+            reach: what other tools do then: poses, or places [x y z], in the world.
+            start: near which posture (n,) it is wanted; where the robot's reference is unless given.
+
+        Raises:
+            InvalidParameter: a robot without feet, or one that is held.
+            Unreachable: names the tool; legs without roll or yaw let the trunk go up, down, ahead and back only.
+            UnknownName: no such tool.
+        """
+        feet = self.feet
+        if not feet or not self._floats:
+            raise InvalidParameter("robot", self.model.name, "one on its own feet, to move its trunk over them")
+        there = as_transform(trunk).inverse()
+        q = self.reference if start is None else np.asarray(start, dtype=float)
+        for foot in feet:
+            stays = there @ self.base_pose @ as_transform(self.pose(foot, frame="trunk"))
+            chain = self.chain(foot)
+            weights = _PLACE_ONLY if len(chain.order) <= 3 else _WHOLE_POSE  # a ball at the end of a leg may turn
+            position, rotation = _STAYS
+            solver = NumericSolver(chain, weights=weights, position_tolerance=position, rotation_tolerance=rotation)
+            q = self.joint(foot, stays, solver=solver, start=q)
+        for tool, target in (reach or {}).items():
+            seen = there @ np.asarray(target, dtype=float) if is_place(target) else there @ as_transform(target)
+            q = self.joint(tool, seen, start=q)
+        return q
+
+    @property
+    def feet(self) -> list[str]:
+        """The tools that lie on the robot's feet."""
+        robot = self.cell.robot(self.name)
+        links = [] if robot.feet is None else robot.feet.links
+        plant = self.cell.model.plant
+        bodies = [plant.GetFrameByName(link, robot.instance).body().index() for link in links]
+        return [name for name, frame in robot.tools.items() if frame.body().index() in bodies]
+
     def targets_deg(self, q: npt.ArrayLike) -> dict[str, float]:
         """Return a posture (n,) [rad] as targets of a move [deg]: the axes that differ from where the reference is."""
         wanted = np.asarray(q, dtype=float)
@@ -172,6 +223,10 @@ class LeggedGeometry:
         moved = np.abs(wanted - self.reference) > 0
         values = wanted / self.model.user_units
         return {axis: float(value) for axis, value, new in zip(self.axes, values, moved, strict=True) if new}
+
+    @property
+    def _floats(self) -> bool:
+        return self.cell.config.mode == "dynamic" and self.model.base == "floating"
 
     def _place_of(self, frame: str) -> RigidTransform:
         return self.base_pose if frame == "world" else RigidTransform()

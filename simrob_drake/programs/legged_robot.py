@@ -76,7 +76,7 @@ class LeggedRobot(Programmed):
         """Walk from the last state, and store nothing (Marcha).
 
         The robot first takes the posture in which its gait begins. Servos and floor are those of the gait while it
-        walks; the floor stays as large as it had to become.
+        walks, and steps of the solver are 10 ms at most; the floor stays as large as it had to become.
 
         Args:
             steps: how many; legs in turn for a crawl.
@@ -90,13 +90,14 @@ class LeggedRobot(Programmed):
             OutOfReach: steps that the legs cannot do; tells by how much.
         """
         config, reference, duration = walking(self, steps, amplitude, gait, changes)
-        before = self.cell.config
         snapshot = self._snapshot()
         self.cell.change(config)
         try:
             result = self.cell.follow({self.name: reference}, duration)
-        finally:
-            self.cell.change(before.model_copy(update={"floor": config.floor}))
+        except BaseException:
+            self._restore(snapshot)
+            raise
+        self.cell.change(snapshot.config.model_copy(update={"floor": config.floor}))
         if result.ending in GOES_ON:
             self._remember(snapshot)
         return result

@@ -2,6 +2,10 @@ r"""How well a legged robot walked, computed from the recorded states of a run.
 
 All figures are about the root link and the samples of the run, from its beginning to its end; SI units and radians.
 "Ahead" is where the robot faced at the beginning, seen from above.
+
+Torques of ``implicit`` servos are evaluated with the reference of the moment, which the solver holds over a step: while
+references move, peaks and work are upper bounds that fall with ``solver.max_step``. A walk of roid1 takes 21 J with
+steps of 10 ms, 7.5 J with 2 ms and 5.5 J with 1 ms; its way is the same within 1 %.
 """
 
 from __future__ import annotations

@@ -283,6 +283,41 @@ class TestGeometry:
         q = standing.joint("left_hand", place, "right_foot")
         np.testing.assert_allclose(standing.pose("left_hand", q, "right_foot")[:3], place, atol=1e-5)
 
+    @pytest.mark.parametrize(
+        ("name", "shift"),
+        [("humanoid", [0, 0, -0.03]), ("roid1", [0, 0.015, -0.02]), ("yobotics", [0.02, 0.01, -0.03])],
+    )
+    def test_the_trunk_moves_over_feet_that_stay(self, name, shift):
+        robot = LeggedRobot(f"{name}_dynamic")
+        robot.test_move({robot.axes[0]: 0}, 0.1)  # it settles
+        feet, trunk = {foot: robot.pose(foot)[:3] for foot in robot.feet}, robot.base_pose
+        assert len(feet) == (4 if name == "yobotics" else 2)
+        q = robot.posture(transform_from_pose([*shift, 0, 0, 0]) @ trunk)
+        robot.test_move(robot.targets_deg(q), 1.0)
+        robot.test_move({robot.axes[0]: np.rad2deg(q[0])}, 5.0 if name == "humanoid" else 0.5)  # a lag of 1 s
+        for foot, place in feet.items():
+            np.testing.assert_allclose(robot.pose(foot)[:3], place, atol=2e-3)
+        went = robot.base_pose.translation() - trunk.translation()
+        np.testing.assert_allclose(went, shift, atol=3e-3)  # by the servos' errors under the weight
+
+    def test_hands_reach_while_the_trunk_sinks(self, standing):
+        trunk = transform_from_pose([0, 0, -0.03, 0, 0, 0]) @ standing.base_pose
+        place = [-0.09, -0.12, 0.25]
+        q = standing.posture(trunk, {"right_hand": place})
+        hand = trunk @ transform_from_pose(standing.pose("right_hand", q, "trunk"))
+        np.testing.assert_allclose(hand.translation(), place, atol=1e-5)
+        for foot in standing.feet:
+            stays = trunk @ transform_from_pose(standing.pose(foot, q, "trunk"))
+            np.testing.assert_allclose(stays.translation(), standing.pose(foot)[:3], atol=1e-4)
+
+    def test_a_trunk_that_is_held_stays(self, held):
+        with pytest.raises(InvalidParameter, match="one on its own feet"):
+            held.posture([0, 0, 0.4, 0, 0, 0])
+
+    def test_the_trunk_cannot_fly(self, standing):
+        with pytest.raises(Unreachable):
+            standing.posture([0, 0, 0.6, 0, 0, 0])
+
     def test_what_is_too_far_is_unreachable(self, standing):
         with pytest.raises(Unreachable):
             standing.joint("right_hand", [0, -1.0, 0])
