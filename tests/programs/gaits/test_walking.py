@@ -98,4 +98,4 @@ def test_it_falls_forward_when_asked_to():
     result, found = walked(posing("humanoid", "fall_forward"))
     assert not found.upright
     assert found.ahead > 0.2
-    assert result.ending == "completed"
+    assert result.stopped_by == "fall"
