@@ -148,3 +148,23 @@ def test_drake_still_takes_the_desired_velocity_with_the_wrong_sign_under_cenic(
         "Drake takes the desired velocity with the right sign under cenic now: let stations/dynamic.py pass "
         "velocity_sense=1 with every scheme, require that version of drake, and remove velocity_sense and this test"
     )
+
+
+@pytest.mark.parametrize(("feedforward", "limit"), [(None, 1e6), (3.0, 1e6), (3.0, 40.0)])
+def test_the_torque_told_under_cenic_is_that_of_the_law(
+    add_pendulum: AddPendulum, feedforward: float | None, limit: float
+) -> None:
+    simulator = servo_simulator(
+        add_pendulum,
+        gains(kp=100, kd=50, limit=limit),
+        implicit=True,
+        scheme="cenic",
+        reference=0.2,
+        velocity=1.0,
+        feedforward=feedforward,
+        velocity_sense=-1,
+    )
+    q, v, torque = motion(simulator, 5e-3)
+    law = 100 * (0.2 - q) + 50 * (1.0 - v) + (feedforward or 0.0)
+    assert torque == pytest.approx(np.clip(law, -limit, limit), abs=1e-9)
+    assert abs(torque) > 1  # the plant's own port would be 100 N m off here

@@ -120,7 +120,11 @@ def three_legs(
     Raises:
         OutOfReach: a foot that cannot be lifted so high.
         UnknownName: no such foot.
+        InvalidParameter: a height or a time that is not positive.
     """
+    for figure, value in (("height", height), ("seconds", seconds)):
+        if not (np.isfinite(value) and value > 0):
+            raise InvalidParameter(figure, value, "positive")
     figures: Crawl = gait(load_gaits(robot).crawls, name, {})
     start = _stance(robot, figures)
     if foot not in start:

@@ -140,6 +140,7 @@ def test_a_swing_rises_and_lands():
         (lambda: walk("yobotics", 10), UnknownName, "walk"),
         (lambda: trot("yobotics", 1), InvalidParameter, "steps"),
         (lambda: crawl("yobotics", 0), InvalidParameter, "legs"),
+        (lambda: three_legs("yobotics", "rear_left_foot", seconds=-1), InvalidParameter, "seconds"),
         (lambda: three_legs("yobotics", "left_foot"), UnknownName, "left_foot"),
         (lambda: three_legs("yobotics", "rear_left_foot", height=0.5), OutOfReach, "rear_left"),
     ],
