@@ -57,7 +57,7 @@ def picture(results: dict[str, SimulationResult], file: Path) -> Path:
             if result.ending == "monitor":
                 axes.set_ylim(axes.get_ylim())  # who falls leaves the panel
             axes.plot(result.times, values, style, color=colour, linewidth=thick, label=label)
-    figure.axes[0].legend()
+    panels[2].legend(loc="lower right")
     figure.suptitle("The step of the thesis on the three contact areas")
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, dpi=110)
