@@ -130,3 +130,31 @@ def test_all_joints_of_the_humanoid_reach_thirty_degrees():
     result = example("humanoid_all_joints").run()
     np.testing.assert_allclose(result.axes("q")[-1], np.deg2rad(30), atol=1e-9)
     assert np.abs(result.axes("tau")).max() < 3
+
+
+def test_the_base_is_calmer_by_pd_than_by_p():
+    pd_example = example("humanoid_p_against_pd")
+    moves = {name: pd_example.base_moves(result) for name, result in pd_example.run(duration=6.0).items()}
+    tilt = {name: np.abs(move[:, 4:]).max() for name, move in moves.items()}
+    assert tilt["PD"] < 2
+    assert tilt["P"] > 5
+    assert all(move[-1, 1] < -50 for move in moves.values())  # both go to -y
+
+
+def test_the_step_is_carried_by_the_large_areas_and_not_by_the_real_sole():
+    results = example("humanoid_contact_areas").run()
+    assert {area: result.ending for area, result in results.items()} == {
+        "A": "completed",
+        "B": "monitor",
+        "C": "completed",
+    }
+    assert 1.5 < results["B"].stop_time < 2.5
+
+
+def test_each_foot_of_the_quadruped_is_up_in_turn():
+    stand = example("yobotics_three_legs")
+    results = stand.run(seconds=1.0)
+    for foot, result in results.items():
+        heights = stand.foot_heights(result, np.arange(0.0, result.stop_time, 0.02))
+        assert 0.02 * (heights[foot] > stand.ASKED).sum() >= 1.0
+        assert all(height.max() < 1e-3 for other, height in heights.items() if other != foot)
