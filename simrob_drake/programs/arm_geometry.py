@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform, poses_from_matrices
+from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.kinematics.chain import Chain
 from simrob_drake.programs.kinematics.solutions import require
 from simrob_drake.programs.solvers import SolverLike, solver_for
@@ -19,7 +20,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import Station
 
 
-class ArmGeometry:
+class ArmGeometry(CellRobot):
     """A robot of a station: its axes, tool, forward and inverse kinematics, Jacobian and torques. Nothing moves.
 
     Poses are those of the tool centre point, in the world unless a work object is given: pose vectors
@@ -53,41 +54,16 @@ class ArmGeometry:
             UnknownName: no such station, robot or tool.
             InvalidParameter: a robot without a tool, or on a base that moves.
         """
-        self.cell = station if isinstance(station, Workcell) else Workcell(station)
-        robots, wanted = self.cell.config.robots, robot or self.cell.config.only_robot
-        if wanted is None:
-            raise InvalidParameter("robot", None, f"one of {', '.join(robots)}")
-        if wanted not in robots:
-            raise UnknownName("robot", wanted, robots)
-        self.name, self.solver = wanted, solver
-        model = self.cell.model.robots[wanted].model
+        super().__init__(station, robot)
+        self.solver = solver
+        model = self.cell.model.robots[self.name].model
         if model.base != "fixed":
-            raise InvalidParameter("robot", wanted, "a robot on a fixed base; legged ones are programmed otherwise")
-        if not self.cell.model.robots[wanted].tcp:
-            raise InvalidParameter("robot", wanted, "a robot with a tool frame, under tools: in its robot.yaml")
+            raise InvalidParameter("robot", self.name, "a robot on a fixed base; legged ones are programmed otherwise")
+        if not self.cell.model.robots[self.name].tcp:
+            raise InvalidParameter("robot", self.name, "a robot with a tool frame, under tools: in its robot.yaml")
         if tool is not None:
             self.tool(tool)
         _ = self.chain  # of joints that can be followed
-
-    @property
-    def axes(self) -> list[str]:
-        """The names of the axes."""
-        return self.cell.model.robots[self.name].axes
-
-    @property
-    def position(self) -> Vector:
-        """Where the axes are, shape (n,) [rad or m]."""
-        return self.cell.position(self.name)
-
-    @property
-    def velocity(self) -> Vector:
-        """How fast they move, shape (n,) [rad/s or m/s]."""
-        return self.cell.velocity(self.name)
-
-    @property
-    def reference(self) -> Vector:
-        """Where they should be, and the next move begins, shape (n,) [rad or m]."""
-        return self.cell.reference(self.name)
 
     @property
     def chain(self) -> Chain:
@@ -95,11 +71,6 @@ class ArmGeometry:
         model = self.cell.model
         robot = model.robots[self.name]
         return model.chain(self.name, robot.tools[robot.tcp])
-
-    @property
-    def tools(self) -> list[str]:
-        """The names that :meth:`tool` takes."""
-        return list(self.cell.model.robots[self.name].tools)
 
     def tool(self, tool: str | PoseLike) -> None:
         """Change the tool centre point (SimRob's Tool).

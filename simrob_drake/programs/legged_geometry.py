@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -18,13 +17,11 @@ from simrob_drake.frames import (
     transform_from_pose,
     transform_from_xyz_quaternion,
 )
+from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.kinematics import Chain, NumericSolver, require
 from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, is_place, world_poses
-from simrob_drake.programs.workcell import Workcell
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.station import Station
 
 _STAYS = (1e-4, 1e-3)
 """What counts as a foot that stays [m, rad]: soles that sink in stand a little crooked."""
@@ -32,7 +29,7 @@ _WHOLE_POSE = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 _PLACE_ONLY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 
 
-class LeggedGeometry:
+class LeggedGeometry(CellRobot):
     """A robot whose root moves: its axes, and kinematics from the trunk to hands, feet and head. Nothing moves.
 
     Attributes:
@@ -40,49 +37,10 @@ class LeggedGeometry:
         name: of the robot in the station.
     """
 
-    def __init__(self, station: Workcell | str | Path | StationConfig | Station, robot: str | None = None) -> None:
-        """Take a robot of a station.
-
-        Args:
-            station: a workcell, or what makes one: a station's name, file or configuration.
-            robot: its name in the station; needed where there are several.
-
-        Raises:
-            UnknownName: no such station or robot.
-            InvalidParameter: no robot named where there are several.
-        """
-        self.cell = station if isinstance(station, Workcell) else Workcell(station)
-        robots, wanted = self.cell.config.robots, robot or self.cell.config.only_robot
-        if wanted is None:
-            raise InvalidParameter("robot", None, f"one of {', '.join(robots)}")
-        if wanted not in robots:
-            raise UnknownName("robot", wanted, robots)
-        self.name = wanted
-
     @property
     def model(self) -> RobotModel:
         """The robot as its ``robot.yaml`` describes it."""
         return self.cell.robot(self.name).model
-
-    @property
-    def axes(self) -> list[str]:
-        """The names of the axes, in order."""
-        return list(self.model.axes)
-
-    @property
-    def position(self) -> Vector:
-        """Where the axes are, shape (n,) [rad]."""
-        return self.cell.position(self.name)
-
-    @property
-    def velocity(self) -> Vector:
-        """How fast they move, shape (n,) [rad/s]."""
-        return self.cell.velocity(self.name)
-
-    @property
-    def reference(self) -> Vector:
-        """Where they should be, and the next move begins, shape (n,) [rad]."""
-        return self.cell.reference(self.name)
 
     @property
     def base_pose(self) -> RigidTransform:
@@ -95,11 +53,6 @@ class LeggedGeometry:
         joint = f"{plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
         quaternion_first = state.joints[joint].position
         return transform_from_xyz_quaternion(np.roll(quaternion_first, 3))
-
-    @property
-    def tools(self) -> list[str]:
-        """The names of hands, feet, head and of what they carry."""
-        return list(self.cell.robot(self.name).tools)
 
     def chain(self, tool: str, base: str = "trunk") -> Chain:
         """Return the axes from the trunk, or from another tool, to a tool, with their limits.

@@ -1,0 +1,64 @@
+"""A robot of a workcell: which one it is, and where it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.programs.workcell import Workcell
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.station import Station
+
+
+class CellRobot:
+    """A robot of a station, as arms and legged robots share it.
+
+    Attributes:
+        cell: the station and its state; several robots may share it.
+        name: of the robot in the station.
+    """
+
+    def __init__(self, station: Workcell | str | Path | StationConfig | Station, robot: str | None = None) -> None:
+        """Take a robot of a station.
+
+        Args:
+            station: a workcell, or what makes one: a station's name, file or configuration.
+            robot: its name in the station; needed where there are several.
+
+        Raises:
+            UnknownName: no such station or robot.
+            InvalidParameter: no robot named where there are several.
+        """
+        self.cell = station if isinstance(station, Workcell) else Workcell(station)
+        robots, wanted = self.cell.config.robots, robot or self.cell.config.only_robot
+        if wanted is None:
+            raise InvalidParameter("robot", None, f"one of {', '.join(robots)}")
+        if wanted not in robots:
+            raise UnknownName("robot", wanted, robots)
+        self.name = wanted
+
+    @property
+    def axes(self) -> list[str]:
+        """The names of the axes, in order."""
+        return self.cell.robot(self.name).axes
+
+    @property
+    def tools(self) -> list[str]:
+        """The names of the tool frames, and of the pieces that the robot carries."""
+        return list(self.cell.robot(self.name).tools)
+
+    @property
+    def position(self) -> Vector:
+        """Where the axes are, shape (n,) [rad or m]."""
+        return self.cell.position(self.name)
+
+    @property
+    def velocity(self) -> Vector:
+        """How fast they move, shape (n,) [rad/s or m/s]."""
+        return self.cell.velocity(self.name)
+
+    @property
+    def reference(self) -> Vector:
+        """Where they should be, and the next move begins, shape (n,) [rad or m]."""
+        return self.cell.reference(self.name)
