@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 from pydrake.systems.analysis import Simulator, SimulatorStatus
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import InvalidParameter, UnknownName
@@ -203,7 +203,7 @@ def _evaluated(
 ) -> SimulationResult:
     """Sample the signals of a run that has been stepped."""
     began = perf_counter()
-    sampler = Sampler(run.diagram, run.ports.plant.plant, recorder.history())
+    sampler = Sampler(run.diagram, run.ports.plant.plant, recorder.history(), held=_held_ports(run))
     if outcome.ending == "monitor":
         cut_at_stop(sampler, run.ports.monitors[str(outcome.stopped_by)], run.config)
     times = _sample_times(sampler.history.end, run.config.sample_rate)
@@ -232,6 +232,13 @@ def _evaluated(
         start=start,
         final_state=State.of(run.diagram, run.ports, sampler.context_at(sampler.history.end)),
     )
+
+
+def _held_ports(run: _Run) -> list[OutputPort]:
+    """Return the torques of a run whose scheme lets references stand still over a step: that is what was applied."""
+    if run.config.mode == "kinematic" or run.config.solver.scheme != "cenic":
+        return []
+    return [run.ports.outputs[f"{robot.prefix}torque"] for robot in run.ports.plant.robots.values()]
 
 
 def _warnings(run: _Run) -> list[str]:

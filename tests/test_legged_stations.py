@@ -104,6 +104,15 @@ def test_the_step_of_the_thesis_goes_forward_and_ends_upright(stepped: Simulatio
     assert np.abs(stepped.axes("tau")).max() <= 3.0 + 1e-9
 
 
+@pytest.mark.parametrize("realization", ["per_joint", "vector"])
+def test_servos_as_blocks_step_as_those_in_the_actuators(stepped: SimulationResult, realization: str) -> None:
+    """Also where a step starts beyond a torque's limit: behind a saturated block `cenic` would be explicit there."""
+    blocks = simulate(load_station("humanoid_dynamic", {**STEPPING, "servo.realization": realization}))
+    assert blocks.step_times.tolist() == stepped.step_times.tolist()
+    np.testing.assert_allclose(blocks.axes("q"), stepped.axes("q"), atol=1e-5)
+    np.testing.assert_allclose(blocks.pose("base"), stepped.pose("base"), atol=1e-5)
+
+
 def test_the_step_is_the_same_ten_times_tighter(stepped: SimulationResult) -> None:
     config = load_station("humanoid_dynamic", STEPPING)
     tight = simulate(config.model_copy(update={"solver": config.solver.tighter()}))

@@ -10,22 +10,30 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Saturation
 
-from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_integral
+from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_integral, add_saturation
 from simrob_drake.blocks.wiring import joined, mapped, summed
 from simrob_drake.frames import Vector
 
 
-def set_actuator_gains(plant: MultibodyPlant, joints: list[JointIndex], gains: ServoGains) -> None:
-    """Put PD gains and torque limits into the actuators of ``joints``, before the plant is finalized."""
+def set_actuators(
+    plant: MultibodyPlant, joints: list[JointIndex], gains: ServoGains, *, with_servos: bool = True
+) -> None:
+    """Put torque limits and, ``with_servos``, PD gains into the actuators of ``joints``, before the plant is finalized.
+
+    Limits without gains are for the scheme ``cenic``, which clamps the torque of every actuator inside of its convex
+    problem. It linearises what feeds an actuator at the start of a step: behind a block that saturates there is no
+    slope, and a stiff servo, then stepped explicitly, collapses. Other solvers of Drake 1.51 clamp actuators with gains
+    alone.
+    """
     for index in range(plant.num_actuators()):  # the indices of a model instance are known after Finalize() only
         actuator = plant.get_joint_actuator(JointActuatorIndex(index))
         if actuator.joint().index() not in joints:
             continue
         axis = joints.index(actuator.joint().index())
         actuator.set_effort_limit(float(gains.torque_limit[axis]))
-        actuator.set_controller_gains(PdControllerGains(p=float(gains.kp[axis]), d=float(gains.kd[axis])))
+        if with_servos:
+            actuator.set_controller_gains(PdControllerGains(p=float(gains.kp[axis]), d=float(gains.kd[axis])))
 
 
 def add_actuator_servos(
@@ -93,7 +101,4 @@ def _torque_by_law(
     total = mapped(builder, f"{prefix}applied_torque.pd", law, bus)
     if extra:
         total = summed(builder, f"{prefix}applied_torque.sum", total, *extra)
-    clamp = Saturation(-gains.torque_limit, gains.torque_limit)
-    builder.AddNamedSystem(f"{prefix}applied_torque", clamp)
-    builder.Connect(total, clamp.get_input_port())
-    return clamp.get_output_port()
+    return add_saturation(builder, total, gains.torque_limit, f"{prefix}applied_torque")

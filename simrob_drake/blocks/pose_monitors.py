@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RotationMatrix
@@ -9,7 +11,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.blocks.monitor import Monitor, largest
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, transform_from_xyz_quaternion
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 
 _AXES = "xyz"
 
@@ -87,30 +89,31 @@ class FallMonitor(Monitor):
         if height is None and tilt is None:
             raise InvalidParameter("height", None, "given, or tilt: a fall needs a bound")
         self._name, self._height, self._tilt = name, height, tilt
-        self._up = upright.inverse() @ np.array([0.0, 0.0, 1.0])
+        self._up: list[float] = (upright.inverse() @ np.array([0.0, 0.0, 1.0])).tolist()
         self._pose = self.watch("pose", len(XYZ_QUATERNION_NAMES))
 
     def excess(self, context: Context) -> float:
         """Return the larger part of a bound by which it is exceeded."""
-        return largest(np.array([part for part, _ in self._parts(context)]))[1]
+        parts = self._parts(context)
+        return max(parts) if all(map(math.isfinite, parts)) else math.inf
 
     def why(self, context: Context) -> str:
         """Say how it fell."""
-        parts = self._parts(context)
-        return parts[largest(np.array([part for part, _ in parts]))[0]][1]
+        low, leaning = self._parts(context)
+        if not (math.isfinite(low) and math.isfinite(leaning)):
+            return f"{self._name} is nowhere"
+        if self._tilt is None or low >= leaning:
+            return f"{self._name} fell: its height is below {self._height:g} m"
+        return f"{self._name} fell: it leans by more than {np.rad2deg(self._tilt):g} deg"
 
-    def _parts(self, context: Context) -> list[tuple[float, str]]:
-        """Return for each bound the part by which it is exceeded, and what that means."""
-        values = self._pose.Eval(context)
-        if not np.isfinite(values).all():
-            return [(np.inf, f"{self._name} is nowhere")]
-        parts = []
-        if self._height is not None:
-            text = f"{self._name} fell: its height is below {self._height:g} m"
-            parts.append((1 - values[2] / self._height, text))
-        if self._tilt is not None:
-            up = transform_from_xyz_quaternion(values).rotation() @ self._up
-            tilt = float(np.arctan2(np.hypot(up[0], up[1]), up[2]))
-            text = f"{self._name} fell: it leans by more than {np.rad2deg(self._tilt):g} deg"
-            parts.append((tilt / self._tilt - 1, text))
-        return parts
+    def _parts(self, context: Context) -> tuple[float, float]:
+        """Return the parts by which height and tilt exceed their bounds, -1 for a bound that is not given.
+
+        Plain numbers, because a run asks after every step.
+        """
+        _, _, z, qw, qx, qy, qz = self._pose.Eval(context).tolist()
+        to_x, to_y, to_z = self._up
+        upward = 2 * (qx * qz - qw * qy) * to_x + 2 * (qy * qz + qw * qx) * to_y + (1 - 2 * (qx * qx + qy * qy)) * to_z
+        low = -1.0 if self._height is None else float(1 - z / self._height)
+        tilt = math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward
+        return low, -1.0 if self._tilt is None else float(tilt / self._tilt - 1)

@@ -74,6 +74,7 @@ def add_servos(
     names: Sequence[str],
     prefix: str = "",
     per_joint: bool = True,
+    saturated: bool = True,
 ) -> OutputPort:
     """Add servos for n joints and wire them to what they read.
 
@@ -84,18 +85,29 @@ def add_servos(
         names: the joints' names; blocks are called ``<prefix><name>.pd`` and so on (``servo.pd`` for a vector).
         prefix: stands before the names of all blocks.
         per_joint: blocks for each joint, or one group for all.
+        saturated: whether blocks saturate, or the actuators that take the torques do.
 
     Returns:
-        the torques after saturation, size n [N·m].
+        the torques, after saturation if the blocks saturate, size n [N·m].
     """
     count = len(names)
     groups = {name: [index] for index, name in enumerate(names)} if per_joint else {"servo": list(range(count))}
     selector = _add_selector(builder, signals, list(groups.values()), f"{prefix}joint_signals")
-    torque = builder.AddNamedSystem(f"{prefix}torque", Multiplexer([len(group) for group in groups.values()]))
+    name_of_all = f"{prefix}torque" if saturated else f"{prefix}command"
+    torque = builder.AddNamedSystem(name_of_all, Multiplexer([len(group) for group in groups.values()]))
     for place, (name, group) in enumerate(groups.items()):
-        saturated = _add_group(builder, selector.get_output_port(place), gains, group, signals, f"{prefix}{name}")
-        builder.Connect(saturated, torque.get_input_port(place))
+        command = _add_group(builder, selector.get_output_port(place), gains, group, signals, f"{prefix}{name}")
+        if saturated:
+            command = add_saturation(builder, command, gains.torque_limit[group], f"{prefix}{name}.saturation")
+        builder.Connect(command, torque.get_input_port(place))
     return torque.get_output_port()
+
+
+def add_saturation(builder: DiagramBuilder, command: OutputPort, limit: Vector, name: str) -> OutputPort:
+    """Add a saturation at ``limit`` (n,) [N·m] to both sides, and return what it lets through."""
+    saturation = builder.AddNamedSystem(name, Saturation(-limit, limit))
+    builder.Connect(command, saturation.get_input_port())
+    return saturation.get_output_port()
 
 
 def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[list[int]], name: str) -> Selector:
@@ -132,7 +144,7 @@ def _add_group(
     signals: ServoSignals,
     name: str,
 ) -> OutputPort:
-    """Add PD, integral part and saturation of one group of joints; ``bus`` carries their signals."""
+    """Add PD and integral part of one group of joints, whose signals ``bus`` carries, and return what they command."""
     proportional, derivative = np.diag(gains.kp[group]), np.diag(gains.kd[group])
     columns = [proportional, -proportional, -derivative]
     if signals.reference_velocity is not None:
@@ -145,10 +157,7 @@ def _add_group(
         matrix, bus = np.hstack([matrix, np.eye(len(group))]), joined(builder, f"{name}.signals", bus, integral)
     command = builder.AddNamedSystem(f"{name}.pd", MatrixGain(matrix))
     builder.Connect(bus, command.get_input_port())
-    limit = gains.torque_limit[group]
-    saturation = builder.AddNamedSystem(f"{name}.saturation", Saturation(-limit, limit))
-    builder.Connect(command.get_output_port(), saturation.get_input_port())
-    return saturation.get_output_port()
+    return command.get_output_port()
 
 
 def add_integral(
@@ -164,8 +173,7 @@ def add_integral(
     nothing = np.zeros((count, bus.size() + count))
     integrator = LinearSystem(A=-leak, B=np.hstack([ki, -ki, unused, leak]), C=np.eye(count), D=nothing)
     builder.AddNamedSystem(f"{name}.integrator", integrator)
-    clip = builder.AddNamedSystem(f"{name}.integral_clip", Saturation(-limit, limit))
-    builder.Connect(integrator.get_output_port(), clip.get_input_port())
-    fed_back = joined(builder, f"{name}.integrator_input", bus, clip.get_output_port())
+    clipped = add_saturation(builder, integrator.get_output_port(), limit, f"{name}.integral_clip")
+    fed_back = joined(builder, f"{name}.integrator_input", bus, clipped)
     builder.Connect(fed_back, integrator.get_input_port())
-    return clip.get_output_port()
+    return clipped

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, EventStatus
@@ -61,23 +62,20 @@ class Recorder:
 
     def is_sane(self) -> bool:
         """Tell whether the last recorded state is made of numbers of a size that a robot can have."""
-        return _sane([self._continuous[-1], *self._discrete[-1]])
+        return bool(_sane(np.concatenate([self._continuous[-1], *self._discrete[-1]])[np.newaxis]).all())
 
     def history(self) -> History:
         """Return what was recorded so far, up to the last sane state."""
-        states = list(zip(self._continuous, self._discrete, strict=True))
-        sane = [_sane([continuous, *discrete]) for continuous, discrete in states]
-        kept = len(sane) if all(sane) else max(sane.index(False), 1)
-        groups = list(zip(*self._discrete[:kept], strict=True))
-        return History(
-            np.array(self.times[:kept]), np.array(self._continuous[:kept]), [np.array(group) for group in groups]
-        )
+        continuous = np.array(self._continuous)
+        groups = [np.array(group) for group in zip(*self._discrete, strict=True)]
+        sane = np.all([_sane(values) for values in (continuous, *groups)], axis=0)
+        kept = len(sane) if sane.all() else max(int(np.argmin(sane)), 1)
+        return History(np.array(self.times[:kept]), continuous[:kept], [group[:kept] for group in groups])
 
 
-def _sane(state: list[Vector]) -> bool:
-    """Tell whether a state's values are numbers below RUNAWAY; infinite is a monitor's "not yet"."""
-    values = np.concatenate(state)
-    return not np.isnan(values).any() and bool((np.abs(values[np.isfinite(values)]) < RUNAWAY).all())
+def _sane(states: Vector) -> npt.NDArray[np.bool_]:
+    """Tell which rows of values hold numbers below RUNAWAY; infinite is a monitor's "not yet"."""
+    return np.asarray((np.isinf(states) | (np.abs(states) < RUNAWAY)).all(axis=1))
 
 
 @dataclass(frozen=True)
@@ -140,7 +138,7 @@ class History:
             plant: where the plant's state lies.
             rates: time derivatives of the plant's positions at the steps, shape (m, nq).
         """
-        after = np.clip(np.searchsorted(self.times, times, side="left"), 0, len(self.times) - 1)
+        after = self._after(times)
         before = np.maximum(after - 1, 0)
         width = self.times[after] - self.times[before]
         part = np.divide(times - self.times[before], width, out=np.ones_like(times), where=width > 0)[:, np.newaxis]
@@ -151,6 +149,17 @@ class History:
             slopes = rates[before] * width[:, np.newaxis], rates[after] * width[:, np.newaxis]
             states[knots] = _hermite(part, low[knots], high[knots], *slopes)
         return History(times, states, [group[after] for group in self.discrete])
+
+    def steps(self, times: Vector) -> History:
+        """Return the steps that hold ``times`` (k,): the states at their ends, with the times of their starts."""
+        end = self._after(times)
+        return History(
+            self.times[np.maximum(end - 1, 0)], self.continuous[end], [group[end] for group in self.discrete]
+        )
+
+    def _after(self, times: Vector) -> npt.NDArray[np.intp]:
+        """Return the places of the first states that are not before ``times``; of the last one after the end."""
+        return np.clip(np.searchsorted(self.times, times, side="left"), 0, len(self.times) - 1)
 
     def put(self, row: int, context: Context) -> None:
         """Set a context of the same diagram to the state of a row."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, Diagram, OutputPort
 
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
@@ -54,13 +55,18 @@ def signals_of(ports: StationPorts) -> list[Signals]:
 def _of_piece(ports: StationPorts, piece: str) -> list[Signals]:
     """Return pose and velocity of a free piece."""
     body, plant = ports.plant.free_pieces[piece], ports.plant.plant
-    places = body.floating_positions_start() + np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
     turns = plant.num_positions() + body.floating_velocities_start_in_v() + np.array([3, 4, 5, 0, 1, 2])
-    every = np.eye(plant.num_multibody_states())
+    velocity = np.eye(plant.num_multibody_states())[turns]
     return [
-        Signals([f"piece.{piece}.{part}" for part in XYZ_QUATERNION_NAMES], ports.state, every[places], unit_poses),
-        Signals([f"piece.{piece}.{part}" for part in VELOCITY_NAMES], ports.state, every[turns]),
+        _free_pose(ports, body, [f"piece.{piece}.{part}" for part in XYZ_QUATERNION_NAMES]),
+        Signals([f"piece.{piece}.{part}" for part in VELOCITY_NAMES], ports.state, velocity),
     ]
+
+
+def _free_pose(ports: StationPorts, body: RigidBody, names: list[str]) -> Signals:
+    """Return the pose of a body that is free, which the state holds."""
+    places = body.floating_positions_start() + np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
+    return Signals(names, ports.state, np.eye(ports.plant.plant.num_multibody_states())[places], unit_poses)
 
 
 def unit_poses(poses: Vector) -> Vector:
@@ -103,22 +109,38 @@ def _of_robot(ports: StationPorts, robot: StationRobot) -> list[Signals]:
     each_axis, motion = np.eye(len(robot.axes)), named("q", robot.axes) + named("v", robot.axes)
     felt = [port for port in (f"{robot.prefix}felt_torque",) if port in ports.outputs]
     poses = [signal for signal, port in POSE_SIGNALS.items() if f"{robot.prefix}{port}" in ports.outputs]
+    body = robot.root.body()
+    free = ports.config.mode == "dynamic" and body.is_floating_base_body() and robot.root.is_body_frame()
+
+    def pose(signal: str) -> Signals:
+        names = named(signal, XYZ_QUATERNION_NAMES)
+        if signal == "base" and free:
+            return _free_pose(ports, body, names)
+        return Signals(names, own(POSE_SIGNALS[signal]), np.eye(len(names)))
+
     return [
         Signals(named("q_ref", robot.axes), own("reference"), each_axis),
         Signals(motion, ports.state, ports.plant.state_map(robot)),
         Signals(named("tau", robot.axes), own("torque"), each_axis),
         *(Signals(named("felt", robot.axes), own("felt_torque"), each_axis) for _ in felt),
-        *(Signals(named(pose, XYZ_QUATERNION_NAMES), own(POSE_SIGNALS[pose]), np.eye(7)) for pose in poses),
+        *(pose(signal) for signal in poses),
     ]
 
 
 class Sampler:
     """Evaluate ports of a diagram at any time of a recorded run."""
 
-    def __init__(self, diagram: Diagram, plant: MultibodyPlant, history: History) -> None:
-        """Prepare to evaluate the ports of ``diagram`` at the states of ``history``."""
+    def __init__(
+        self, diagram: Diagram, plant: MultibodyPlant, history: History, *, held: Collection[OutputPort] = ()
+    ) -> None:
+        """Prepare to evaluate the ports of ``diagram`` at the states of ``history``.
+
+        Those of ``held`` keep over each step what an implicit scheme with frozen inputs applied in it: their value at
+        the state of its end, with the time of its start.
+        """
         self.diagram = diagram
         self._plant = plant
+        self._held = held
         self._context = diagram.CreateDefaultContext()
         self._plant_slice = plant_slice(diagram, plant, self._context)
         self.history = history
@@ -137,16 +159,23 @@ class Sampler:
         """Return the values of ports at ``times`` (k,), for each port shape (k, size)."""
         states = self._history.at(times, self._plant_slice, self._rates)
         values = {port: np.empty((len(times), port.size())) for port in ports}
-        targets = [(port, port.get_system().GetMyContextFromRoot(self._context), rows) for port, rows in values.items()]
         where, state_port = self._plant_slice, self._plant.get_state_output_port()
         if where is not None and state_port in values:  # it hands on what was recorded
             values[state_port] = states.continuous[:, where.start : where.velocities.stop]
-            targets = [target for target in targets if target[0] != state_port]
-        for row in range(len(times)):
+        evaluated = {port: rows for port, rows in values.items() if where is None or port != state_port}
+        self._evaluate({port: rows for port, rows in evaluated.items() if port not in self._held}, states)
+        held = {port: rows for port, rows in evaluated.items() if port in self._held}
+        if held:
+            self._evaluate(held, self._history.steps(times))
+        return [values[port] for port in ports]
+
+    def _evaluate(self, values: dict[OutputPort, Vector], states: History) -> None:
+        """Fill in the rows of ports, one a state."""
+        targets = [(port, port.get_system().GetMyContextFromRoot(self._context), rows) for port, rows in values.items()]
+        for row in range(len(states.times)):
             states.put(row, self._context)
             for port, context, rows in targets:
                 rows[row] = port.Eval(context)
-        return [values[port] for port in ports]
 
     def contexts(self, times: Vector) -> Iterator[Context]:
         """Yield the diagram's context at times of the run (k,); the next one is the same, changed."""

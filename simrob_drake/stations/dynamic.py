@@ -13,7 +13,7 @@ from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.joint_stops import add_joint_stops
 from simrob_drake.blocks.push import Push, add_pushes
-from simrob_drake.blocks.servo import ServoSignals, add_servos
+from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import joined, mapped, summed
 from simrob_drake.blocks.yielding import add_model_torque, add_yielding
 from simrob_drake.stations.config import StationConfig
@@ -21,7 +21,6 @@ from simrob_drake.stations.forces import takes_force
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts, add_input
 from simrob_drake.stations.robots import StationRobot
-from simrob_drake.stations.solver_config import ContinuousSolver
 
 
 def add_dynamic_robots(builder: DiagramBuilder, plant: StationPlant, config: StationConfig) -> StationPorts:
@@ -53,10 +52,8 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
 
 
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> OutputPort:
-    servo, plant, solver = ports.config.servo_of(robot.name), ports.plant, ports.config.solver
-    realization = servo.realization
-    if realization == "implicit":
-        cenic = isinstance(solver, ContinuousSolver) and solver.scheme == "cenic"
+    servo, plant, cenic = ports.config.servo_of(robot.name), ports.plant, ports.config.solver.scheme == "cenic"
+    if servo.realization == "implicit":
         return add_actuator_servos(
             builder,
             plant.plant,
@@ -73,16 +70,19 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         given = [port for port in (signals.feedforward,) if port is not None]
         total = summed(builder, f"{robot.prefix}feedforward_sum", *given, extra)
         signals = replace(signals, feedforward=total)
-    torque = add_servos(
+    command = add_servos(
         builder,
         signals,
         robot.gains,
         names=robot.axes,
         prefix=robot.prefix,
-        per_joint=realization == "per_joint",
+        per_joint=servo.realization == "per_joint",
+        saturated=not cenic,
     )
-    actuation = mapped(builder, f"{robot.prefix}actuators", plant.actuation_map(robot), torque)
+    actuation = mapped(builder, f"{robot.prefix}actuators", plant.actuation_map(robot), command)
     builder.Connect(actuation, plant.plant.get_actuation_input_port(robot.instance))
+    limit = robot.gains.torque_limit
+    torque = add_saturation(builder, command, limit, f"{robot.prefix}torque") if cenic else command
     if model is not None:
         felt = joined(builder, f"{robot.prefix}felt_torque.bus", model, torque)
         difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])

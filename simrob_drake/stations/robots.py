@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, Joint, ModelInstanceIndex
 
-from simrob_drake.blocks.actuator_servo import set_actuator_gains
+from simrob_drake.blocks.actuator_servo import set_actuators
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector, transform_from_pose
@@ -99,8 +99,9 @@ def add_robot(plant: MultibodyPlant, config: StationConfig, name: str, *, collis
         tcp=tcp,
         feet=model.feet.kind(entry.feet) if model.feet else None,
     )
-    if servo.realization == "implicit" and config.mode == "dynamic":
-        set_actuator_gains(plant, [joint.index() for joint in robot.joints], robot.gains)
+    implicit = servo.realization == "implicit"
+    if config.mode == "dynamic" and (implicit or config.solver.scheme == "cenic"):
+        set_actuators(plant, [joint.index() for joint in robot.joints], robot.gains, with_servos=implicit)
     return robot
 
 

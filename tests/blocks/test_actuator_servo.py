@@ -9,7 +9,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from simrob_drake.blocks.actuator_servo import add_actuator_servos, set_actuator_gains
+from simrob_drake.blocks.actuator_servo import add_actuator_servos, set_actuators
 from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_servos
 
 AddPendulum = Callable[..., MultibodyPlant]
@@ -36,7 +36,7 @@ def servo_simulator(
     builder = DiagramBuilder()
     plant = add_pendulum(builder, time_step=time_step)
     if implicit:
-        set_actuator_gains(plant, [plant.GetJointByName("hinge").index()], figures)
+        set_actuators(plant, [plant.GetJointByName("hinge").index()], figures)
     plant.Finalize()
 
     def constant(value: float | None) -> ConstantVectorSource | None:

@@ -41,6 +41,13 @@ def test_discrete_values_are_those_held_over_the_step_that_ended_there(history):
     np.testing.assert_array_equal(states.discrete[0][:, 0], [0, 1, 1, 2, 2, 3])
 
 
+def test_steps_are_their_ends_at_the_times_of_their_starts(history):
+    steps = history.steps(np.array([0.0, 0.05, 0.1, 0.11, 0.4, 0.9, 1.0]))
+    np.testing.assert_array_equal(steps.times, [0.0, 0.0, 0.0, 0.1, 0.1, 0.4, 0.4])
+    np.testing.assert_array_equal(steps.continuous, history.continuous[[0, 1, 1, 2, 2, 3, 3]])
+    np.testing.assert_array_equal(steps.discrete[0][:, 0], [0, 1, 1, 2, 2, 3, 3])
+
+
 def test_a_history_can_be_continued_from_an_earlier_state(history):
     other = History(np.array([0.25, 0.3]), np.zeros((2, 3)), [np.array([[7.0], [8.0]])])
     joined = history.joined(other)
