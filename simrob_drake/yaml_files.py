@@ -129,14 +129,16 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list
     path: list[str] = []
     known: set[str] = set()
     for depth, part in enumerate(location):
-        tagged = [node for node in nodes if node.get("properties", {}).get("kind", {}).get("const") == part]
+        alternatives = nodes if len(nodes) > 1 else []
+        tagged = [node for node in alternatives if node.get("properties", {}).get("kind", {}).get("const") == part]
         if tagged or _UNION_BRANCH.match(str(part)):
             nodes = tagged or nodes
             continue
         if isinstance(part, int):  # a place in a list; what is missing at the end of one is told of the list
             items = [node["items"] for node in nodes if isinstance(node.get("items"), dict)]
             below = [branch for item in items for branch in _branches(item, schema)]
-            nodes = below if below and depth < len(location) - 1 else nodes
+            if below and depth < len(location) - 1:
+                nodes, path[-1:] = below, [f"{path[-1]}[{part}]"]
             continue
         children: list[dict[str, Any]] = []
         for node in nodes:

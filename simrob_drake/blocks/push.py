@@ -9,11 +9,10 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.blocks.events import EventTimes
 from simrob_drake.blocks.external_force import add_external_force
+from simrob_drake.blocks.references import add_trajectory
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
@@ -45,10 +44,18 @@ class Push:
         return self.start + self.duration
 
 
+def force_over_time(pushes: Sequence[Push]) -> Trajectory:
+    """Return the force of at least one push, shape (3, 1) [N]; where pushes overlap, they add up."""
+    edges = sorted({0.0, *(push.start for push in pushes), *(push.end for push in pushes)})
+    forces = [sum((p.force for p in pushes if p.start <= edge < p.end), np.zeros(3)) for edge in edges]
+    breaks = [*edges, edges[-1] + 1.0]  # a zero-order hold needs an end; after it a source repeats the last value
+    return PiecewisePolynomial.ZeroOrderHold(breaks, np.array([*forces, np.zeros(3)]).T)
+
+
 def add_pushes(
     builder: DiagramBuilder, plant: MultibodyPlant, frame: Frame, pushes: Sequence[Push], *, name: str
 ) -> OutputPort:
-    """Add forces at the centre of mass of a frame's body, along the frame's axes; where pushes overlap, they add up.
+    """Add forces at the centre of mass of a frame's body, along the frame's axes.
 
     Args:
         builder: the diagram under construction.
@@ -60,13 +67,8 @@ def add_pushes(
     Returns:
         the spatial forces for the plant's ``applied_spatial_force``.
     """
-    edges = sorted({0.0, *(push.start for push in pushes), *(push.end for push in pushes)})
-    forces = [sum((p.force for p in pushes if p.start <= edge < p.end), np.zeros(3)) for edge in edges]
-    breaks = [*edges, edges[-1] + 1.0]  # a zero-order hold needs an end; after it the source repeats the last value
-    course = PiecewisePolynomial.ZeroOrderHold(breaks, np.array([*forces, np.zeros(3)]).T)
-    source = builder.AddNamedSystem(f"{name}.course", TrajectorySource(course))
-    builder.AddNamedSystem(f"{name}.edges", EventTimes(edges))
+    source = add_trajectory(builder, force_over_time(pushes), name=f"{name}.course")
     centre = frame.GetFixedPoseInBodyFrame().inverse() @ frame.body().default_com()
     block = add_external_force(builder, plant, frame, name=name, point=centre)
-    builder.Connect(source.get_output_port(), block.get_command_input_port())
+    builder.Connect(source.position, block.get_command_input_port())
     return block.get_spatial_forces_output_port()

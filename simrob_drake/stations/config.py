@@ -25,7 +25,7 @@ from simrob_drake.robots.pieces import (
     Triple,
 )
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
-from simrob_drake.stations.force_config import ExternalForce
+from simrob_drake.stations.force_config import ExternalForce, PushConfig
 from simrob_drake.stations.monitor_config import Monitors
 from simrob_drake.stations.reference_config import Hold, ReferenceConfig
 from simrob_drake.stations.sensor_config import Sensors
@@ -72,17 +72,6 @@ class ServoConfig(Strict):
         return _each(values, lambda value: value > 0, "a torque limit must be positive [N·m]")
 
 
-class PushConfig(Strict):
-    """A force on a robot's root link, at its centre of mass and along its axes."""
-
-    start: NotNegative
-    """When it begins [s]."""
-    duration: Positive = 0.1
-    """How long it lasts [s]."""
-    force: Triple
-    """Along x, y and z of the root link [N]."""
-
-
 class RobotConfig(Strict):
     """A robot of the station: one of the package by name, or any URDF by path."""
 
@@ -103,7 +92,7 @@ class RobotConfig(Strict):
     feet: str | None = None
     """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
     pushes: tuple[PushConfig, ...] = ()
-    """Forces on its root link, such as those that it must withstand standing; dynamic stations only."""
+    """Forces at its root link's centre of mass, such as it must withstand standing; dynamic stations only."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None

@@ -12,12 +12,12 @@ from pydrake.systems.primitives import Demultiplexer
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.joint_stops import add_joint_stops
-from simrob_drake.blocks.push import Push, add_pushes
+from simrob_drake.blocks.push import add_pushes
 from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import joined, mapped, summed
 from simrob_drake.blocks.yielding import add_model_torque, add_yielding
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.forces import takes_force
+from simrob_drake.stations.forces import pushes_of, takes_force
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts, add_input
 from simrob_drake.stations.robots import StationRobot
@@ -105,7 +105,7 @@ def _add_external_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
             block = add_external_force(builder, plant, robot.tools[robot.tcp], name=name)
             ports.inputs[name] = block.get_command_input_port()
             found.append(block.get_spatial_forces_output_port())
-        pushes = [Push(p.start, p.duration, np.array(p.force)) for p in ports.config.robots[robot.name].pushes]
+        pushes = pushes_of(ports.config.robots[robot.name].pushes)
         if pushes:
             found.append(add_pushes(builder, plant, robot.root, pushes, name=f"{robot.prefix}pushes"))
     if found:

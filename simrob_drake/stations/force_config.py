@@ -1,11 +1,10 @@
-"""A force at the tool over time: the kinds that a station file can name."""
+"""Forces over time on a robot: the kinds that a station file can name."""
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from simrob_drake.robots.pieces import NotNegative, Positive, Triple
 from simrob_drake.yaml_files import Number, Strict
@@ -23,29 +22,22 @@ class SineForce(Strict):
     """Angle at the start."""
 
 
-class Push(Strict):
+class PushConfig(Strict):
     """A constant force for a while."""
 
     start: NotNegative
     """When it begins [s]."""
-    duration: Positive
+    duration: Positive = 0.1
     """How long it lasts [s]."""
     force: Triple
-    """Along the axes of the tool [N]."""
+    """Along x, y and z of the tool, or of the root link, that is pushed [N]."""
 
 
 class Pushes(Strict):
-    """One push after the other, and nothing between them."""
+    """Pushes; where they overlap, they add up."""
 
     kind: Literal["pushes"]
-    pushes: Annotated[tuple[Push, ...], Field(min_length=1)]
-
-    @model_validator(mode="after")
-    def _one_after_the_other(self) -> Pushes:
-        for before, after in pairwise(self.pushes):
-            if after.start < before.start + before.duration:
-                raise ValueError(f"the push at {after.start:g} s begins before the one before it has ended")
-        return self
+    pushes: Annotated[tuple[PushConfig, ...], Field(min_length=1)]
 
 
 ExternalForce = Annotated[SineForce | Pushes, Field(discriminator="kind")]

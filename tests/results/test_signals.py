@@ -38,8 +38,8 @@ def test_under_cenic_the_torque_is_what_was_applied_while_the_reference_stood_st
     way, speed = SPEEDING * times**2 / 2, SPEEDING * times
     faster = PiecewisePolynomial.CubicHermite(times, np.outer([1, 1], way), np.outer([1, 1], speed))
     result = simulate(load_station("double_pendulum", overrides), reference=faster)
-    # What the law says at a step's end of a reference that has gone on. What is told acted in the second half of a step,
-    # in which the joints have nearly caught up; the mean is a few hundredths of that more.
+    # What the law says at a step's end of a reference that has gone on. What is told acted in the second half of a
+    # step, in which the joints have nearly caught up; the mean is a few hundredths of that more.
     unheld = KD * SPEEDING * STEP
     for row in (20, 30, 40):
         told = result.axes("tau")[row]

@@ -1,5 +1,6 @@
 """Pieces: rigid bodies with mass, tool centre point and shapes."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -136,16 +137,16 @@ def test_a_shape_is_exactly_one_of_its_kinds(shape: dict[str, Any]) -> None:
         ({"tcp": [0, 0, 0]}, "tcp"),
         ({"colour": [2, 0, 0, 1]}, "colour"),
         ({"colour": "red"}, "colour"),
-        ({"shapes": [{"sphere": 0}]}, "shapes.sphere"),
-        ({"shapes": [{"box": [1, 1, -1]}]}, "shapes.box"),
-        ({"shapes": [{"cylinder": [1]}]}, "shapes.cylinder"),
-        ({"shapes": [{"mesh": "a.obj", "scale": -1}]}, "shapes.scale"),
+        ({"shapes": [{"sphere": 0}]}, "shapes[0].sphere"),
+        ({"shapes": [{"box": [1, 1, -1]}]}, "shapes[0].box"),
+        ({"shapes": [{"cylinder": [1]}]}, "shapes[0].cylinder"),
+        ({"shapes": [{"mesh": "a.obj", "scale": -1}]}, "shapes[0].scale"),
         ({"density": 0}, "density"),
         ({"weight": 1}, "weight"),
     ],
 )
 def test_a_figure_that_cannot_be_names_its_key(figures: dict[str, Any], key: str) -> None:
-    with pytest.raises(InvalidConfig, match=rf"^piece\.yaml: {key}: "):
+    with pytest.raises(InvalidConfig, match=rf"^piece\.yaml: {re.escape(key)}: "):
         piece(**figures)
 
 

@@ -52,8 +52,8 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         ("irb120_cobot", {"servo.realization": "implicit"}, "yield_gain needs the realization"),
         (
             "irb120_cobot",
-            {"external_force": {"kind": "pushes", "pushes": [{"start": 0, "duration": 1, "force": [0, 0, 1]}] * 2}},
-            "begins before the one before it has ended",
+            {"external_force": {"kind": "pushes", "pushes": [{"start": 0, "duration": 0, "force": [0, 0, 1]}]}},
+            r"external_force\.pushes\[0\]\.duration: input should be greater than 0",
         ),
     ],
 )
