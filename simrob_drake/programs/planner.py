@@ -15,7 +15,6 @@ from simrob_drake.frames import Vector
 from simrob_drake.interpolation import Arc, line, stacked, turn
 from simrob_drake.programs.checks import check_limits, check_speeds, look_times, speed_ratio
 from simrob_drake.programs.kinematics.chain import Chain
-from simrob_drake.programs.kinematics.errors import Unreachable
 from simrob_drake.programs.kinematics.solver import Solver
 from simrob_drake.programs.plan import Check, How, Plan, arrivals, joined, target_name
 from simrob_drake.programs.segments import Segment, joint_segment, pose_segment
@@ -97,15 +96,8 @@ class Planner:
         poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
         solutions = inverse.solve(poses, self.start)
         if not solutions.reached.all():
-            index = int(np.argmin(solutions.reached))
-            raise Unreachable(
-                target_name(index, len(poses)),
-                solutions.reasons[index],
-                index=index,
-                positions=solutions.positions[index],
-                position_error=float(solutions.position_error[index]),
-                rotation_error=float(solutions.rotation_error[index]),
-            )
+            row = solutions.first_missed
+            raise solutions.unreachable(row, target_name(row, len(poses)))
         return self.move_abs_j(solutions.positions, stop=stop, **how)
 
     def move_l(

@@ -15,7 +15,6 @@ from simrob_drake.frames import Vector
 from simrob_drake.interpolation import turned_by
 from simrob_drake.programs.errors import BrokenPath
 from simrob_drake.programs.kinematics.chain import Chain
-from simrob_drake.programs.kinematics.errors import Unreachable
 from simrob_drake.programs.kinematics.incremental import IncrementalSolver
 from simrob_drake.programs.kinematics.solutions import Solutions
 from simrob_drake.programs.kinematics.solver import Solver
@@ -128,17 +127,10 @@ def _require(solutions: Solutions, parts: Vector, targets: Vector, points: int, 
     """Check that every point at the parts (k,) of the time is reached."""
     if solutions.reached.all():
         return
-    index = int(np.argmin(solutions.reached))
-    number, name = named_point(float(parts[index]), points, target)
-    place = ", ".join(f"{value:.4g}" for value in targets[index, :3, 3])
-    raise Unreachable(
-        target if parts[index] == 1.0 else f"{name} (at {place} m)",
-        solutions.reasons[index],
-        index=number - 1,
-        positions=solutions.positions[index],
-        position_error=float(solutions.position_error[index]),
-        rotation_error=float(solutions.rotation_error[index]),
-    )
+    row = solutions.first_missed
+    number, name = named_point(float(parts[row]), points, target)
+    place = ", ".join(f"{value:.4g}" for value in targets[row, :3, 3])
+    raise solutions.unreachable(row, target if parts[row] == 1.0 else f"{name} (at {place} m)", index=number - 1)
 
 
 def _broken(chain: Chain, postures: Vector, parts: Vector, points: int, target: str) -> BrokenPath:

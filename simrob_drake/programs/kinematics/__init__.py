@@ -13,7 +13,7 @@ from simrob_drake.programs.kinematics.goals import (
 )
 from simrob_drake.programs.kinematics.incremental import IncrementalSolver
 from simrob_drake.programs.kinematics.numeric import NumericSolver
-from simrob_drake.programs.kinematics.poses import Targets, pose_errors, pose_matrices, pose_vectors
+from simrob_drake.programs.kinematics.poses import Targets, pose_errors, pose_matrices
 from simrob_drake.programs.kinematics.registry import make_solver
 from simrob_drake.programs.kinematics.solutions import Solutions, require
 from simrob_drake.programs.kinematics.solver import Solver
@@ -38,6 +38,5 @@ __all__ = [
     "make_solver",
     "pose_errors",
     "pose_matrices",
-    "pose_vectors",
     "require",
 ]

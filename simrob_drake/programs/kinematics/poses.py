@@ -61,17 +61,6 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
     raise InvalidParameter(name, f"an array of shape {values.shape}", _EXPECTED)
 
 
-def pose_vectors(matrices: Vector) -> Vector:
-    """Turn matrices (k, 4, 4) into pose vectors [x y z Rz Ry Rx], shape (k, 6) [m, rad]; Ry is within ±π/2."""
-    turn = matrices[..., :3, :3]
-    cosine = np.hypot(turn[..., 0, 0], turn[..., 1, 0])
-    locked = cosine < 1e-9  # x points along ±z: only Rz ± Rx is defined, and Rx is taken as 0
-    yaw = np.where(locked, np.arctan2(-turn[..., 0, 1], turn[..., 1, 1]), np.arctan2(turn[..., 1, 0], turn[..., 0, 0]))
-    roll = np.where(locked, 0.0, np.arctan2(turn[..., 2, 1], turn[..., 2, 2]))
-    pitch = np.arctan2(-turn[..., 2, 0], cosine)
-    return np.concatenate([matrices[..., :3, 3], np.stack([yaw, pitch, roll], axis=-1)], axis=-1)
-
-
 def rotation_vectors(turns: Vector) -> Vector:
     """Return the rotation vectors (axis times angle, at most π) of rotation matrices (k, 3, 3), shape (k, 3) [rad]."""
     parts = turns.reshape(-1, 9) @ _SINE_AND_TRACE

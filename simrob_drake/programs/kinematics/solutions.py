@@ -47,6 +47,28 @@ class Solutions:
             reasons=tuple(reason for part in parts for reason in part.reasons),
         )
 
+    @property
+    def first_missed(self) -> int:
+        """The place of the first target that is not reached; there is one."""
+        return int(np.argmin(self.reached))
+
+    def unreachable(self, row: int, target: str, *, index: int | None = None) -> Unreachable:
+        """Return the error that says why a target is not reached.
+
+        Args:
+            row: of the target, in this batch.
+            target: what the user calls it.
+            index: its number among the user's targets, if that is not ``row``.
+        """
+        return Unreachable(
+            target,
+            self.reasons[row],
+            index=row if index is None else index,
+            positions=self.positions[row],
+            position_error=float(self.position_error[row]),
+            rotation_error=float(self.rotation_error[row]),
+        )
+
 
 def require(solutions: Solutions, name: str = "targets") -> Vector:
     """Return the positions (k, n) of a batch in which every target is reached.
@@ -60,12 +82,5 @@ def require(solutions: Solutions, name: str = "targets") -> Vector:
     """
     if solutions.reached.all():
         return solutions.positions
-    index = int(np.argmin(solutions.reached))
-    raise Unreachable(
-        f"{name}[{index}]" if len(solutions.reached) > 1 else f"the pose in {name}",
-        solutions.reasons[index],
-        index=index,
-        positions=solutions.positions[index],
-        position_error=float(solutions.position_error[index]),
-        rotation_error=float(solutions.rotation_error[index]),
-    )
+    row = solutions.first_missed
+    raise solutions.unreachable(row, f"{name}[{row}]" if len(solutions.reached) > 1 else f"the pose in {name}")

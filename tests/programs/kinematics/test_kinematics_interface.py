@@ -5,12 +5,12 @@ import pytest
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.frames import poses_from_matrices
 from simrob_drake.programs.kinematics import (
     NoClosedForm,
     Unreachable,
     UnsupportedChain,
     make_solver,
-    pose_vectors,
     require,
 )
 
@@ -26,7 +26,7 @@ def near(irb120_chain, home):
 @pytest.mark.parametrize("name", NAMES)
 def test_forms_of_targets(name, irb120_chain, home, near):
     solver = make_solver(name, irb120_chain)
-    forms = [near, pose_vectors(near), [RigidTransform(matrix) for matrix in near]]
+    forms = [near, poses_from_matrices(near), [RigidTransform(matrix) for matrix in near]]
     found = [require(solver.solve(form, home)) for form in forms]
     for positions in found:
         assert positions.shape == (3, 6)
