@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, Vector
+from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_program import MOVE_TIME, Programmed
-from simrob_drake.programs.legged_walk import walking
 from simrob_drake.programs.postures import postures_of
 from simrob_drake.programs.program import Move, Program, move_of
 from simrob_drake.programs.workcell import GOES_ON
@@ -80,27 +83,37 @@ class LeggedRobot(Programmed):
 
         Args:
             steps: how many; legs in turn for a crawl.
-            amplitude: scales the length of the steps and, where the gait has them, way sideways and turn.
-            gait: one of the robot's ``gaits.yaml``; the first for its feet unless given.
+            amplitude: scales the length of the steps and, where the gait has them, way sideways and turn; of a march,
+                how far all joints go.
+            gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.
             changes: other figures of the gait to change, such as ``step_time``.
 
         Raises:
-            InvalidParameter: a robot without feet, without floor or without gaits, or figures that cannot be.
-            UnknownName: no such gait.
-            OutOfReach: steps that the legs cannot do; tells by how much.
+            InvalidParameter: a robot without gaits, other feet or another station than the gait needs, or figures that
+                cannot be.
+            UnknownName: no such gait, or no such figure of it; proposes the nearest.
+            InvalidConfig: a figure that cannot be.
+            OutOfReach, JointLimitExceeded: steps that the legs cannot do; tells by how much.
         """
-        config, reference, duration = walking(self, steps, amplitude, gait, changes)
-        snapshot = self._snapshot()
-        self.cell.change(config)
-        try:
-            result = self.cell.follow({self.name: reference}, duration)
-        except BaseException:
-            self._restore(snapshot)
-            raise
-        self.cell.change(snapshot.config.model_copy(update={"floor": config.floor}))
-        if result.ending in GOES_ON:
-            self._remember(snapshot)
-        return result
+        if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
+            raise InvalidParameter("steps", steps, "a whole number of at least 1")
+        if not np.isfinite(amplitude):
+            raise InvalidParameter("amplitude", amplitude, "a finite number; 1 walks as the gait's figures say")
+        return self._performed(planned_gait(self, gait, changes, steps=int(steps), amplitude=amplitude))
+
+    def act(self, name: str, **changes: Any) -> SimulationResult:
+        """Go through postures from the last state, or stand on three legs, and store nothing.
+
+        The robot first takes the posture in which the act begins.
+
+        Args:
+            name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.
+            changes: its figures to change, such as ``repeat``, or ``foot`` of ``three_legs``.
+
+        Raises:
+            SimrobError: as :meth:`walk`.
+        """
+        return self._performed(planned_gait(self, name, changes))
 
     def run(self, program: Program | Path | str) -> SimulationResult:
         """Run another program's moves as one, from the last state, and store nothing.
@@ -177,6 +190,19 @@ class LeggedRobot(Programmed):
         self._back_to_start()
         if not keep_program:
             self.program = Program()
+
+    def _performed(self, motion: JointMotion) -> SimulationResult:
+        snapshot = self._snapshot()
+        try:
+            result = perform(self, motion)
+        except BaseException:
+            self._restore(snapshot)
+            raise
+        if result.ending in GOES_ON:
+            self._remember(snapshot)
+        else:
+            self._restore(snapshot)
+        return result
 
     def _tried(self, moves: Sequence[Move]) -> SimulationResult:
         self._check(moves, self.reference)

@@ -34,7 +34,7 @@ WALKS: dict[str, Callable[[], JointMotion]] = {
     "yobotics trot": lambda: trot("yobotics", 111),
     "yobotics fast": lambda: trot("yobotics", 111, "fast"),
     "yobotics crawl": lambda: crawl("yobotics", 54),
-    **{f"yobotics {foot}": (lambda foot=foot: three_legs("yobotics", foot)) for foot in CRAWL_ORDER},
+    **{f"yobotics {foot}": (lambda foot=foot: three_legs("yobotics", foot=foot)) for foot in CRAWL_ORDER},
 }
 CENIC = {
     "cenic 10 ms": {"solver.max_step": 0.01, "solver.accuracy": 1e-3},

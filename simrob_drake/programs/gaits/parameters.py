@@ -15,6 +15,7 @@ from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 GAITS_FILE = "gaits.yaml"
+_SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
 
 
 class Bearing(Strict):
@@ -120,6 +121,26 @@ class Crawl(Strict):
     """Servo figures for it, in place of the station's: kp, kd."""
 
 
+class Stand(Strict):
+    """Standing on three legs."""
+
+    bearing: Bearing
+    foot: str
+    """Which foot is up."""
+    height: Positive = 0.03
+    """How high [m]."""
+    seconds: Positive = 5.0
+    """How long it stays there [s]."""
+    inside: Positive = 0.04
+    """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
+    widen: Number = 0.0
+    """How much further out each foot stands than below its hip [m]."""
+    rest: NotNegative = 1.0
+    """Time to stand after that [s]."""
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
+
+
 class March(Strict):
     """A walk on two legs by joint angles, joined by straight lines: the thesis's manner."""
 
@@ -148,6 +169,8 @@ class Posing(Strict):
     """Postures, and when to be there; axes that are left out stay."""
     repeat: int = Field(default=1, ge=1)
     """How often to go through the targets."""
+    held: bool = False
+    """Whether it is for a robot that is held by its trunk."""
     ramps: Literal["smooth", "linear"] = "smooth"
     """Smooth: at rest in every posture. Linear: straight lines, as in the thesis."""
     feet: str | None = None
@@ -165,6 +188,7 @@ class Gaits(Strict):
     trots: dict[str, Trot] = Field(default_factory=dict)
     crawls: dict[str, Crawl] = Field(default_factory=dict)
     marches: dict[str, March] = Field(default_factory=dict)
+    stands: dict[str, Stand] = Field(default_factory=dict)
     sequences: dict[str, Posing] = Field(default_factory=dict)
 
 
@@ -181,8 +205,14 @@ def load_gaits(robot: str) -> Gaits:
     return validated(Gaits, read_yaml(file), file)
 
 
-def gait(known: Mapping[str, Any], name: str, changes: Mapping[str, Any]) -> Any:
+def gait(known: Mapping[str, Any], name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
     """Return a gait by its name, with some of its figures changed.
+
+    Args:
+        known: gaits by name.
+        name: which.
+        changes: figures in place of the gait's own.
+        amplitude: scales lengths and turns of its steps.
 
     Raises:
         UnknownName: no such gait.
@@ -191,4 +221,5 @@ def gait(known: Mapping[str, Any], name: str, changes: Mapping[str, Any]) -> Any
     if name not in known:
         raise UnknownName("gait", name, known)
     found = known[name]
-    return validated(type(found), {**found.model_dump(exclude_unset=True), **changes}, f"gait {name}")
+    scaled = {key: amplitude * value for key in _SCALED if (value := getattr(found, key, 0.0))}
+    return validated(type(found), {**found.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")

@@ -4,35 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import March, Posing, load_gaits
+from simrob_drake.programs.gaits.parameters import March, Posing, gait, load_gaits
 from simrob_drake.programs.gaits.phases import SAMPLE, smooth
 from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
 
-def posing(robot: str, name: str) -> JointMotion:
+def posing(robot: str, name: str, **changes: Any) -> JointMotion:
     """Return one of a robot's sequences of postures.
 
     Args:
         robot: the name of its model.
         name: of the sequence in the robot's `gaits.yaml`.
+        changes: figures of :class:`Posing` to change.
 
     Raises:
         UnknownName: no such sequence, or an axis that is none.
+        InvalidConfig: a figure that cannot be.
+        InvalidParameter: targets whose times do not rise.
     """
-    known = load_gaits(robot).sequences
-    if name not in known:
-        raise UnknownName(f"sequence of {robot}", name, known)
-    figures: Posing = known[name]
+    figures: Posing = gait(load_gaits(robot).sequences, name, changes)
     model = skeleton_of(robot).model
     start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
     times, postures = [0.0], [start]
@@ -41,10 +41,12 @@ def posing(robot: str, name: str) -> JointMotion:
         for target in figures.targets:
             times.append(begun + target.time)
             postures.append(_vector(model, target.target_deg, postures[-1]))
+    if (np.diff(times) <= 0).any():
+        raise InvalidParameter("targets", f"at {[target.time for target in figures.targets]} s", "one after the other")
     return _motion(robot, figures.feet, times, postures, figures.ramps, figures.rest)
 
 
-def march(robot: str, steps: int, name: str = "march", *, amplitude: float = 1.0) -> JointMotion:
+def march(robot: str, steps: int, name: str = "march", *, amplitude: float = 1.0, **changes: Any) -> JointMotion:
     """Return a walk by joint angles in the thesis's manner: each step a few sub-moves, left and right in turn.
 
     Args:
@@ -52,17 +54,15 @@ def march(robot: str, steps: int, name: str = "march", *, amplitude: float = 1.0
         steps: how many, at least two; the first and the last one are half as long.
         name: of the march in the robot's `gaits.yaml`.
         amplitude: scales how far all joints go from the posture at the start, which keeps their proportions.
+        changes: figures of :class:`March` to change.
 
     Raises:
         InvalidParameter: fewer than two steps, or an amplitude that is not positive.
         UnknownName: no such march.
     """
-    known = load_gaits(robot).marches
-    if name not in known:
-        raise UnknownName(f"march of {robot}", name, known)
+    figures: March = gait(load_gaits(robot).marches, name, changes)
     if steps < 2 or not amplitude > 0:
         raise InvalidParameter("steps, amplitude", (steps, amplitude), "at least 2, and positive")
-    figures: March = known[name]
     model = skeleton_of(robot).model
     start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
     left = [_vector(model, posture, start) for posture in figures.left]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.parameters import Crawl, Trot, Walk, load_gaits
+from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot, Walk, load_gaits
 from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.programs.gaits.whole_body import Carriage
 
@@ -24,7 +24,7 @@ def ramp_shares(steps: int, ramp_steps: int) -> Vector:
     return np.minimum(1.0, np.minimum(rising, falling))
 
 
-def carriage(robot: str, figures: Walk | Trot | Crawl, feet: str | None = None) -> Carriage:
+def carriage(robot: str, figures: Walk | Trot | Crawl | Stand, feet: str | None = None) -> Carriage:
     """Return how a robot carries itself, from the figures of a gait."""
     model, bearing = skeleton_of(robot).model, figures.bearing
     return Carriage(

@@ -20,13 +20,14 @@ SIDES = ("right_foot", "left_foot")
 """Who steps first, and who next."""
 
 
-def walk(robot: str, steps: int, name: str = "walk", **changes: Any) -> JointMotion:
+def walk(robot: str, steps: int, name: str = "walk", *, amplitude: float = 1.0, **changes: Any) -> JointMotion:
     """Plan a walk of a robot with two legs.
 
     Args:
         robot: the name of its model.
         steps: how many, at least two; the last one brings the feet side by side.
         name: of the walk in the robot's `gaits.yaml`.
+        amplitude: scales length, way sideways and turn of the steps.
         changes: figures of :class:`Walk` to change.
 
     Raises:
@@ -34,7 +35,7 @@ def walk(robot: str, steps: int, name: str = "walk", **changes: Any) -> JointMot
         InvalidParameter: a robot that cannot walk so.
         UnknownName: no such walk.
     """
-    figures: Walk = gait(load_gaits(robot).walks, name, changes)
+    figures: Walk = gait(load_gaits(robot).walks, name, changes, amplitude)
     return planned_walk(robot, steps, figures)[0]
 
 

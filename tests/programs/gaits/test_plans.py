@@ -95,7 +95,7 @@ def test_feet_of_a_crawl_roll_and_its_zero_moment_point_stays_inside():
 
 @pytest.mark.parametrize("foot", CRAWL_ORDER)
 def test_a_foot_is_lifted_as_high_and_as_long_as_asked(foot):
-    motion = three_legs("yobotics", foot, height=0.035, seconds=2.0)
+    motion = three_legs("yobotics", foot=foot, height=0.035, seconds=2.0)
     _, places, _, _ = feet_in_walking_direction(motion)
     assert (places[foot][:, 2] > 0.0349).sum() * SAMPLE >= 2.0
     assert all(place[:, 2].max() < 1e-5 for name, place in places.items() if name != foot)
@@ -143,9 +143,9 @@ def test_a_swing_rises_and_lands():
         (lambda: walk("yobotics", 10), UnknownName, "walk"),
         (lambda: trot("yobotics", 1), InvalidParameter, "steps"),
         (lambda: crawl("yobotics", 0), InvalidParameter, "legs"),
-        (lambda: three_legs("yobotics", "rear_left_foot", seconds=-1), InvalidParameter, "seconds"),
-        (lambda: three_legs("yobotics", "left_foot"), UnknownName, "left_foot"),
-        (lambda: three_legs("yobotics", "rear_left_foot", height=0.5), OutOfReach, "rear_left"),
+        (lambda: three_legs("yobotics", foot="rear_left_foot", seconds=-1), InvalidConfig, "seconds"),
+        (lambda: three_legs("yobotics", foot="left_foot"), UnknownName, "left_foot"),
+        (lambda: three_legs("yobotics", foot="rear_left_foot", height=0.5), OutOfReach, "rear_left"),
     ],
 )
 def test_what_cannot_be_is_refused(plan, error, says):

@@ -73,7 +73,7 @@ def test_a_turning_walk_turns_the_robot():
 
 
 def test_a_foot_stays_up_for_as_long_as_asked():
-    motion = three_legs("yobotics", "front_left_foot", seconds=2.0)
+    motion = three_legs("yobotics", foot="front_left_foot", seconds=2.0)
     result, found = walked(motion)
     foot = next(foot for foot in feet_of(skeleton_of("yobotics"), 0.0) if foot.name == "front_left_foot")
     plant = result.plant.plant
