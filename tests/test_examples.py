@@ -102,6 +102,9 @@ def test_both_hands_leave_the_parcel_beside():
     np.testing.assert_allclose(robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6)
     assert robot.cell.frame("parcel").rotation().IsNearlyIdentity(1e-6)
     assert robot.cell.config.pieces["parcel"].parent == "world"
+    robot.simulate()  # the pieces change hands in the program
+    assert len(robot.runs) == 3
+    np.testing.assert_allclose(robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6)
     np.testing.assert_allclose(robot.pose("left_hand")[:2], [0.08318, 0.0], atol=1e-5)  # hangs down again; facts
 
 

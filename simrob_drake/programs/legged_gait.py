@@ -94,7 +94,7 @@ def _first_for(feet: str | None, default: str | None, known: Mapping[str, tuple[
 def _check_station(robot: LeggedGeometry, kind: Kind, name: str, *, held: bool) -> None:
     """Check that a robot stands, or hangs, as a gait needs it."""
     model, config = robot.model, robot.cell.config
-    floats = config.mode == "dynamic" and model.base == "floating"
+    floats = robot.cell.model.floats(robot.name)
     if held and floats:
         raise InvalidParameter("station", config.name, f"one that holds {model.name} by its trunk, for {name}")
     if kind.on_feet and (not floats or config.floor is None or config.contact is None):

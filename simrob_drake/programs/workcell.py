@@ -103,8 +103,9 @@ class Workcell:
 
     @property
     def model(self) -> StationModel:
-        """The station's plant, in the postures that it has now."""
+        """The station's plant, where it is and in the postures that it has now."""
         self._model.place({robot: self.position(robot) for robot in self.config.robots})
+        self._model.place_bases(self.state)
         return self._model
 
     def robot(self, name: str) -> StationRobot:
