@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from simrob_drake.blocks.references import sequence
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
@@ -125,10 +125,16 @@ def handed_over(model: StationModel, robot: str, move: AttachMove | ReleaseMove)
     """Return the station in which a robot has taken a piece or let go of it.
 
     Raises:
-        UnknownName: no such piece or parent.
+        UnknownName: no such piece, tool or parent.
     """
     if isinstance(move, AttachMove):
-        return reparented(model, move.attach.piece, robot, pose=move.attach.pose)
+        piece, tool, pose = move.attach.piece, move.attach.tool, move.attach.pose
+        own = model.robots[robot]
+        if tool is not None and tool not in own.tools:
+            raise UnknownName(f"tool of {own.model.name}", tool, own.tools)
+        if tool in model.config.pieces:
+            return reparented(model, piece, tool, pose=pose)
+        return reparented(model, piece, robot, frame=tool, pose=pose)
     return reparented(model, move.release.piece, move.release.parent)
 
 

@@ -157,19 +157,20 @@ class LeggedRobot(Programmed):
         """
         return joint_reference(self, program.moves)
 
-    def attach(self, piece: str, *, pose: PoseLike | None = None, store: bool = False) -> None:
-        """Take a piece with the robot's first tool, on the humanoids the right hand; see :meth:`Workcell.attach`.
+    def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
+        """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.
 
         Args:
             piece: which.
+            tool: one of :attr:`tools`, such as ``left_hand``; the first unless given, on the humanoids the right hand.
             pose: its pose in the hand, to put it there; it keeps its place in the world unless given.
             store: at the end of the program.
 
         Raises:
-            UnknownName: no such piece.
+            UnknownName: no such piece or tool; proposes the nearest.
         """
         place = None if pose is None else pose_from_transform(as_transform(pose))
-        self._do([AttachMove(attach=checked(Attach, piece=piece, pose=place))], store=store)
+        self._do([AttachMove(attach=checked(Attach, piece=piece, tool=tool, pose=place))], store=store)
 
     def release(self, piece: str, parent: str = WORLD, *, store: bool = False) -> None:
         """Let go of a piece: it stays where it is, in the world or on another piece; see :meth:`Workcell.attach`.

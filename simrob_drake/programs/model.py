@@ -129,9 +129,17 @@ class StationModel:
         """Return the frame in which a piece is described."""
         return self._piece_link(piece, piece)
 
-    def flange(self, robot: str) -> Frame:
-        """Return the frame that pieces hang on which name a robot as their parent."""
+    def flange(self, robot: str, tool: str | None = None) -> Frame:
+        """Return the frame that pieces hang on whose parent is a robot: a tool of its own, the first unless named.
+
+        Raises:
+            UnknownName: no such tool.
+        """
         own = self.robots[robot]
+        if tool is not None and tool not in own.model.tools:
+            raise UnknownName(f"tool of {robot}", tool, own.model.tools)
+        if tool is not None:
+            return own.tools[tool]
         return next((tool for name, tool in own.tools.items() if name in own.model.tools), own.root)
 
     def _piece_link(self, piece: str, name: str) -> Frame:

@@ -93,6 +93,8 @@ class Attach(_Named):
 
     piece: str
     """Which."""
+    tool: str | None = None
+    """With what: a tool of the robot, or a piece that it carries; the first tool unless given."""
     pose: Pose | None = None
     """Its pose in the hand, to put it there; it keeps its place in the world unless given."""
 

@@ -206,7 +206,8 @@ class Workcell:
         Args:
             piece: which; what hangs on it comes along.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-            frame: a frame of the parent piece, instead of its tool centre point.
+            frame: a frame of the parent piece, instead of its tool centre point; or a tool of the robot, instead of the
+                first.
             pose: the piece's pose in the parent's frame, to put it there.
 
         Raises:

@@ -137,6 +137,65 @@ class TestEditing:
         assert program.save(tmp_path / "again.yaml").read_text() == text
 
 
+class TestTools:
+    def test_the_left_hand_takes_and_feels_the_weight(self, held):
+        """0.1 kg at some way ahead of the left shoulder: its torque by the lever, and nothing at the right one."""
+        held.test_move({"HomIF": 60, "HomDF": 60}, 0.2)
+        mount = transform_from_pose(held.pose("left_hand"))
+        before = {
+            side: held.test_move({"RodD": 0}, 0.1)[f"tau.{side}_shoulder_pitch"][-1] for side in ("left", "right")
+        }
+        held.attach("parcel", "left_hand", pose=IN_HAND)
+        place = mount @ transform_from_pose(IN_HAND)
+        np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), place.GetAsMatrix4(), atol=1e-9)
+        result = held.test_move({"RodD": 0}, 0.1)
+        plant = held.cell.model.plant
+        shoulder = held.cell.model.pose(plant.GetJointByName("left_shoulder_frontal").frame_on_child()).translation()
+        lever = shoulder[1] - place.translation()[1]  # it looks to -y
+        assert lever > 0.03
+        more = result["tau.left_shoulder_pitch"][-1] - before["left"]
+        assert more == pytest.approx(0.1 * 9.80665 * lever, rel=1e-3)
+        assert result["tau.right_shoulder_pitch"][-1] == pytest.approx(before["right"], abs=1e-6)
+        assert held.cell.model.robots["robot"].tcp == "parcel"
+        held.release("parcel")
+        assert held.cell.model.robots["robot"].tcp == "left_hand"
+
+    def test_the_other_hand_takes_it_over(self, held):
+        place = held.cell.frame("parcel").GetAsMatrix4()
+        for tool in ("left_hand", "right_hand", "left_foot"):
+            held.attach("parcel", tool, store=True)
+            assert held.cell.config.pieces["parcel"].frame == tool
+            np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), place, atol=1e-9)
+        held.add_move({"CadIF": 30}, 0.2)
+        moved = held.cell.frame("parcel").GetAsMatrix4()
+        assert np.linalg.norm(moved[:3, 3] - place[:3, 3]) > 0.05  # the foot has taken it along
+        assert held.program.moves[0].model_dump(mode="json") == {"attach": {"piece": "parcel", "tool": "left_hand"}}
+        held.simulate()
+        np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), moved, atol=1e-9)
+
+    def test_a_piece_that_is_carried_carries_another(self, held):
+        held.attach("stand", "left_hand")
+        held.attach("parcel", "stand")
+        assert held.cell.config.pieces["parcel"].parent == "stand"
+
+    def test_on_its_feet_it_takes_with_the_left_hand(self, carrier):
+        carrier.attach("parcel", "left_hand", pose=IN_HAND)
+        assert carrier.test_move({"HomIF": 40}, 0.5).ending == "completed"
+        seen = transform_from_pose(carrier.pose("left_hand")) @ transform_from_pose(IN_HAND)
+        np.testing.assert_allclose(carrier.cell.frame("parcel").GetAsMatrix4(), seen.GetAsMatrix4(), atol=1e-9)
+
+    def test_a_station_file_names_the_hand(self):
+        station = load_station(
+            "humanoid_box", {"pieces.parcel": {"parent": "robot", "frame": "left_hand", "pose": [0.0] * 6}}
+        )
+        robot = LeggedRobot(station)
+        np.testing.assert_allclose(robot.cell.frame("parcel").translation(), robot.pose("left_hand")[:3], atol=1e-9)
+        with pytest.raises(
+            InvalidConfig, match=r"tool of robot for pieces\.parcel\.frame 'left_hnd'; did you mean 'left_"
+        ):
+            load_station("humanoid_box", {"pieces.parcel": {"parent": "robot", "frame": "left_hnd"}})
+
+
 class TestErrors:
     @pytest.mark.parametrize(
         ("move", "error", "message"),
@@ -148,6 +207,7 @@ class TestErrors:
             ({"walk": {"steps": 4, "amplitud": 2}}, UnknownName, "^move 1: there is no figure of the gait walk 'amp"),
             ({"act": "swim"}, InvalidParameter, "^move 1: station is humanoid_dynamic; .* for swim"),
             ({"attach": "parcle"}, UnknownName, "^move 1: there is no piece 'parcle'; did you mean 'parcel'"),
+            ({"attach": {"piece": "parcel", "tool": "left_hnd"}}, UnknownName, "^move 1: .* did you mean 'left_hand'"),
             ({"release": {"piece": "parcel", "parent": "parcel"}}, InvalidParameter, "^move 1: parent of parcel is"),
             ({"HomDF": 200}, JointLimitExceeded, "^move 1: right_shoulder_pitch would be at 200 deg"),
         ],
