@@ -129,6 +129,18 @@ def test_one_program_has_one_effect_on_three_humanoids():
         assert 0.09 < ahead < 0.16
 
 
+@pytest.mark.parametrize(("robot", "gait"), [("roid1", None), ("zjudancer", None), ("roid1", "sideways")])
+def test_a_humanoid_walks_as_it_is_told(robot, gait):
+    pose = example("humanoids_walk").run(robot, gait, steps=6).pose("base")
+    way, ahead = pose[-1, :2] - pose[0, :2], {"roid1": [1, 0], "zjudancer": [0, 1]}[robot]
+    turned = np.rad2deg(2 * np.arctan2(pose[-1, 6], pose[-1, 3]))
+    if gait == "sideways":
+        assert abs(way @ ahead) < 0.02 < way[1]  # to its left
+    else:
+        assert way @ ahead > 0.1
+    assert turned > 5 if robot == "zjudancer" else abs(turned) < 3
+
+
 def test_all_joints_of_the_humanoid_reach_thirty_degrees():
     result = example("humanoid_all_joints").run()
     np.testing.assert_allclose(result.axes("q")[-1], np.deg2rad(30), atol=1e-9)

@@ -71,9 +71,9 @@ class StationModel:
         """Put robots that stand on their own feet where they are in a state, or where they begin if it is None."""
         self._moved = {}
         for name, robot in self.robots.items():
-            if state is not None and self.floats(name):
-                joint = f"{self.plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
-                now = transform_from_xyz_quaternion(np.roll(state.joints[joint].position, 3))
+            joint = f"{self.plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
+            if state is not None and self.floats(name) and joint in state.joints:
+                now = transform_from_xyz_quaternion(np.roll(state.joints[joint].position, 3))  # w x y z first there
                 self._moved[robot.instance] = now @ transform_from_pose(self.config.robots[name].base).inverse()
 
     def floats(self, robot: str) -> bool:
