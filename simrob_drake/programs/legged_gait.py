@@ -47,15 +47,14 @@ def planned_gait(
     Raises:
         SimrobError: as :meth:`simrob_drake.LeggedRobot.walk`.
     """
-    model = robot.model.name
+    model = robot.model
     what = "act" if steps is None else "gait"
     known = gaits_of(model, steps=steps is not None)
-    feet = robot.model.feet
-    default = feet.default if feet else None
+    default = model.feet.default if model.feet else None
     worn = robot.cell.config.robots[robot.name].feet or default
-    name = _first_for(worn, default, known, model) if name is None else name
+    name = _first_for(worn, default, known, model.name) if name is None else name
     if name not in known:
-        raise UnknownName(f"{what} of {model}", name, known)
+        raise UnknownName(f"{what} of {model.name}", name, known)
     kind, figures = known[name]
     for key in changes:
         if key not in type(figures).model_fields:
@@ -66,7 +65,7 @@ def planned_gait(
     else:
         motion = kind.plan(model, steps, name, amplitude=amplitude, **changes)
     if kind.on_feet and (made_for := motion.feet or default) != worn:
-        raise InvalidParameter(f"feet of {model}", str(worn), f"{made_for}, for which {name} is made")
+        raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made_for}, for which {name} is made")
     check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
     return motion
 

@@ -63,7 +63,7 @@ def main(names: list[str]) -> None:
     """Walk and print."""
     for name in names or WALKS:
         motion = WALKS[name]()
-        facing = load_gaits(motion.robot).facing_deg
+        facing = load_gaits(motion.model).facing_deg
         for setting, overrides in {**SETTINGS[name], "SAP 1 ms": SAP}.items():
             result = simulate(motion.station(overrides), reference=motion.trajectory(), progress=False)
             print(f"{name} | {setting} | {line(journey(result, facing), result.realtime_rate)}", flush=True)

@@ -1,4 +1,4 @@
-"""The figures of a robot's gaits, read from `models/<robot>/gaits.yaml`."""
+"""The figures of a robot's gaits, read from the `gaits.yaml` beside its `robot.yaml`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.paths import models_root
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.catalog import AxisValues, RobotModel
 from simrob_drake.robots.pieces import NotNegative, Positive
 from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
@@ -33,74 +33,71 @@ class Bearing(Strict):
     """Per axis, for a left foot that is a metre ahead of the right one [deg]."""
 
 
-class Walk(Strict):
-    """A walk on two legs."""
+class _Gait(Strict):
+    """What all gaits on feet have."""
+
+    rest: NotNegative = 1.0
+    """Time to stand at the end [s]."""
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
+
+
+class _Planned(_Gait):
+    """What gaits have whose legs are solved for."""
 
     bearing: Bearing
-    feet: str | None = None
-    """Kind of feet; the default one unless given."""
+    widen: Number = 0.0
+    """How much further out each foot stands than with straight legs, or below its hip [m]."""
+
+
+class _Stepping(_Planned):
+    """What gaits have that go in equal steps, on a straight line or a circle."""
+
     step_time: Positive
-    """From one footfall to the next [s]."""
+    """From one footfall, of a foot or a pair, to the next [s]."""
     step_length: Number = 0.0
     """How far each step brings the robot ahead; negative walks backward [m]."""
     sideways: Number = 0.0
     """How far each step brings it to the left [m]."""
     turn_deg: Number = 0.0
     """How far each step turns it to the left [deg]."""
-    lift: Positive = 0.03
-    """Height of the swinging foot [m]."""
-    double_support: Positive = 0.2
-    """Part of a step in which both feet stand."""
-    widen: Number = 0.0
-    """How much further out each foot stands than where straight legs have it [m]."""
-    zmp_inward: Number = 0.0
-    """How far inside of the middle of each foot the zero-moment point goes [m]."""
-    zmp_ahead: Number = 0.0
-    """How far ahead of the middle of each foot it goes [m]."""
     ramp_steps: int = Field(default=3, ge=0)
     """Steps in which the step length grows at the start and shrinks at the end."""
     settle: Positive = 0.6
     """Time to shift the weight at the start and at the end [s]."""
-    rest: NotNegative = 1.0
-    """Time to stand after that [s]."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
-class Trot(Strict):
+class Walk(_Stepping):
+    """A walk on two legs."""
+
+    feet: str | None = None
+    """Kind of feet; the default one unless given."""
+    lift: Positive = 0.03
+    """Height of the swinging foot [m]."""
+    double_support: Positive = 0.2
+    """Part of a step in which both feet stand."""
+    zmp_inward: Number = 0.0
+    """How far inside of the middle of each foot the zero-moment point goes [m]."""
+    zmp_ahead: Number = 0.0
+    """How far ahead of the middle of each foot it goes [m]."""
+
+
+class Trot(_Stepping):
     """A gait on four legs, diagonal pairs in turn."""
 
-    bearing: Bearing
-    step_time: Positive
-    """Time that a pair is in the air or stands [s]."""
-    step_length: Number = 0.0
-    """How far each step brings the robot ahead [m]."""
-    sideways: Number = 0.0
-    """How far each step brings it to the left [m]."""
-    turn_deg: Number = 0.0
-    """How far each step turns it to the left [deg]."""
+    ramp_steps: int = Field(default=4, ge=0)
+    """Steps in which the step length grows at the start and shrinks at the end."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
     lead: Number = 0.0
     """How far the trunk runs ahead of the middle of its feet, as a part of the step."""
     all_stand: Positive = 0.1
     """Part of a step in which all feet stand."""
-    widen: Number = 0.0
-    """How much further out each foot stands than below its hip [m]."""
-    ramp_steps: int = Field(default=4, ge=0)
-    """Steps in which the step length grows at the start and shrinks at the end."""
-    settle: Positive = 0.6
-    """Time before the first step and after the last one [s]."""
-    rest: NotNegative = 1.0
-    """Time to stand after that [s]."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
-class Crawl(Strict):
+class Crawl(_Planned):
     """A gait on four legs, one leg at a time."""
 
-    bearing: Bearing
     leg_time: Positive
     """From one leg's footfall to the next one's [s]."""
     stride: Number = 0.0
@@ -111,20 +108,13 @@ class Crawl(Strict):
     """Part of the leg's time in which all feet stand and the trunk goes over the next three."""
     inside: Positive = 0.04
     """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
-    widen: Number = 0.0
-    """How much further out each foot stands than below its hip [m]."""
     settle: Positive = 0.8
     """Time to stand before the first leg and after the last one [s]."""
-    rest: NotNegative = 1.0
-    """Time to stand after that [s]."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
-class Stand(Strict):
+class Stand(_Planned):
     """Standing on three legs."""
 
-    bearing: Bearing
     foot: str
     """Which foot is up."""
     height: Positive = 0.03
@@ -133,15 +123,9 @@ class Stand(Strict):
     """How long it stays there [s]."""
     inside: Positive = 0.04
     """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
-    widen: Number = 0.0
-    """How much further out each foot stands than below its hip [m]."""
-    rest: NotNegative = 1.0
-    """Time to stand after that [s]."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
-class March(Strict):
+class March(_Gait):
     """A walk on two legs by joint angles, joined by straight lines: the thesis's manner."""
 
     move_time: Positive = 1.0
@@ -152,12 +136,8 @@ class March(Strict):
     """Postures of a step with the left foot; axes that are left out are as at the start. The right one mirrors them."""
     feet: str | None = None
     """Kind of feet; the default one unless given."""
-    rest: NotNegative = 1.0
-    """Time to stand at the end [s]."""
     feed_velocity: bool = False
     """Whether the servos are told the reference's velocity, too; not so in the thesis."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
 class Posing(Strict):
@@ -192,16 +172,20 @@ class Gaits(Strict):
     sequences: dict[str, Posing] = Field(default_factory=dict)
 
 
-def load_gaits(robot: str) -> Gaits:
-    """Return the gaits of a robot of the package.
+def load_gaits(robot: str | RobotModel) -> Gaits:
+    """Return the gaits of a robot, which stand beside its ``robot.yaml``.
+
+    Args:
+        robot: a robot of the package by its name, or any other's model.
 
     Raises:
         InvalidParameter: a robot without gaits.
         InvalidConfig: its file has a wrong entry.
     """
-    file = models_root() / robot / GAITS_FILE
+    name, folder = (robot, models_root() / robot) if isinstance(robot, str) else (robot.name, robot.folder)
+    file = folder / GAITS_FILE
     if not file.is_file():
-        raise InvalidParameter(f"robot {robot}", "one without gaits", f"one with a file {GAITS_FILE}")
+        raise InvalidParameter(f"robot {name}", "one without gaits", f"one with a file {GAITS_FILE}")
     return validated(Gaits, read_yaml(file), file)
 
 

@@ -11,6 +11,7 @@ from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
 from simrob_drake.programs.gaits.walk import walk
+from simrob_drake.robots.catalog import RobotModel
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ KINDS: Mapping[str, Kind] = {
 """By section of ``gaits.yaml``; a robot's gaits all have different names."""
 
 
-def gaits_of(robot: str, *, steps: bool) -> dict[str, tuple[Kind, Any]]:
+def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Kind, Any]]:
     """Return the gaits of a robot that go some steps, or the others: by name, their kind and their figures.
 
     Raises:

@@ -14,6 +14,7 @@ from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_insi
 from simrob_drake.programs.gaits.rolling import rolled
 from simrob_drake.programs.gaits.skeleton import rotations_about, skeleton_of
 from simrob_drake.programs.gaits.walk import planned_walk, walk
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.standing import standing
@@ -23,7 +24,7 @@ WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("z
 
 def feet_in_walking_direction(motion):
     """Return the feet, the place of each (m, 3) and its rotation from flat and ahead (m, 3, 3)."""
-    skeleton, facing = skeleton_of(motion.robot), load_gaits(motion.robot).facing_deg
+    skeleton, facing = skeleton_of(motion.model), load_gaits(motion.model).facing_deg
     back = facing_rotation(facing)
     root = back @ motion.root[0], motion.root[1] @ back.T
     poses = skeleton.poses(root, motion.positions)
@@ -64,7 +65,7 @@ def test_soles_stay_flat_and_the_zero_moment_point_over_those_that_stand(robot, 
 
 @pytest.mark.parametrize(("robot", "name"), WALKS)
 def test_the_zero_moment_point_is_where_it_was_asked_for(robot, name):
-    _, wanted, planned = planned_walk(robot, 6, load_gaits(robot).walks[name])
+    _, wanted, planned = planned_walk(Walker.of(robot), 6, load_gaits(robot).walks[name])
     assert np.abs(wanted - planned).max() < 5e-4
 
 

@@ -22,7 +22,7 @@ def test_the_height_at_which_a_robot_stands_is_that_of_its_station(robot):
     entry = load_station(f"{robot}_dynamic").robots["robot"]
     model = load_robot(robot)
     angles = np.deg2rad(model.axis_vector(entry.initial_deg, "initial_deg"))
-    assert standing_height(robot, angles, entry.feet) == pytest.approx(entry.base[2], abs=1e-5)
+    assert standing_height(skeleton_of(robot), angles, entry.feet) == pytest.approx(entry.base[2], abs=1e-5)
 
 
 def test_left_and_right_change_places_and_turns_their_sense():

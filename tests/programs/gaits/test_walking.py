@@ -15,7 +15,7 @@ from simrob_drake.programs.gaits.walk import walk
 
 def walked(motion, overrides=None):
     result = simulate(motion.station(overrides), reference=motion.trajectory(), progress=False)
-    return result, journey(result, load_gaits(motion.robot).facing_deg)
+    return result, journey(result, load_gaits(motion.model).facing_deg)
 
 
 def planned_way(motion):
