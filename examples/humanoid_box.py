@@ -46,11 +46,11 @@ def run() -> LeggedRobot:
     raised = {"right_shoulder_pitch": PITCH + LIFT, "left_shoulder_pitch": PITCH + LIFT}
     robot.add_move(hands(robot, 0.0, OPEN) | {"neck_pitch": 20}, 1.0)
     robot.add_move(hands(robot, 0.0), 0.5)
-    robot.attach("parcel")
+    robot.attach("parcel", store=True)
     robot.add_move(raised, 0.6)
     robot.add_move(hands(robot, SHIFT) | raised, 0.8)
     robot.add_move(hands(robot, SHIFT), 0.6)
-    robot.release("parcel")
+    robot.release("parcel", store=True)
     robot.add_move(hands(robot, SHIFT, OPEN), 0.5)
     robot.add_move(dict.fromkeys(robot.program.moves[0].target_deg, 0.0), 1.0)
     return robot
@@ -62,7 +62,7 @@ def main() -> None:
     robot = run()
     x, y, z = 1e3 * (robot.cell.frame("parcel").translation() - before)
     print(f"the parcel went {x:.1f} mm to the left, {y:.1f} mm back, {z:.1f} mm up")
-    print(f"{len(robot.program.moves)} moves, {robot.program.duration:g} s")
+    print(f"{len(robot.program.moves)} moves, {robot.program.duration:g} s, {robot.save('humanoid_box.yaml')}")
 
 
 if __name__ == "__main__":

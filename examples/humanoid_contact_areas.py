@@ -16,6 +16,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.measures import journey
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.sequences import posing, standing_height
+from simrob_drake.programs.gaits.skeleton import skeleton_of
 
 AREAS = ("A", "B", "C")
 LINES = {"A": ("#1f6fb4", "-", 1.5), "B": ("#e08214", "-", 1.5), "C": ("#2a8f57", "--", 2.5)}
@@ -26,7 +27,7 @@ def run(areas: Sequence[str] = AREAS, duration: float | None = None) -> dict[str
     motion, results = posing("humanoid", "step"), {}
     station = {"inputs": [], "monitors.fall.kind": "fall", "monitors.fall.tilt_deg": 50}
     for area in areas:
-        height = standing_height("humanoid", motion.positions[0], f"spheres_{area}")
+        height = standing_height(skeleton_of("humanoid"), motion.positions[0], f"spheres_{area}")
         feet = {"robot.feet": f"spheres_{area}", "robot.base": [0, 0, height, 0, 0, 0]}
         config = motion.station({**station, **feet})
         results[area] = simulate(config, duration=duration, reference=motion.trajectory(), progress=False)

@@ -21,7 +21,7 @@ def run(seconds: float = 5.0) -> dict[str, SimulationResult]:
     """Lift each foot in turn, each run going on where the one before ended, and return the runs by the lifted foot."""
     results, state = {}, None
     for foot in CRAWL_ORDER:
-        motion = three_legs("yobotics", foot, seconds=seconds)
+        motion = three_legs("yobotics", foot=foot, seconds=seconds)
         results[foot] = simulate(motion.station(), reference=motion.trajectory(), start=state, progress=False)
         state = results[foot].final_state
     return results

@@ -19,7 +19,7 @@ def main() -> None:
     motions = {
         "trot": trot("yobotics", steps=12),
         "crawl": crawl("yobotics", legs=4),
-        "three legs": three_legs("yobotics", "front_left_foot", seconds=1.0),
+        "three legs": three_legs("yobotics", foot="front_left_foot", seconds=1.0),
     }
     results = {name: run(motion) for name, motion in motions.items()}
     for name, result in results.items():

@@ -102,6 +102,9 @@ def test_both_hands_leave_the_parcel_beside():
     np.testing.assert_allclose(robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6)
     assert robot.cell.frame("parcel").rotation().IsNearlyIdentity(1e-6)
     assert robot.cell.config.pieces["parcel"].parent == "world"
+    robot.simulate()  # the pieces change hands in the program
+    assert len(robot.runs) == 3
+    np.testing.assert_allclose(robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6)
     np.testing.assert_allclose(robot.pose("left_hand")[:2], [0.08318, 0.0], atol=1e-5)  # hangs down again; facts
 
 
@@ -124,6 +127,18 @@ def test_one_program_has_one_effect_on_three_humanoids():
         ahead, up = humanoids.ways(result, robot, "right_foot")[-1]
         assert up / ahead == pytest.approx(np.tan(np.deg2rad(15)), rel=0.1)  # the tool lies a little before the line
         assert 0.09 < ahead < 0.16
+
+
+@pytest.mark.parametrize(("robot", "gait"), [("roid1", None), ("zjudancer", None), ("roid1", "sideways")])
+def test_a_humanoid_walks_as_it_is_told(robot, gait):
+    pose = example("humanoids_walk").run(robot, gait, steps=6).pose("base")
+    way, ahead = pose[-1, :2] - pose[0, :2], {"roid1": [1, 0], "zjudancer": [0, 1]}[robot]
+    turned = np.rad2deg(2 * np.arctan2(pose[-1, 6], pose[-1, 3]))
+    if gait == "sideways":
+        assert abs(way @ ahead) < 0.02 < way[1]  # to its left
+    else:
+        assert way @ ahead > 0.1
+    assert turned > 5 if robot == "zjudancer" else abs(turned) < 3
 
 
 def test_all_joints_of_the_humanoid_reach_thirty_degrees():

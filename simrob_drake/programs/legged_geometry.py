@@ -14,8 +14,6 @@ from simrob_drake.frames import (
     Vector,
     as_transform,
     poses_from_matrices,
-    transform_from_pose,
-    transform_from_xyz_quaternion,
 )
 from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.kinematics import Chain, NumericSolver, require
@@ -45,14 +43,7 @@ class LeggedGeometry(CellRobot):
     @property
     def base_pose(self) -> RigidTransform:
         """Pose of the root link in the world."""
-        entry, state = self.cell.config.robots[self.name], self.cell.state
-        if state is None or not self._floats:
-            return transform_from_pose(entry.base)
-        robot = self.cell.robot(self.name)
-        plant = self.cell.model.plant
-        joint = f"{plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
-        quaternion_first = state.joints[joint].position
-        return transform_from_xyz_quaternion(np.roll(quaternion_first, 3))
+        return self.cell.model.pose(self.cell.robot(self.name).root)
 
     def chain(self, tool: str, base: str = "trunk") -> Chain:
         """Return the axes from the trunk, or from another tool, to a tool, with their limits.
@@ -143,7 +134,7 @@ class LeggedGeometry(CellRobot):
             UnknownName: no such tool.
         """
         feet = self.feet
-        if not feet or not self._floats:
+        if not feet or not self.cell.model.floats(self.name):
             raise InvalidParameter("robot", self.model.name, "one on its own feet, to move its trunk over them")
         there = as_transform(trunk).inverse()
         q = self.reference if start is None else np.asarray(start, dtype=float)
@@ -176,10 +167,6 @@ class LeggedGeometry(CellRobot):
         moved = np.abs(wanted - self.reference) > 0
         values = wanted / self.model.user_units
         return {axis: float(value) for axis, value, new in zip(self.axes, values, moved, strict=True) if new}
-
-    @property
-    def _floats(self) -> bool:
-        return self.cell.config.mode == "dynamic" and self.model.base == "floating"
 
     def _place_of(self, frame: str) -> RigidTransform:
         return self.base_pose if frame == "world" else RigidTransform()

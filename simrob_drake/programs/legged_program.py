@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.programs.given_moves import any_move, cell_of
 from simrob_drake.programs.legged_geometry import LeggedGeometry
-from simrob_drake.programs.postures import postures_of, targets_on
-from simrob_drake.programs.program import Move, Program, cell_of, move_of
+from simrob_drake.programs.legged_parts import parts_of
+from simrob_drake.programs.moves import MOVE_TIME, AnyMove, Move
+from simrob_drake.programs.postures import targets_on
+from simrob_drake.programs.program import Program
 from simrob_drake.programs.workcell import Workcell
+from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import Station
-
-MOVE_TIME = 1.0
-"""Time of a move unless told otherwise [s]; ``tinc`` of the thesis."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class Programmed(LeggedGeometry):
 
     Attributes of :class:`LeggedGeometry`, and:
         program: the moves and cells that are stored.
+        runs: what the last move or program was made of, in order.
     """
 
     def __init__(self, station: Workcell | str | Path | StationConfig | Station, robot: str | None = None) -> None:
@@ -40,6 +43,7 @@ class Programmed(LeggedGeometry):
         super().__init__(station, robot)
         self.program = Program()
         self._start = self.cell.config
+        self.runs: list[SimulationResult] = []
         self._past: list[Snapshot] = []
 
     def add_reference(self, target_deg: Mapping[str, float]) -> None:
@@ -63,34 +67,40 @@ class Programmed(LeggedGeometry):
         Raises:
             InvalidParameter: no such move.
         """
-        self._replace(self.program.removed(index))
+        program = self.program.removed(index)
+        self._remember()
+        self.program = program
 
-    def edit(self, index: int, target_deg: Mapping[str, float] | None = None, duration: float | None = None) -> None:
-        """Change targets or duration of a stored move; the robot stays where it is.
+    def edit(self, index: int, move: AnyMove | Mapping[str, Any] | None = None, duration: float | None = None) -> None:
+        """Change a stored move; the robot stays where it is.
 
         Args:
             index: of the move, counted from 0; negative numbers count from the end.
-            target_deg: in place of its targets [deg].
-            duration: in place of its duration [s].
+            move: in place of its targets [deg], or of the whole move: as :meth:`insert` takes it.
+            duration: in place of the duration [s] of a move of joints.
 
         Raises:
-            SimrobError: as :meth:`test_move`, or no such move.
+            SimrobError: as :meth:`insert`, or no such move.
         """
         self.program.removed(index)  # there is one
         old = self.program.moves[index]
-        move = move_of(
-            old.target_deg if target_deg is None else target_deg, old.duration if duration is None else duration
-        )
-        self._replace(self.program.edited(index, move), move)
+        before = (old.target_deg, old.duration) if isinstance(old, Move) else (old, MOVE_TIME)
+        new = any_move(before[0] if move is None else move, duration, otherwise=before[1])
+        self._replace(self.program.edited(index, new))
 
-    def insert(self, index: int, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> None:
+    def insert(self, index: int, move: AnyMove | Mapping[str, Any], duration: float | None = None) -> None:
         """Put a move before the stored one of number ``index``; the robot stays where it is.
 
+        Args:
+            index: counted from 0; negative numbers count from the end.
+            move: targets [deg] by axis, or what stands in a program's file, such as ``{"walk": {"steps": 4}}``,
+                ``{"act": "bow"}`` or ``{"attach": "parcel"}``.
+            duration: of a move of joints [s]; 1 unless given.
+
         Raises:
-            SimrobError: as :meth:`test_move`, or no such place.
+            SimrobError: no such place, a move that is wrong, or a program that the robot cannot do from its start.
         """
-        move = move_of(target_deg, duration)
-        self._replace(self.program.inserted(index, move), move)
+        self._replace(self.program.inserted(index, any_move(move, duration)))
 
     def undo(self) -> None:
         """Take back the last thing that was done, a test, a run or a change of the program: robot and program.
@@ -116,11 +126,10 @@ class Programmed(LeggedGeometry):
         program = Program.load(file)
         for cell in program.references:
             targets_on(self.model, cell.target_deg, "the reference")
-        postures_of(self.model, program.moves, self.reference)
         self._replace(program)
 
-    def _replace(self, program: Program, *moves: Move) -> None:
-        postures_of(self.model, moves, self.reference)  # the robot can do them
+    def _replace(self, program: Program) -> None:
+        parts_of(self, program.moves, self._start)  # the robot can do them
         self._remember()
         self.program = program
 

@@ -6,13 +6,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.blocks.references import sequence
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import PoseLike, Vector
-from simrob_drake.programs.legged_program import MOVE_TIME, Programmed
-from simrob_drake.programs.legged_walk import walking
-from simrob_drake.programs.postures import postures_of
-from simrob_drake.programs.program import Move, Program, move_of
+from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.programs.given_moves import checked, move_of
+from simrob_drake.programs.legged_parts import check_some, joint_reference, parts_of
+from simrob_drake.programs.legged_program import Programmed
+from simrob_drake.programs.moves import (
+    MOVE_TIME,
+    Act,
+    ActMove,
+    AnyMove,
+    Attach,
+    AttachMove,
+    Release,
+    ReleaseMove,
+    Walk,
+    WalkMove,
+)
+from simrob_drake.programs.program import Program
 from simrob_drake.programs.workcell import GOES_ON
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulate import Reference
@@ -37,6 +47,7 @@ class LeggedRobot(Programmed):
 
     Attributes of :class:`LeggedGeometry`, and:
         program: the moves and cells that are stored.
+        runs: what the last move or program was made of, in order.
     """
 
     def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
@@ -51,14 +62,14 @@ class LeggedRobot(Programmed):
             JointLimitExceeded: tells which axis, and by how much.
             InvalidParameter: an angle that is no number, or a duration that is not positive.
         """
-        return self._tried([move_of(target_deg, duration)])
+        return self._do([move_of(target_deg, duration)])[-1]
 
     def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
         """Move from the last state, and store the move at the end of the program (AddMove).
 
         A run that diverges is not stored. Arguments and errors are those of :meth:`test_move`.
         """
-        return self._added([move_of(target_deg, duration)])
+        return self._do([move_of(target_deg, duration)], store=True)[-1]
 
     def step(self, move_time: float = MOVE_TIME) -> SimulationResult:
         """Take the step of the thesis with the left leg, four moves, and store them (Paso).
@@ -70,40 +81,57 @@ class LeggedRobot(Programmed):
             UnknownName: a robot without the joints of a humanoid.
             InvalidParameter: a time that is not positive.
         """
-        return self._added([move_of(targets, move_time) for targets in STEP])
+        return self._do([move_of(targets, move_time) for targets in STEP], store=True)[-1]
 
-    def walk(self, steps: int, amplitude: float = 1.0, gait: str | None = None, **changes: Any) -> SimulationResult:
-        """Walk from the last state, and store nothing (Marcha).
+    def walk(
+        self,
+        steps: int,
+        amplitude: float = 1.0,
+        gait: str | None = None,
+        *,
+        store: bool = False,
+        **changes: Any,
+    ) -> SimulationResult:
+        """Walk from the last state (Marcha).
 
         The robot first takes the posture in which its gait begins. Servos and floor are those of the gait while it
         walks, and steps of the solver are 10 ms at most; the floor stays as large as it had to become.
 
         Args:
             steps: how many; legs in turn for a crawl.
-            amplitude: scales the length of the steps and, where the gait has them, way sideways and turn.
-            gait: one of the robot's ``gaits.yaml``; the first for its feet unless given.
+            amplitude: scales the length of the steps and, where the gait has them, way sideways and turn; of a march,
+                how far all joints go.
+            gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.
+            store: at the end of the program.
             changes: other figures of the gait to change, such as ``step_time``.
 
         Raises:
-            InvalidParameter: a robot without feet, without floor or without gaits, or figures that cannot be.
-            UnknownName: no such gait.
-            OutOfReach: steps that the legs cannot do; tells by how much.
+            InvalidParameter: a robot without gaits, other feet or another station than the gait needs, or figures that
+                cannot be.
+            UnknownName: no such gait, or no such figure of it; proposes the nearest.
+            InvalidConfig: a figure that cannot be.
+            OutOfReach, JointLimitExceeded: steps that the legs cannot do; tells by how much.
         """
-        config, reference, duration = walking(self, steps, amplitude, gait, changes)
-        snapshot = self._snapshot()
-        self.cell.change(config)
-        try:
-            result = self.cell.follow({self.name: reference}, duration)
-        except BaseException:
-            self._restore(snapshot)
-            raise
-        self.cell.change(snapshot.config.model_copy(update={"floor": config.floor}))
-        if result.ending in GOES_ON:
-            self._remember(snapshot)
-        return result
+        walk = checked(Walk, steps=steps, amplitude=amplitude, gait=gait, **changes)
+        return self._do([WalkMove(walk=walk)], store=store)[-1]
+
+    def act(self, name: str, *, store: bool = False, **changes: Any) -> SimulationResult:
+        """Go through postures from the last state, or stand on three legs.
+
+        The robot first takes the posture in which the act begins.
+
+        Args:
+            name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.
+            store: at the end of the program.
+            changes: its figures to change, such as ``repeat``, or ``foot`` of ``three_legs``.
+
+        Raises:
+            SimrobError: as :meth:`walk`.
+        """
+        return self._do([ActMove(act=checked(Act, name=name, **changes))], store=store)[-1]
 
     def run(self, program: Program | Path | str) -> SimulationResult:
-        """Run another program's moves as one, from the last state, and store nothing.
+        """Run another program from the last state, as :meth:`simulate` runs the stored one, and store nothing.
 
         Args:
             program: one, or the YAML file of one; it may have been made with another robot.
@@ -114,62 +142,59 @@ class LeggedRobot(Programmed):
             SimrobError: as :meth:`test_move`, naming the move.
         """
         given = program if isinstance(program, Program) else Program.load(program)
-        return self._tried(given.moves)
+        check_some(given.moves)
+        return self._do(given.moves)[-1]
 
     def planned(self, program: Program) -> tuple[Reference, float]:
-        """Return the reference that a program is from where the robot is, and its duration [s]; nothing moves.
+        """Return the reference that a program of joint moves is from where the robot is, and its duration [s].
+
+        Nothing moves.
 
         With several robots in a workcell, ``cell.follow({robot.name: reference, ...}, duration)`` runs theirs at once.
 
         Raises:
-            SimrobError: as :meth:`run`.
+            SimrobError: as :meth:`run`; or a program with a walk, an act or a piece.
         """
-        self._check(program.moves, self.reference)
-        return self._planned(program.moves)
+        return joint_reference(self, program.moves)
 
-    def attach(self, piece: str, *, pose: PoseLike | None = None) -> None:
-        """Take a piece with the robot's first tool, on the humanoids the right hand; see :meth:`Workcell.attach`.
+    def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
+        """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.
 
         Args:
             piece: which.
+            tool: one of :attr:`tools`, such as ``left_hand``; the first unless given, on the humanoids the right hand.
             pose: its pose in the hand, to put it there; it keeps its place in the world unless given.
+            store: at the end of the program.
 
         Raises:
-            UnknownName: no such piece.
+            UnknownName: no such piece or tool; proposes the nearest.
         """
-        snapshot = self._snapshot()
-        self.cell.attach(piece, self.name, pose=pose)
-        self._remember(snapshot)
+        place = None if pose is None else pose_from_transform(as_transform(pose))
+        self._do([AttachMove(attach=checked(Attach, piece=piece, tool=tool, pose=place))], store=store)
 
-    def release(self, piece: str, parent: str = WORLD) -> None:
+    def release(self, piece: str, parent: str = WORLD, *, store: bool = False) -> None:
         """Let go of a piece: it stays where it is, in the world or on another piece; see :meth:`Workcell.attach`.
 
         Raises:
             UnknownName: no such piece or parent.
         """
-        snapshot = self._snapshot()
-        self.cell.attach(piece, parent)
-        self._remember(snapshot)
+        self._do([ReleaseMove(release=checked(Release, piece=piece, parent=parent))], store=store)
 
     def simulate(self) -> SimulationResult:
-        """Run all stored moves as one from the start (Sim); the robot goes on from its end.
+        """Run all that is stored from the start (Sim); the robot goes on from its end.
+
+        Moves of joints that follow each other are one run, and so is each walk and act, which has servos and solver
+        of its own; pieces change hands between runs. A monitor that ends a run ends the program.
+
+        Returns:
+            the last run; :attr:`runs` has all of them.
 
         Raises:
             InvalidParameter: an empty program.
+            SimrobError: what cannot be done from the start; names the move.
         """
-        self._check(self.program.moves, self.reference)
-        snapshot = self._snapshot()
-        self._back_to_start()
-        try:
-            result = self._run(self.program.moves)
-        except BaseException:
-            self._restore(snapshot)
-            raise
-        if result.ending in GOES_ON:
-            self._remember(snapshot)
-        else:
-            self._restore(snapshot)
-        return result
+        check_some(self.program.moves)
+        return self._do(self.program.moves, from_start=True)[-1]
 
     def reset(self, *, keep_program: bool = False) -> None:
         """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""
@@ -178,34 +203,30 @@ class LeggedRobot(Programmed):
         if not keep_program:
             self.program = Program()
 
-    def _tried(self, moves: Sequence[Move]) -> SimulationResult:
-        self._check(moves, self.reference)
-        snapshot = self._snapshot()
-        result = self._run(moves)
-        if result.ending in GOES_ON:
-            self._remember(snapshot)
-        return result
-
-    def _added(self, moves: Sequence[Move]) -> SimulationResult:
-        result = self._tried(moves)
-        if result.ending in GOES_ON:
+    def _do(self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False) -> list[SimulationResult]:
+        """Do moves part by part, and return the runs; what goes wrong leaves robot and program as they were."""
+        parts = parts_of(self, moves, self._start if from_start else self.cell.config)
+        snapshot, runs = self._snapshot(), list[SimulationResult]()
+        try:
+            if from_start:
+                self._back_to_start()
+            for part in parts:
+                result = part.run(self)
+                if result is not None:
+                    runs.append(result)
+                    if result.ending != "completed":
+                        break
+        except BaseException:
+            self._restore(snapshot)
+            raise
+        self.runs = runs or self.runs
+        if runs and runs[-1].ending not in GOES_ON:
+            self._restore(snapshot)
+            return runs
+        self._remember(snapshot)
+        if store:
             self.program = self.program.added(*moves)
-        return result
-
-    def _check(self, moves: Sequence[Move], start: Vector) -> None:
-        if not moves:
-            raise InvalidParameter("the program", "empty", "one with moves: add_move() stores them")
-        postures_of(self.model, moves, start)
-
-    def _run(self, moves: Sequence[Move]) -> SimulationResult:
-        reference, duration = self._planned(moves)
-        return self.cell.follow({self.name: reference}, duration)
-
-    def _planned(self, moves: Sequence[Move]) -> tuple[Reference, float]:
-        times, postures = postures_of(self.model, moves, self.reference)
-        if self.cell.config.mode == "dynamic":
-            return (times, postures), float(times[-1])
-        return sequence(postures[0], times[1:].tolist(), list(postures[1:])), float(times[-1])
+        return runs
 
     def _back_to_start(self) -> None:
         self.cell.state = None

@@ -8,13 +8,14 @@ import numpy as np
 from pydrake.geometry import QueryObject
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, MultibodyForces
+from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.errors import UnknownName
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, transform_from_pose, transform_from_xyz_quaternion
 from simrob_drake.programs.kinematics.chain import Chain
+from simrob_drake.results.state import State
 from simrob_drake.robots.pieces import TCP, Pose
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
@@ -56,6 +57,7 @@ class StationModel:
         self._scene = self._diagram.CreateDefaultContext()
         self._positions_port = poses.get_input_port()
         self._context = self.plant.CreateDefaultContext()
+        self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
 
     def place(self, postures: Mapping[str, Vector]) -> None:
         """Put robots into postures (n,) [rad or m]; the others stay."""
@@ -65,9 +67,24 @@ class StationModel:
             positions[[joint.position_start() for joint in robot.joints]] = robot.signs * posture
         self.plant.SetPositions(self._context, positions)
 
+    def place_bases(self, state: State | None) -> None:
+        """Put robots that stand on their own feet where they are in a state, or where they begin if it is None."""
+        self._moved = {}
+        for name, robot in self.robots.items():
+            joint = f"{self.plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
+            if state is not None and self.floats(name) and joint in state.joints:
+                now = transform_from_xyz_quaternion(np.roll(state.joints[joint].position, 3))  # w x y z first there
+                self._moved[robot.instance] = now @ transform_from_pose(self.config.robots[name].base).inverse()
+
+    def floats(self, robot: str) -> bool:
+        """Tell whether a robot of the station is held by nothing."""
+        return self.config.mode == "dynamic" and self.robots[robot].model.base == "floating"
+
     def pose(self, frame: Frame) -> RigidTransform:
         """Return the pose of a frame in the world."""
-        return frame.CalcPoseInWorld(self._context)
+        pose = frame.CalcPoseInWorld(self._context)
+        moved = self._moved.get(frame.model_instance())
+        return pose if moved is None else moved @ pose
 
     def chain(self, robot: str, tool: Frame) -> Chain:
         """Return the chain of a robot's axes from the world to a frame."""
@@ -112,9 +129,17 @@ class StationModel:
         """Return the frame in which a piece is described."""
         return self._piece_link(piece, piece)
 
-    def flange(self, robot: str) -> Frame:
-        """Return the frame that pieces hang on which name a robot as their parent."""
+    def flange(self, robot: str, tool: str | None = None) -> Frame:
+        """Return the frame that pieces hang on whose parent is a robot: a tool of its own, the first unless named.
+
+        Raises:
+            UnknownName: no such tool.
+        """
         own = self.robots[robot]
+        if tool is not None and tool not in own.model.tools:
+            raise UnknownName(f"tool of {robot}", tool, own.model.tools)
+        if tool is not None:
+            return own.tools[tool]
         return next((tool for name, tool in own.tools.items() if name in own.model.tools), own.root)
 
     def _piece_link(self, piece: str, name: str) -> Frame:

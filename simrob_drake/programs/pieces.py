@@ -20,7 +20,7 @@ def reparented(
         model: of the station as it is, in its present posture.
         piece: which; it brings mass, centre of mass, inertia, colour, tool centre point, and what hangs on it.
         parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-        frame: a frame of the parent piece instead of its tool centre point.
+        frame: a frame of the parent piece instead of its tool centre point; a tool of a robot instead of its first.
         pose: the piece's pose in the parent's frame; unless given it stays where it is in the world.
 
     Raises:
@@ -33,8 +33,8 @@ def reparented(
     known = [WORLD, *config.robots, *config.pieces]
     if parent not in known:
         raise UnknownName("parent", parent, [name for name in known if name != piece])
-    if frame is not None and parent not in config.pieces:
-        raise InvalidParameter("frame", frame, f"left out: {parent} is no piece")
+    if frame is not None and parent == WORLD:
+        raise InvalidParameter("frame", frame, "left out: the world has none")
     above = parent
     while above in config.pieces:
         if above == piece:
@@ -55,7 +55,7 @@ def _mount_pose(model: StationModel, parent: str, frame: str | None) -> RigidTra
         return RigidTransform()
     if parent in model.config.pieces:
         return model.pose(model.piece_frame(parent) if frame is None else model.piece_frame(parent, frame))
-    return model.pose(model.flange(parent))
+    return model.pose(model.flange(parent, frame))
 
 
 def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationConfig:
@@ -67,7 +67,7 @@ def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationC
         tool = model.tool_in_use(giver)
         if tool in new.pieces and carrier(new, tool) != giver:
             before = piece_parent(model.config, piece)
-            flange = next(iter(model.robots[giver].model.tools), None)
+            flange = model.config.pieces[piece].frame or next(iter(model.robots[giver].model.tools), None)
             changes = {"tcp": before if before in new.pieces else flange, "tcp_offset": None}
         else:
             changes = {"tcp": tool or None}

@@ -9,7 +9,7 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.program import Move
+from simrob_drake.programs.moves import Move
 from simrob_drake.robots.catalog import RobotModel
 
 _ROUNDING = 1e-9  # rad or m
@@ -46,8 +46,13 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
     return found
 
 
+def move_name(number: int, count: int) -> str:
+    """Return what messages call a move of a program that has so many."""
+    return f"move {number}" if count > 1 else "the move"
+
+
 def postures_of(model: RobotModel, moves: Sequence[Move], start: Vector) -> tuple[Vector, Vector]:
-    """Return when the moves of a program end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
+    """Return when moves of joints end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
 
     Args:
         model: the robot.
@@ -59,8 +64,8 @@ def postures_of(model: RobotModel, moves: Sequence[Move], start: Vector) -> tupl
     """
     times, postures = [0.0], [np.array(start, dtype=float)]
     for number, move in enumerate(moves):
-        where = f"move {number}" if len(moves) > 1 else "the move"
         posture = postures[-1].copy()
+        where = move_name(number, len(moves))
         for place, position in targets_on(model, move.target_deg, where, move.duration).items():
             posture[place] = position
         times.append(times[-1] + move.duration)

@@ -1,62 +1,41 @@
-"""A program of a legged robot: moves in degrees, by axis name, that mean the same on every robot."""
+"""A program of a legged robot: moves by name, of axes, gaits and pieces, that mean the same on every robot."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Any
 
-import numpy as np
 import yaml
-from pydantic import Field, ValidationError
 
-from simrob_drake.errors import InvalidParameter, OutputError
-from simrob_drake.robots.pieces import Positive
-from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
-
-Targets = Annotated[dict[str, Number], Field(min_length=1)]
-"""Where axes are to be [deg], and m for an axis that slides, by name or alias; the others stay where they were."""
-
-
-Step = TypeVar("Step", bound=Strict)
-
-
-class Move(Strict):
-    """Axes that go to their targets at the same time."""
-
-    target_deg: Targets
-    """Absolute positions at the end."""
-    duration: Positive = 1.0
-    """Time that it takes [s]."""
-
-
-class Cell(Strict):
-    """Targets without a time: who follows them goes on when they are reached (SimRob's ``joint{k}``)."""
-
-    target_deg: Targets
-    """Absolute positions that count as reached together."""
+from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, nearest, shortened
+from simrob_drake.programs.moves import KINDS, AnyMove, Cell, Move, kind_of
+from simrob_drake.yaml_files import Strict, read_yaml, validated
 
 
 class Program(Strict):
-    """What a robot is told: moves in time, and cells for a sequencer. Every change gives a new program."""
+    """What a robot is told: moves, and cells for a sequencer. Every change gives a new program.
+
+    A move is ``{target_deg, duration}``, ``{walk: {steps, amplitude, gait, ...}}``, ``{act: bow}``, ``{attach: box}``
+    or ``{release: box}``; :mod:`simrob_drake.programs.moves` has all keys.
+    """
 
     description: str = ""
-    moves: tuple[Move, ...] = ()
+    moves: tuple[AnyMove, ...] = ()
     """One after the other, from where the robot stands at the start."""
     references: tuple[Cell, ...] = ()
     """In the order in which a sequencer goes through them."""
 
     @property
     def duration(self) -> float:
-        """Of all moves [s]."""
-        return float(sum(move.duration for move in self.moves))
+        """Of all moves of joints [s]; what walks and acts take depends on the robot."""
+        return float(sum(move.duration for move in self.moves if isinstance(move, Move)))
 
-    def added(self, *moves: Move) -> Program:
+    def added(self, *moves: AnyMove) -> Program:
         """Return the program with moves behind it."""
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
-    def inserted(self, index: int, move: Move) -> Program:
+    def inserted(self, index: int, move: AnyMove) -> Program:
         """Return the program with a move before the one of number ``index``, counted from 0; its length: at the end.
 
         Raises:
@@ -74,7 +53,7 @@ class Program(Strict):
         place = self._place(index, len(self.moves) - 1)
         return self.model_copy(update={"moves": (*self.moves[:place], *self.moves[place + 1 :])})
 
-    def edited(self, index: int, move: Move) -> Program:
+    def edited(self, index: int, move: AnyMove) -> Program:
         """Return the program with another move in place of one.
 
         Raises:
@@ -114,12 +93,10 @@ class Program(Strict):
         """
         path = Path(file)
         content = read_yaml(path)
-        steps: tuple[tuple[str, type[Strict]], ...] = (("moves", Move), ("references", Cell))
-        for key, kind in steps:
+        for key in ("moves", "references"):
             entries = content.get(key)
             for number, entry in enumerate(entries if isinstance(entries, list) else []):
-                if isinstance(entry, dict):
-                    validated(kind, entry, f"{path}: {key}[{number}]")
+                _check_entry(entry, key, f"{path}: {key}[{number}]")
         return validated(cls, content, path)
 
     def _place(self, index: int, last: int) -> int:
@@ -133,43 +110,12 @@ class Program(Strict):
         return place
 
 
-def move_of(target_deg: Mapping[str, Any], duration: Any) -> Move:
-    """Return a checked move of what a user gave.
-
-    Raises:
-        InvalidParameter: no axis, an angle that is no finite number, or a duration that is not positive.
-    """
-    return _checked(lambda: Move(target_deg=_plain(target_deg), duration=_plain_number(duration)))
-
-
-def cell_of(target_deg: Mapping[str, Any]) -> Cell:
-    """Return a checked cell of what a user gave.
-
-    Raises:
-        InvalidParameter: no axis, or an angle that is no finite number.
-    """
-    return _checked(lambda: Cell(target_deg=_plain(target_deg)))
-
-
-def _checked(make: Callable[[], Step]) -> Step:
-    try:
-        return make()
-    except ValidationError as problem:
-        finding = problem.errors()[0]
-        key, given = ".".join(str(part) for part in finding["loc"]), finding["input"]
-        if finding["loc"] == ("duration",):
-            raise InvalidParameter("duration", given, "a positive time [s]") from problem
-        if finding["loc"] == ("target_deg",):
-            raise InvalidParameter("target_deg", given, "a mapping of at least one axis to degrees") from problem
-        raise InvalidParameter(key, given, "a finite number [deg]") from problem
-
-
-def _plain(target_deg: Mapping[str, Any]) -> Any:
-    if not isinstance(target_deg, Mapping):
-        return target_deg
-    return {str(axis): _plain_number(value) for axis, value in target_deg.items()}
-
-
-def _plain_number(value: Any) -> Any:
-    """Return numpy's numbers as Python's own."""
-    return value.item() if isinstance(value, np.number) else value
+def _check_entry(entry: Any, key: str, where: str) -> None:
+    """Check one move or cell of a file by itself, so that messages can name it."""
+    if not isinstance(entry, dict):
+        raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {shortened(repr(entry))})")
+    kind: type[Strict] | None = Cell if key == "references" else kind_of(entry)
+    strange = next((name for name in entry if name not in Move.model_fields), None)
+    if kind is None and strange is not None:
+        raise InvalidConfig(where, str(strange), f"unknown key{nearest(str(strange), [*KINDS, *Move.model_fields])}")
+    validated(kind or Move, entry, where)

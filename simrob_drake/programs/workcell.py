@@ -103,8 +103,9 @@ class Workcell:
 
     @property
     def model(self) -> StationModel:
-        """The station's plant, in the postures that it has now."""
+        """The station's plant, where it is and in the postures that it has now."""
         self._model.place({robot: self.position(robot) for robot in self.config.robots})
+        self._model.place_bases(self.state)
         return self._model
 
     def robot(self, name: str) -> StationRobot:
@@ -205,7 +206,8 @@ class Workcell:
         Args:
             piece: which; what hangs on it comes along.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-            frame: a frame of the parent piece, instead of its tool centre point.
+            frame: a frame of the parent piece, instead of its tool centre point; or a tool of the robot, instead of the
+                first.
             pose: the piece's pose in the parent's frame, to put it there.
 
         Raises:

@@ -149,8 +149,13 @@ def _check_frame(config: StationConfig, piece: str, models: dict[str, PieceModel
     frame, parent = config.pieces[piece].frame, piece_parent(config, piece)
     if frame is None:
         return
+    if parent in config.robots:
+        tools = robot_model(config, parent).tools
+        if frame not in tools:
+            raise UnknownName(f"tool of {parent} for pieces.{piece}.frame", frame, tools)
+        return
     if parent not in models:
-        raise InvalidParameter(f"pieces.{piece}.frame", frame, f"left out: {parent}, which it hangs on, is no piece")
+        raise InvalidParameter(f"pieces.{piece}.frame", frame, "left out: it hangs on the world, which has no frames")
     if frame not in models[parent].frame_poses:
         raise UnknownName(f"frame of {parent}", frame, models[parent].frame_poses)
 

@@ -128,8 +128,9 @@ def _with_pieces(config: StationConfig, name: str, model: RobotModel, carried: l
     if model.feet is not None:
         put_on_feet(robot, model.feet.kind(config.robots[name].feet))
     for piece in carried:
-        parent = piece_parent(config, piece)
-        mount = parent_frame(config, piece) if parent != name else next(iter(model.tools.values()), model.root)
+        parent, tool = piece_parent(config, piece), config.pieces[piece].frame
+        flange = model.tools[tool] if tool in model.tools else next(iter(model.tools.values()), model.root)
+        mount = flange if parent == name else parent_frame(config, piece)
         pose = transform_from_pose(config.pieces[piece].pose)
         add_piece(robot, name=piece, piece=piece_model(config, piece), parent=mount, pose=pose)
     return robot

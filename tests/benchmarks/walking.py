@@ -34,7 +34,7 @@ WALKS: dict[str, Callable[[], JointMotion]] = {
     "yobotics trot": lambda: trot("yobotics", 111),
     "yobotics fast": lambda: trot("yobotics", 111, "fast"),
     "yobotics crawl": lambda: crawl("yobotics", 54),
-    **{f"yobotics {foot}": (lambda foot=foot: three_legs("yobotics", foot)) for foot in CRAWL_ORDER},
+    **{f"yobotics {foot}": (lambda foot=foot: three_legs("yobotics", foot=foot)) for foot in CRAWL_ORDER},
 }
 CENIC = {
     "cenic 10 ms": {"solver.max_step": 0.01, "solver.accuracy": 1e-3},
@@ -63,7 +63,7 @@ def main(names: list[str]) -> None:
     """Walk and print."""
     for name in names or WALKS:
         motion = WALKS[name]()
-        facing = load_gaits(motion.robot).facing_deg
+        facing = load_gaits(motion.model).facing_deg
         for setting, overrides in {**SETTINGS[name], "SAP 1 ms": SAP}.items():
             result = simulate(motion.station(overrides), reference=motion.trajectory(), progress=False)
             print(f"{name} | {setting} | {line(journey(result, facing), result.realtime_rate)}", flush=True)

@@ -55,7 +55,7 @@ def main(names: list[str]) -> None:
     }
     for name in names or motions:
         motion, guess = motions[name]
-        facing = load_gaits(motion.robot).facing_deg
+        facing = load_gaits(motion.model).facing_deg
         found = [f"{largest(motion, facing, side, guess):.1f} N" for side in SIDES.values()]
         print(name, *found, sep=" | ", flush=True)
 

@@ -237,8 +237,48 @@ class TestEveryRobot:
 
     def test_a_gait_is_made_for_its_feet(self):
         robot = LeggedRobot(load_station("humanoid_dynamic", {"robot.feet": "spheres_B"}))
-        with pytest.raises(InvalidParameter, match=r"gait of humanoid is walk; .* for feet that are not spheres_B"):
+        with pytest.raises(InvalidParameter, match=r"feet of humanoid is spheres_B; it must be spheres_C"):
             robot.walk(2, gait="walk")
+
+
+class TestGaits:
+    def test_it_marches_from_where_it_stands(self, standing):
+        """As the march planned alone does: 4 steps of the thesis's manner go 0.12 to 0.25 m."""
+        config = standing.cell.config
+        result = standing.walk(4, gait="march")
+        assert "reference_velocity" not in result.config.inputs  # the gains of the thesis as they are
+        assert result.ending == "completed"
+        assert 0.12 < result.summary()["locomotion"]["ahead"] < 0.25
+        assert standing.cell.config == config
+
+    def test_a_sequence_ends_in_its_last_posture(self, held):
+        held.test_move(ARM, 0.2)
+        result = held.act("wave", rest=0.0)
+        assert result.stop_time == pytest.approx(2.0 + 0.5 + 4.0)  # into its posture, there, and the sequence
+        at = {round(time, 2): row for time, row in zip(result.times, np.rad2deg(result["q.right_elbow"]), strict=True)}
+        assert (at[2.5], at[3.5], at[4.0]) == pytest.approx((0, 20, 60), abs=1e-6)
+        assert turned(held, "right_shoulder_pitch") == pytest.approx(0, abs=1e-6)
+        assert held.program == Program()
+        held.undo()
+        assert turned(held, "right_shoulder_pitch") == pytest.approx(40)
+
+    def test_figures_of_an_act_can_be_changed(self, held):
+        once, twice = (held.act("swim", repeat=count).stop_time for count in (1, 2))
+        assert twice - once == pytest.approx(2.0)
+
+    def test_the_quadruped_lifts_the_foot_that_is_asked_for(self):
+        robot = LeggedRobot("yobotics_dynamic")
+        result = robot.act("three_legs", foot="rear_right_foot", seconds=0.5, height=0.03)
+        middle = result.axes("q")[np.searchsorted(result.times, 2.5 + 1.5 + 0.6 + 0.25)]
+        rise = {foot: robot.pose(foot, middle, "trunk")[2] - robot.pose(foot, frame="trunk")[2] for foot in robot.feet}
+        assert rise.pop("rear_right_foot") == pytest.approx(0.03, abs=0.01)
+        assert max(map(abs, rise.values())) < 0.005
+
+    def test_a_fall_ends_the_act(self, standing):
+        result = standing.act("fall_forward")
+        assert result.stopped_by == "fall"
+        standing.undo()
+        assert standing.cell.state is None
 
 
 class TestGeometry:
@@ -351,6 +391,13 @@ class TestErrors:
             (lambda r: r.run("none.yaml"), InvalidConfig, "none.yaml: cannot be read"),
             (lambda r: r.walk(0), InvalidParameter, "steps is 0"),
             (lambda r: r.walk(2, gait="trott"), UnknownName, "gait of humanoid"),
+            (lambda r: r.walk(4, gait="bow"), UnknownName, "gait of humanoid 'bow'"),
+            (lambda r: r.walk(4, gait="march", amplitude=5), JointLimitExceeded, "march at .* right_ankle_pitch"),
+            (lambda r: r.walk(4, step_tme=1), UnknownName, "figure of the gait walk 'step_tme'; did you mean 'step_t"),
+            (lambda r: r.walk(4, feet="spheres_B"), InvalidParameter, "feet of humanoid is spheres_C"),
+            (lambda r: r.act("bwo"), UnknownName, "act of humanoid 'bwo'; did you mean 'bow'"),
+            (lambda r: r.act("bow", repeat=0), InvalidConfig, "gait bow: repeat"),
+            (lambda r: r.act("swim"), InvalidParameter, "one that holds humanoid by its trunk, for swim"),
             (lambda r: r.walk(4, amplitude=20), OutOfReach, "leg of right_foot is out of reach"),
             (lambda r: r.walk(4, amplitude=float("nan")), InvalidParameter, "amplitude"),
         ],
@@ -369,7 +416,7 @@ class TestErrors:
             standing.simulate()
 
     @pytest.mark.parametrize(
-        ("station", "message"), [("irb120_dynamic", "one with feet, to walk"), ("humanoid_fixed", "a dynamic one")]
+        ("station", "message"), [("irb120_dynamic", "one without gaits"), ("humanoid_fixed", "a dynamic one")]
     )
     def test_who_cannot_walk_is_told_why(self, station, message):
         with pytest.raises(InvalidParameter, match=message):

@@ -6,8 +6,8 @@ import pytest
 from simrob_drake import Program
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError, UnknownName
 from simrob_drake.programs.errors import JointLimitExceeded
+from simrob_drake.programs.given_moves import cell_of, move_of
 from simrob_drake.programs.postures import postures_of
-from simrob_drake.programs.program import cell_of, move_of
 from simrob_drake.robots.catalog import load_robot
 
 WAVE = Program(
@@ -82,7 +82,7 @@ class TestFiles:
             ("- 1", "must hold a mapping"),
             ("movs: []", "movs: unknown key; did you mean 'moves'?"),
             ("moves: 3", "moves: "),
-            ("moves: [3]", "moves: "),
+            ("moves: [3]", "moves[0]: must be a mapping of keys to values (it is 3)"),
             (
                 "moves: [{target_deg: {a: 1}}, {target: {a: 1}}]",
                 "moves[1]: target: unknown key; did you mean 'target_deg'?",

@@ -100,7 +100,8 @@ class TestAttach:
             ("wieght", "world", None, "no piece 'wieght'; did you mean 'weight'"),
             ("weight", "tabel", None, "no parent 'tabel'; did you mean 'table'"),
             ("weight", "table", "tpc", "no frame of table 'tpc'; did you mean 'tcp'"),
-            ("weight", "world", "tcp", "left out: world is no piece"),
+            ("weight", "robot", "tool", "no tool of robot 'tool'; did you mean 'tool0'"),
+            ("weight", "world", "tcp", "left out: the world has none"),
         ],
     )
     def test_what_cannot_be_is_refused_and_all_stays(self, kinematic, piece, parent, frame, message):

@@ -8,6 +8,7 @@ hip yaw) keep it ahead, at height and flat, and it goes sideways with the trunk;
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
@@ -21,8 +22,10 @@ _ROUNDS = 30
 _DAMPING = 1e-9
 _LARGEST_MOVE = 0.4  # of a joint in a round [rad]
 _CLOSE = 1e-6  # when to stop [m, rad]
-_HEAVY_DAMPING = 0.02  # more than a stretched leg's curvature, what is missing times a leg's length [m²]
+_LEG = 0.5  # more than a leg that bends [m]: times what is missing, more than the curvature of a stretched one
 _FLATNESS = 3.0  # metres that a radian counts for where a foot cannot get to its place
+_ROUNDING = 1e-9  # rad
+_LOOKS = 100  # postures that tell by how much a leg is too short
 _WRONG = 1e-4  # what counts as out of reach [m, rad]
 
 
@@ -59,27 +62,24 @@ def leg_angles(
     if len(axes) not in ROWS:
         raise InvalidParameter(f"leg of {foot.name}", f"{len(axes)} joints", "three, four or six joints")
     rows = ROWS[len(axes)]
-    angles = start.copy()
-    error = np.full((len(angles), len(rows)), np.inf)
+    angles, best = start.copy(), start.copy()
+    least = np.full(len(angles), np.inf)
     for _ in range(_ROUNDS):
         error, jacobian = (part[:, rows] for part in _error_and_jacobian(skeleton, foot, target, root, angles))
-        if np.abs(error).max() < _CLOSE:
+        left = np.abs(error).max(axis=1)
+        best[left < least], least = angles[left < least], np.minimum(left, least)
+        if left.max() < _CLOSE:
             break
         square = jacobian.transpose(0, 2, 1) @ jacobian + _DAMPING * np.eye(len(axes))
         move = np.linalg.solve(square, jacobian.transpose(0, 2, 1) @ error[..., np.newaxis])[..., 0]
         angles[:, axes] += np.clip(move, -_LARGEST_MOVE, _LARGEST_MOVE)
-    wrong = np.abs(error).max(axis=1)
     when = np.arange(len(angles), dtype=float) if times is None else times
-    if wrong.max() > _WRONG:
-        row = slice(int(wrong.argmax()), int(wrong.argmax()) + 1)
-        one = (target[0][row], target[1][row]), (root[0][row], root[1][row]), start[row]
-        short = _shortfall(skeleton, foot, *one, rows)
-        raise OutOfReach(
-            f"the leg of {foot.name} is out of reach by {1e3 * short:.0f} mm at {when[row][0]:.2f} s;"
-            " take shorter or lower steps, or let the hips come down"
-        )
-    _check_limits(skeleton, foot, angles, when)
-    return angles
+    wrong = np.flatnonzero(least > _CLOSE)
+    for some in (wrong[:: 1 + len(wrong) // _LOOKS], wrong) if wrong.size else ():  # what cannot be shows in some
+        best[some], missing = _nearest(skeleton, foot, _at(target, some), _at(root, some), start[some])
+        _check_reach(foot, missing, when[some])
+    _check_limits(skeleton, foot, best, when)
+    return best
 
 
 def foot_point(skeleton: Skeleton, foot: Foot, poses: Poses) -> Vector:
@@ -109,25 +109,47 @@ def _error_and_jacobian(
     return error, jacobian
 
 
-def _shortfall(
-    skeleton: Skeleton,
-    foot: Foot,
-    target: tuple[Vector, Vector],
-    root: tuple[Vector, Vector],
-    start: Vector,
-    rows: list[int],
-) -> float:
-    """Return how near one foot, flat, comes to a place [m]: heavily damped, so that it settles."""
+def _nearest(
+    skeleton: Skeleton, foot: Foot, target: tuple[Vector, Vector], root: tuple[Vector, Vector], start: Vector
+) -> tuple[Vector, Vector]:
+    """Return how near a foot, flat, comes: angles (m, n), and what is missing (m, 6) [m, rad].
+
+    Stretched legs, where Gauss and Newton's steps jump to and fro, settle with a damping as large as what is missing.
+    """
     angles, axes = start.copy(), list(foot.axes)
+    rows = ROWS[len(axes)]
     weight = np.where(np.array(rows) < 3, 1.0, _FLATNESS)
-    error = np.zeros((1, 6))
-    for _ in range(10 * _ROUNDS):
+    error = np.zeros((len(angles), 6))
+    for number in range(10 * _ROUNDS + 1):
         error, jacobian = _error_and_jacobian(skeleton, foot, target, root, angles)
-        part = weight[:, np.newaxis] * jacobian[0][rows]
-        angles[0, axes] += np.linalg.solve(
-            part.T @ part + _HEAVY_DAMPING * np.eye(len(axes)), part.T @ (weight * error[0, rows])
+        if number == 10 * _ROUNDS or np.abs(error[:, rows]).max() < _CLOSE:
+            break
+        part, left = weight[:, np.newaxis] * jacobian[:, rows], weight * error[:, rows]
+        damping = _DAMPING + _LEG * np.linalg.norm(left, axis=1)
+        square = part.transpose(0, 2, 1) @ part + damping[:, np.newaxis, np.newaxis] * np.eye(len(axes))
+        angles[:, axes] += np.linalg.solve(square, part.transpose(0, 2, 1) @ left[..., np.newaxis])[..., 0]
+    return angles, error
+
+
+def _check_reach(foot: Foot, missing: Vector, when: Vector) -> None:
+    """Check that of place and rotation (m, 6) [m, rad] nothing is missing where the leg is asked for it."""
+    rows = ROWS[len(foot.axes)]
+    if np.abs(missing[:, rows]).max() > _WRONG:
+        short = np.linalg.norm(missing[:, [row for row in rows if row < 3]], axis=1)
+        worst = int(short.argmax())
+        raise OutOfReach(
+            f"the leg of {foot.name} is out of reach by {_digits(1e3 * short[worst])} mm at {when[worst]:.2f} s;"
+            " take shorter or lower steps, or let the hips come down"
         )
-    return float(np.linalg.norm(error[0, [row for row in rows if row < 3]]))
+
+
+def _digits(value: float) -> str:
+    """Return a figure that is never shown as zero: at least two digits that count."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
+def _at(pose: tuple[Vector, Vector], rows: npt.NDArray[np.intp]) -> tuple[Vector, Vector]:
+    return pose[0][rows], pose[1][rows]
 
 
 def _check_limits(skeleton: Skeleton, foot: Foot, angles: Vector, when: Vector) -> None:
@@ -136,9 +158,9 @@ def _check_limits(skeleton: Skeleton, foot: Foot, angles: Vector, when: Vector) 
     for axis in foot.axes:
         beyond = np.maximum(lower[axis] - angles[:, axis], angles[:, axis] - upper[axis])
         row = int(beyond.argmax())
-        if beyond[row] > 0:
+        if beyond[row] > _ROUNDING:
             name, value = list(skeleton.model.axes)[axis], np.rad2deg(angles[row, axis])
             raise OutOfReach(
-                f"{name} would need {value:.1f} deg at {when[row]:.2f} s, {np.rad2deg(beyond[row]):.1f} deg beyond"
+                f"{name} would need {value:.1f} deg at {when[row]:.2f} s, {_digits(np.rad2deg(beyond[row]))} deg beyond"
                 f" its limits of {np.rad2deg(lower[axis]):.0f} to {np.rad2deg(upper[axis]):.0f} deg"
             )

@@ -11,7 +11,8 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.frames import Vector, pose_from_transform
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.paths import models_root
+from simrob_drake.robots.catalog import ROBOT_FILE, AxisValues, RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 
@@ -25,7 +26,7 @@ class JointMotion:
     """A planned motion of a robot.
 
     Attributes:
-        robot: the name of its model.
+        model: of the robot.
         feet: the kind of feet it is planned for; the default one if None.
         times: shape (m,) [s].
         positions: of the axes, shape (m, n) [rad].
@@ -34,7 +35,7 @@ class JointMotion:
         feed_velocity: whether the servos are told the reference's velocity, too.
     """
 
-    robot: str
+    model: RobotModel
     feet: str | None
     times: Vector
     positions: Vector
@@ -81,4 +82,6 @@ class JointMotion:
         settings.update({f"servo.{key}": value for key, value in self.servo.items()})
         if self.feet is not None:
             settings["robot.feet"] = self.feet
-        return load_station(name or f"{self.robot}_dynamic", {**settings, **(overrides or {})})
+        if self.model.folder != models_root() / self.model.name:
+            settings["robot.model"] = str(self.model.folder / ROBOT_FILE)
+        return load_station(name or f"{self.model.name}_dynamic", {**settings, **(overrides or {})})

@@ -1,4 +1,4 @@
-"""The figures of a robot's gaits, read from `models/<robot>/gaits.yaml`."""
+"""The figures of a robot's gaits, read from the `gaits.yaml` beside its `robot.yaml`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.paths import models_root
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.catalog import AxisValues, RobotModel
 from simrob_drake.robots.pieces import NotNegative, Positive
 from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 GAITS_FILE = "gaits.yaml"
+_SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
 
 
 class Bearing(Strict):
@@ -32,74 +33,71 @@ class Bearing(Strict):
     """Per axis, for a left foot that is a metre ahead of the right one [deg]."""
 
 
-class Walk(Strict):
-    """A walk on two legs."""
+class _Gait(Strict):
+    """What all gaits on feet have."""
+
+    rest: NotNegative = 1.0
+    """Time to stand at the end [s]."""
+    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
+    """Servo figures for it, in place of the station's: kp, kd."""
+
+
+class _Planned(_Gait):
+    """What gaits have whose legs are solved for."""
 
     bearing: Bearing
-    feet: str | None = None
-    """Kind of feet; the default one unless given."""
+    widen: Number = 0.0
+    """How much further out each foot stands than with straight legs, or below its hip [m]."""
+
+
+class _Stepping(_Planned):
+    """What gaits have that go in equal steps, on a straight line or a circle."""
+
     step_time: Positive
-    """From one footfall to the next [s]."""
+    """From one footfall, of a foot or a pair, to the next [s]."""
     step_length: Number = 0.0
     """How far each step brings the robot ahead; negative walks backward [m]."""
     sideways: Number = 0.0
     """How far each step brings it to the left [m]."""
     turn_deg: Number = 0.0
     """How far each step turns it to the left [deg]."""
-    lift: Positive = 0.03
-    """Height of the swinging foot [m]."""
-    double_support: Positive = 0.2
-    """Part of a step in which both feet stand."""
-    widen: Number = 0.0
-    """How much further out each foot stands than where straight legs have it [m]."""
-    zmp_inward: Number = 0.0
-    """How far inside of the middle of each foot the zero-moment point goes [m]."""
-    zmp_ahead: Number = 0.0
-    """How far ahead of the middle of each foot it goes [m]."""
     ramp_steps: int = Field(default=3, ge=0)
     """Steps in which the step length grows at the start and shrinks at the end."""
     settle: Positive = 0.6
     """Time to shift the weight at the start and at the end [s]."""
-    rest: NotNegative = 1.0
-    """Time to stand after that [s]."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
-class Trot(Strict):
+class Walk(_Stepping):
+    """A walk on two legs."""
+
+    feet: str | None = None
+    """Kind of feet; the default one unless given."""
+    lift: Positive = 0.03
+    """Height of the swinging foot [m]."""
+    double_support: Positive = 0.2
+    """Part of a step in which both feet stand."""
+    zmp_inward: Number = 0.0
+    """How far inside of the middle of each foot the zero-moment point goes [m]."""
+    zmp_ahead: Number = 0.0
+    """How far ahead of the middle of each foot it goes [m]."""
+
+
+class Trot(_Stepping):
     """A gait on four legs, diagonal pairs in turn."""
 
-    bearing: Bearing
-    step_time: Positive
-    """Time that a pair is in the air or stands [s]."""
-    step_length: Number = 0.0
-    """How far each step brings the robot ahead [m]."""
-    sideways: Number = 0.0
-    """How far each step brings it to the left [m]."""
-    turn_deg: Number = 0.0
-    """How far each step turns it to the left [deg]."""
+    ramp_steps: int = Field(default=4, ge=0)
+    """Steps in which the step length grows at the start and shrinks at the end."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
     lead: Number = 0.0
     """How far the trunk runs ahead of the middle of its feet, as a part of the step."""
     all_stand: Positive = 0.1
     """Part of a step in which all feet stand."""
-    widen: Number = 0.0
-    """How much further out each foot stands than below its hip [m]."""
-    ramp_steps: int = Field(default=4, ge=0)
-    """Steps in which the step length grows at the start and shrinks at the end."""
-    settle: Positive = 0.6
-    """Time before the first step and after the last one [s]."""
-    rest: NotNegative = 1.0
-    """Time to stand after that [s]."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
-class Crawl(Strict):
+class Crawl(_Planned):
     """A gait on four legs, one leg at a time."""
 
-    bearing: Bearing
     leg_time: Positive
     """From one leg's footfall to the next one's [s]."""
     stride: Number = 0.0
@@ -110,17 +108,24 @@ class Crawl(Strict):
     """Part of the leg's time in which all feet stand and the trunk goes over the next three."""
     inside: Positive = 0.04
     """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
-    widen: Number = 0.0
-    """How much further out each foot stands than below its hip [m]."""
     settle: Positive = 0.8
     """Time to stand before the first leg and after the last one [s]."""
-    rest: NotNegative = 1.0
-    """Time to stand after that [s]."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
-class March(Strict):
+class Stand(_Planned):
+    """Standing on three legs."""
+
+    foot: str
+    """Which foot is up."""
+    height: Positive = 0.03
+    """How high [m]."""
+    seconds: Positive = 5.0
+    """How long it stays there [s]."""
+    inside: Positive = 0.04
+    """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
+
+
+class March(_Gait):
     """A walk on two legs by joint angles, joined by straight lines: the thesis's manner."""
 
     move_time: Positive = 1.0
@@ -131,12 +136,8 @@ class March(Strict):
     """Postures of a step with the left foot; axes that are left out are as at the start. The right one mirrors them."""
     feet: str | None = None
     """Kind of feet; the default one unless given."""
-    rest: NotNegative = 1.0
-    """Time to stand at the end [s]."""
     feed_velocity: bool = False
     """Whether the servos are told the reference's velocity, too; not so in the thesis."""
-    servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
 
 
 class Posing(Strict):
@@ -148,6 +149,8 @@ class Posing(Strict):
     """Postures, and when to be there; axes that are left out stay."""
     repeat: int = Field(default=1, ge=1)
     """How often to go through the targets."""
+    held: bool = False
+    """Whether it is for a robot that is held by its trunk."""
     ramps: Literal["smooth", "linear"] = "smooth"
     """Smooth: at rest in every posture. Linear: straight lines, as in the thesis."""
     feet: str | None = None
@@ -165,24 +168,35 @@ class Gaits(Strict):
     trots: dict[str, Trot] = Field(default_factory=dict)
     crawls: dict[str, Crawl] = Field(default_factory=dict)
     marches: dict[str, March] = Field(default_factory=dict)
+    stands: dict[str, Stand] = Field(default_factory=dict)
     sequences: dict[str, Posing] = Field(default_factory=dict)
 
 
-def load_gaits(robot: str) -> Gaits:
-    """Return the gaits of a robot of the package.
+def load_gaits(robot: str | RobotModel) -> Gaits:
+    """Return the gaits of a robot, which stand beside its ``robot.yaml``.
+
+    Args:
+        robot: a robot of the package by its name, or any other's model.
 
     Raises:
         InvalidParameter: a robot without gaits.
         InvalidConfig: its file has a wrong entry.
     """
-    file = models_root() / robot / GAITS_FILE
+    name, folder = (robot, models_root() / robot) if isinstance(robot, str) else (robot.name, robot.folder)
+    file = folder / GAITS_FILE
     if not file.is_file():
-        raise InvalidParameter(f"robot {robot}", "one without gaits", f"one with a file {GAITS_FILE}")
+        raise InvalidParameter(f"robot {name}", "one without gaits", f"one with a file {GAITS_FILE}")
     return validated(Gaits, read_yaml(file), file)
 
 
-def gait(known: Mapping[str, Any], name: str, changes: Mapping[str, Any]) -> Any:
+def gait(known: Mapping[str, Any], name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
     """Return a gait by its name, with some of its figures changed.
+
+    Args:
+        known: gaits by name.
+        name: which.
+        changes: figures in place of the gait's own.
+        amplitude: scales lengths and turns of its steps.
 
     Raises:
         UnknownName: no such gait.
@@ -191,4 +205,5 @@ def gait(known: Mapping[str, Any], name: str, changes: Mapping[str, Any]) -> Any
     if name not in known:
         raise UnknownName("gait", name, known)
     found = known[name]
-    return validated(type(found), {**found.model_dump(exclude_unset=True), **changes}, f"gait {name}")
+    scaled = {key: amplitude * value for key in _SCALED if (value := getattr(found, key, 0.0))}
+    return validated(type(found), {**found.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")

@@ -8,13 +8,13 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import Crawl, Trot, gait, load_gaits
+from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot, gait
 from simrob_drake.programs.gaits.phases import Phase, course
-from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.programs.gaits.stepping import carriage, on_path, ramp_shares
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
+from simrob_drake.robots.catalog import RobotModel
 
 PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left_foot"))
 """Feet that a trot swings together."""
@@ -22,13 +22,16 @@ CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_ri
 """Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
 
 
-def trot(robot: str, steps: int, name: str = "trot", **changes: Any) -> JointMotion:
+def trot(
+    robot: str | RobotModel, steps: int, name: str = "trot", *, amplitude: float = 1.0, **changes: Any
+) -> JointMotion:
     """Plan a trot: diagonal pairs in turn; the last step brings the feet under the hips.
 
     Args:
-        robot: the name of its model.
+        robot: its name, or its model.
         steps: how many, at least two.
         name: of the trot in the robot's `gaits.yaml`.
+        amplitude: scales length, way sideways and turn of the steps.
         changes: figures of :class:`Trot` to change.
 
     Raises:
@@ -36,10 +39,11 @@ def trot(robot: str, steps: int, name: str = "trot", **changes: Any) -> JointMot
         InvalidParameter: a robot that has other than four feet, or too few steps.
         UnknownName: no such trot.
     """
-    figures: Trot = gait(load_gaits(robot).trots, name, changes)
+    walker = Walker.of(robot)
+    figures: Trot = gait(walker.gaits.trots, name, changes, amplitude)
     if steps < 2:
         raise InvalidParameter("steps", steps, "at least 2")
-    start = _stance(robot, figures)
+    start = _stance(walker, figures)
     phases, pose = [Phase(figures.settle, np.zeros(2), 0.0)], np.zeros(3)
     move = np.array([figures.step_length, figures.sideways, np.deg2rad(figures.turn_deg)])
     stand = figures.all_stand * figures.step_time
@@ -60,16 +64,19 @@ def trot(robot: str, steps: int, name: str = "trot", **changes: Any) -> JointMot
         )
         pose = landing
     phases.append(Phase(figures.settle + figures.rest, pose[:2], figures.settle, heading=pose[2]))
-    return _solved(robot, figures, start, phases)
+    return _solved(walker, figures, start, phases)
 
 
-def crawl(robot: str, legs: int, name: str = "crawl", **changes: Any) -> JointMotion:
+def crawl(
+    robot: str | RobotModel, legs: int, name: str = "crawl", *, amplitude: float = 1.0, **changes: Any
+) -> JointMotion:
     """Plan a crawl: one leg after the other, the zero-moment point well inside of the other three feet.
 
     Args:
-        robot: the name of its model.
+        robot: its name, or its model.
         legs: how many legs swing in all; a multiple of four ends as it began.
         name: of the crawl in the robot's `gaits.yaml`.
+        amplitude: scales the stride.
         changes: figures of :class:`Crawl` to change.
 
     Raises:
@@ -77,10 +84,11 @@ def crawl(robot: str, legs: int, name: str = "crawl", **changes: Any) -> JointMo
         InvalidParameter: a robot that has other than four feet, or no legs to swing.
         UnknownName: no such crawl.
     """
-    figures: Crawl = gait(load_gaits(robot).crawls, name, changes)
+    walker = Walker.of(robot)
+    figures: Crawl = gait(walker.gaits.crawls, name, changes, amplitude)
     if legs < 1:
         raise InvalidParameter("legs", legs, "at least 1")
-    start = _stance(robot, figures)
+    start = _stance(walker, figures)
     place = {foot: at.copy() for foot, at in start.items()}
     shift = figures.shift * figures.leg_time
     phases = [Phase(figures.settle, np.zeros(2), 0.0)]
@@ -102,43 +110,37 @@ def crawl(robot: str, legs: int, name: str = "crawl", **changes: Any) -> JointMo
         place[swinging] = goal
     end = np.mean([at[:2] for at in place.values()], axis=0)
     phases.append(Phase(figures.settle + figures.rest, end, figures.settle))
-    return _solved(robot, figures, start, phases)
+    return _solved(walker, figures, start, phases)
 
 
-def three_legs(
-    robot: str, foot: str, *, height: float = 0.03, seconds: float = 5.0, name: str = "crawl"
-) -> JointMotion:
+def three_legs(robot: str | RobotModel, name: str = "three_legs", **changes: Any) -> JointMotion:
     """Plan to lift one foot and stand on the other three.
 
     Args:
-        robot: the name of its model.
-        foot: which to lift.
-        height: how high [m].
-        seconds: how long it stays there [s].
-        name: of the crawl in the robot's `gaits.yaml` whose stance and margin to take.
+        robot: its name, or its model.
+        name: of the stand in the robot's `gaits.yaml`.
+        changes: figures of :class:`Stand` to change, such as ``foot``.
 
     Raises:
         OutOfReach: a foot that cannot be lifted so high.
-        UnknownName: no such foot.
-        InvalidParameter: a height or a time that is not positive.
+        UnknownName: no such stand or foot.
+        InvalidConfig: a height or a time that is not positive.
     """
-    for figure, value in (("height", height), ("seconds", seconds)):
-        if not (np.isfinite(value) and value > 0):
-            raise InvalidParameter(figure, value, "positive")
-    figures: Crawl = gait(load_gaits(robot).crawls, name, {})
-    start = _stance(robot, figures)
+    walker = Walker.of(robot)
+    figures: Stand = gait(walker.gaits.stands, name, changes)
+    start, foot = _stance(walker, figures), figures.foot
     if foot not in start:
-        raise UnknownName(f"foot of {robot}", foot, start)
+        raise UnknownName(f"foot of {walker.model.name}", foot, start)
     triangle = np.array([at[:2] for other, at in start.items() if other != foot])
     over = moved_inside(np.zeros(2), triangle, figures.inside)
     rise = 0.6
     phases = [
         Phase(0.5, np.zeros(2), 0.0),
         Phase(1.0, over, 1.0),
-        Phase(seconds + 2 * rise, over, 0.0, {foot: start[foot]}, lift=height, hold=seconds),
+        Phase(figures.seconds + 2 * rise, over, 0.0, {foot: start[foot]}, lift=figures.height, hold=figures.seconds),
         Phase(1.0 + figures.rest, np.zeros(2), 1.0),
     ]
-    return _solved(robot, figures, start, phases)
+    return _solved(walker, figures, start, phases)
 
 
 def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
@@ -169,15 +171,18 @@ def _doubled_area(a: Vector, b: Vector, c: Vector) -> float:
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
-def _stance(robot: str, figures: Trot | Crawl) -> dict[str, Vector]:
+def _stance(walker: Walker, figures: Trot | Crawl | Stand) -> dict[str, Vector]:
     """Return where the feet stand about the middle of them, shape (3,) each [m, rad]."""
-    feet = feet_of(skeleton_of(robot), load_gaits(robot).facing_deg)
+    feet = walker.feet()
     if sorted(foot.name for foot in feet) != sorted(CRAWL_ORDER):
-        raise InvalidParameter(f"robot {robot}", f"one with {len(feet)} feet", "one with four feet, to walk so")
+        raise InvalidParameter(
+            f"robot {walker.model.name}", f"one with {len(feet)} feet", "one with four feet, to walk so"
+        )
     return {foot.name: np.array([foot.home[0], foot.home[1] + foot.side * figures.widen, 0.0]) for foot in feet}
 
 
-def _solved(robot: str, figures: Trot | Crawl, start: dict[str, Vector], phases: list[Phase]) -> JointMotion:
+def _solved(
+    walker: Walker, figures: Trot | Crawl | Stand, start: dict[str, Vector], phases: list[Phase]
+) -> JointMotion:
     way = course(start, np.zeros(2), phases)
-    body = WholeBody(carriage(robot, figures), way)
-    return body.solve()[0]
+    return WholeBody(walker, carriage(walker, figures), way).solve()[0]

@@ -4,36 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import March, Posing, load_gaits
+from simrob_drake.programs.gaits.parameters import March, Posing, gait
 from simrob_drake.programs.gaits.phases import SAMPLE, smooth
-from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.programs.gaits.skeleton import Skeleton
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
 
-def posing(robot: str, name: str) -> JointMotion:
+def posing(robot: str | RobotModel, name: str, **changes: Any) -> JointMotion:
     """Return one of a robot's sequences of postures.
 
     Args:
-        robot: the name of its model.
+        robot: its name, or its model.
         name: of the sequence in the robot's `gaits.yaml`.
+        changes: figures of :class:`Posing` to change.
 
     Raises:
         UnknownName: no such sequence, or an axis that is none.
+        InvalidConfig: a figure that cannot be.
+        InvalidParameter: targets whose times do not rise.
     """
-    known = load_gaits(robot).sequences
-    if name not in known:
-        raise UnknownName(f"sequence of {robot}", name, known)
-    figures: Posing = known[name]
-    model = skeleton_of(robot).model
+    walker = Walker.of(robot)
+    figures: Posing = gait(walker.gaits.sequences, name, changes)
+    model = walker.model
     start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
     times, postures = [0.0], [start]
     for number in range(figures.repeat):
@@ -41,29 +43,32 @@ def posing(robot: str, name: str) -> JointMotion:
         for target in figures.targets:
             times.append(begun + target.time)
             postures.append(_vector(model, target.target_deg, postures[-1]))
-    return _motion(robot, figures.feet, times, postures, figures.ramps, figures.rest)
+    if (np.diff(times) <= 0).any():
+        raise InvalidParameter("targets", f"at {[target.time for target in figures.targets]} s", "one after the other")
+    return _motion(walker, figures.feet, times, postures, figures.ramps, figures.rest)
 
 
-def march(robot: str, steps: int, name: str = "march", *, amplitude: float = 1.0) -> JointMotion:
+def march(
+    robot: str | RobotModel, steps: int, name: str = "march", *, amplitude: float = 1.0, **changes: Any
+) -> JointMotion:
     """Return a walk by joint angles in the thesis's manner: each step a few sub-moves, left and right in turn.
 
     Args:
-        robot: the name of its model.
+        robot: its name, or its model.
         steps: how many, at least two; the first and the last one are half as long.
         name: of the march in the robot's `gaits.yaml`.
         amplitude: scales how far all joints go from the posture at the start, which keeps their proportions.
+        changes: figures of :class:`March` to change.
 
     Raises:
         InvalidParameter: fewer than two steps, or an amplitude that is not positive.
         UnknownName: no such march.
     """
-    known = load_gaits(robot).marches
-    if name not in known:
-        raise UnknownName(f"march of {robot}", name, known)
+    walker = Walker.of(robot)
+    figures: March = gait(walker.gaits.marches, name, changes)
     if steps < 2 or not amplitude > 0:
         raise InvalidParameter("steps, amplitude", (steps, amplitude), "at least 2, and positive")
-    figures: March = known[name]
-    model = skeleton_of(robot).model
+    model = walker.model
     start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
     left = [_vector(model, posture, start) for posture in figures.left]
     moves = {0: left, 1: [mirrored(model, posture) for posture in left]}
@@ -73,13 +78,12 @@ def march(robot: str, steps: int, name: str = "march", *, amplitude: float = 1.0
         sub_moves = moves[step % 2] if step < steps - 1 else [*moves[step % 2][:-1], start]
         postures += [start + share * (posture - start) for posture in sub_moves]
     times = np.arange(len(postures)) * figures.move_time
-    motion = _motion(robot, figures.feet, list(times), postures, "linear", figures.rest)
+    motion = _motion(walker, figures.feet, list(times), postures, "linear", figures.rest)
     return replace(motion, servo=figures.servo, feed_velocity=figures.feed_velocity)
 
 
-def standing_height(robot: str, angles: Vector, feet: str | None = None) -> float:
+def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None) -> float:
     """Return how high the root of a robot is while its lowest foot touches the floor [m]."""
-    skeleton = skeleton_of(robot)
     poses = skeleton.poses((np.eye(3)[np.newaxis], np.zeros((1, 3))), angles[np.newaxis])
     lowest = 0.0
     if skeleton.model.feet is None:
@@ -102,7 +106,7 @@ def _vector(model: RobotModel, values: AxisValues, otherwise: Vector) -> Vector:
 
 
 def _motion(
-    robot: str,
+    walker: Walker,
     feet: str | None,
     times: Sequence[float],
     postures: Sequence[Vector],
@@ -118,6 +122,6 @@ def _motion(
         share = smooth(share)
     table = np.array(postures)
     positions = table[piece] + share[:, np.newaxis] * (table[piece + 1] - table[piece])
-    count, height = len(at), standing_height(robot, table[0], feet)
+    count, height = len(at), standing_height(walker.skeleton, table[0], feet)
     root = np.tile(np.eye(3), (count, 1, 1)), np.tile([0.0, 0.0, height], (count, 1))
-    return JointMotion(robot, feet, at, positions, root)
+    return JointMotion(walker.model, feet, at, positions, root)

@@ -16,9 +16,8 @@ from pydrake.multibody.tree import Joint, ModelInstanceIndex, RigidBody
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel, load_robot
-from simrob_drake.robots.parse import add_urdf
-from simrob_drake.robots.urdf import with_absolute_meshes
 
 ROOT = 0
 """Place of the root among the bodies; axis ``i`` moves body ``i + 1``."""
@@ -130,9 +129,13 @@ def _turn_parts(direction: Vector) -> Vector:
     return np.array([np.eye(3), cross, cross @ cross])
 
 
+def skeleton_of(robot: str | RobotModel) -> Skeleton:
+    """Return the skeleton of a robot of the package by its name, or of any other's model; see :func:`skeleton`."""
+    return _of_package(robot) if isinstance(robot, str) else skeleton(robot)
+
+
 @lru_cache(maxsize=8)
-def skeleton_of(robot: str) -> Skeleton:
-    """Return the skeleton of a robot of the package."""
+def _of_package(robot: str) -> Skeleton:
     return skeleton(load_robot(robot))
 
 
@@ -142,11 +145,8 @@ def skeleton(model: RobotModel) -> Skeleton:
     Raises:
         InvalidParameter: a robot with a joint that is no axis, or that slides.
     """
-    plant = MultibodyPlant(0.0)
-    urdf = with_absolute_meshes(model.element, model.folder)
-    instance = add_urdf(plant, urdf, name=model.name, where=model.urdf_path, collision=False)
-    plant.Finalize()
-    joints = [plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()]
+    alone = lone_robot(model, floating=True, collision=False)
+    plant, instance, joints = alone.plant, alone.instance, alone.joints
     moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices(instance)) if joint.num_velocities() == 1]
     odd = [joint.name() for joint in moving if joint.type_name() != "revolute" or joint.name() not in _names(joints)]
     if odd:
@@ -154,7 +154,6 @@ def skeleton(model: RobotModel) -> Skeleton:
     bodies = [plant.GetFrameByName(model.root, instance).body(), *(joint.child_body() for joint in joints)]
     index = {body.index(): place for place, body in enumerate(bodies)}
     parents = tuple(index[joint.parent_body().index()] for joint in joints)
-    signs = np.array([axis.sign for axis in model.axes.values()], dtype=float)
     before = [joint.frame_on_parent().GetFixedPoseInBodyFrame() for joint in joints]
     after = [joint.frame_on_child().GetFixedPoseInBodyFrame().inverse() for joint in joints]
     return Skeleton(
@@ -162,7 +161,7 @@ def skeleton(model: RobotModel) -> Skeleton:
         parents=parents,
         order=_outward(parents),
         before=(_stack([x.rotation().matrix() for x in before]), _stack([x.translation() for x in before])),
-        directions=signs[:, np.newaxis] * _stack([joint.revolute_axis() for joint in joints]),
+        directions=alone.signs[:, np.newaxis] * _stack([joint.revolute_axis() for joint in joints]),
         after=(_stack([x.rotation().matrix() for x in after]), _stack([x.translation() for x in after])),
         points=_stack([_points(body) for body in bodies]),
         masses=np.array([body.default_mass() for body in bodies]),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.parameters import Crawl, Trot, Walk, load_gaits
-from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot, Walk
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import Carriage
 
 
@@ -24,12 +24,10 @@ def ramp_shares(steps: int, ramp_steps: int) -> Vector:
     return np.minimum(1.0, np.minimum(rising, falling))
 
 
-def carriage(robot: str, figures: Walk | Trot | Crawl, feet: str | None = None) -> Carriage:
+def carriage(walker: Walker, figures: Walk | Trot | Crawl | Stand, feet: str | None = None) -> Carriage:
     """Return how a robot carries itself, from the figures of a gait."""
-    model, bearing = skeleton_of(robot).model, figures.bearing
+    model, bearing = walker.model, figures.bearing
     return Carriage(
-        robot=robot,
-        facing_deg=load_gaits(robot).facing_deg,
         height=bearing.height,
         pitch=float(np.deg2rad(bearing.pitch_deg)),
         posture=np.deg2rad(model.axis_vector(bearing.posture_deg, "posture_deg")),

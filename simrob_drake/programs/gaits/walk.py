@@ -8,25 +8,29 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.feet import Foot, feet_of
+from simrob_drake.programs.gaits.feet import Foot
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import Walk, gait, load_gaits
+from simrob_drake.programs.gaits.parameters import Walk, gait
 from simrob_drake.programs.gaits.phases import Phase, course
-from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.programs.gaits.stepping import carriage, on_path, ramp_shares
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
+from simrob_drake.robots.catalog import RobotModel
 
 SIDES = ("right_foot", "left_foot")
 """Who steps first, and who next."""
 
 
-def walk(robot: str, steps: int, name: str = "walk", **changes: Any) -> JointMotion:
+def walk(
+    robot: str | RobotModel, steps: int, name: str = "walk", *, amplitude: float = 1.0, **changes: Any
+) -> JointMotion:
     """Plan a walk of a robot with two legs.
 
     Args:
-        robot: the name of its model.
+        robot: its name, or its model.
         steps: how many, at least two; the last one brings the feet side by side.
         name: of the walk in the robot's `gaits.yaml`.
+        amplitude: scales length, way sideways and turn of the steps.
         changes: figures of :class:`Walk` to change.
 
     Raises:
@@ -34,18 +38,18 @@ def walk(robot: str, steps: int, name: str = "walk", **changes: Any) -> JointMot
         InvalidParameter: a robot that cannot walk so.
         UnknownName: no such walk.
     """
-    figures: Walk = gait(load_gaits(robot).walks, name, changes)
-    return planned_walk(robot, steps, figures)[0]
+    walker = Walker.of(robot)
+    figures: Walk = gait(walker.gaits.walks, name, changes, amplitude)
+    return planned_walk(walker, steps, figures)[0]
 
 
-def planned_walk(robot: str, steps: int, figures: Walk) -> tuple[JointMotion, Vector, Vector]:
+def planned_walk(walker: Walker, steps: int, figures: Walk) -> tuple[JointMotion, Vector, Vector]:
     """Return a walk, and its zero-moment point as asked for and as planned, each (m, 2) [m]."""
-    facing = load_gaits(robot).facing_deg
-    feet = {foot.name: foot for foot in feet_of(skeleton_of(robot), facing, figures.feet)}
-    _check(robot, steps, figures, feet)
+    feet = {foot.name: foot for foot in walker.feet(figures.feet)}
+    _check(walker.model.name, steps, figures, feet)
     start = {name: np.array([0.0, foot.home[1] + foot.side * figures.widen, 0.0]) for name, foot in feet.items()}
     way = course(start, np.array([figures.zmp_ahead, 0.0]), _phases(steps, figures, start))
-    motion, zmp = WholeBody(carriage(robot, figures, figures.feet), way).solve()
+    motion, zmp = WholeBody(walker, carriage(walker, figures, figures.feet), way).solve()
     return motion, way.zmp, zmp
 
 

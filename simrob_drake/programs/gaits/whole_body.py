@@ -17,14 +17,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.feet import UP, Foot, facing_rotation, feet_of
+from simrob_drake.programs.gaits.feet import UP, facing_rotation
 from simrob_drake.programs.gaits.leg_angles import foot_point, leg_angles
 from simrob_drake.programs.gaits.lipm import com_from_zmp
 from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
 from simrob_drake.programs.gaits.rolling import rolled
-from simrob_drake.programs.gaits.skeleton import Skeleton, rotations_about, skeleton_of
+from simrob_drake.programs.gaits.skeleton import rotations_about
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.robots.catalog import AxisValues
 
@@ -39,8 +40,6 @@ class Carriage:
     """How a robot carries itself while its feet go their way.
 
     Attributes:
-        robot: the name of its model.
-        facing_deg: where it looks while its root is not turned, counterclockwise from x [deg].
         height: of the root over the floor [m].
         pitch: of the trunk, forward [rad].
         posture: angles of all axes, shape (n,) [rad]; those of the legs are where the solution begins.
@@ -50,8 +49,6 @@ class Carriage:
         servo: figures of the servos for it, in place of the station's.
     """
 
-    robot: str
-    facing_deg: float
     height: float
     pitch: float
     posture: Vector
@@ -72,11 +69,11 @@ class _Trunk:
 class WholeBody:
     """Solves the posture of a robot for a course."""
 
-    def __init__(self, carriage: Carriage, course: Course) -> None:
+    def __init__(self, walker: Walker, carriage: Carriage, course: Course) -> None:
         """Prepare for a course."""
-        self.carriage, self.course = carriage, course
-        self.skeleton: Skeleton = skeleton_of(carriage.robot)
-        self.feet: list[Foot] = feet_of(self.skeleton, carriage.facing_deg, carriage.feet)
+        self.walker, self.carriage, self.course = walker, carriage, course
+        self.skeleton, self.facing_deg = walker.skeleton, walker.gaits.facing_deg
+        self.feet = walker.feet(carriage.feet)
         self.leans = any(len(foot.axes) == 4 for foot in self.feet)
         self._rolled = {foot.name: np.zeros((len(course.times), 2)) for foot in self.feet}
 
@@ -112,7 +109,7 @@ class WholeBody:
         lean, count = trunk.lean, len(trunk.lean)
         turned = rotations_about(UP, course.heading)
         rotation = turned @ rotations_about(LEFT, np.full(count, carriage.pitch)) @ rotations_about(AHEAD, lean)
-        rotation = rotation @ facing_rotation(carriage.facing_deg)
+        rotation = rotation @ facing_rotation(self.facing_deg)
         position = np.column_stack([trunk.place, np.full(count, carriage.height)])
         angles = self._with_arms(angles, lean)
         apart = np.zeros(count)
@@ -156,7 +153,7 @@ class WholeBody:
 
         A lean moves the centre of mass to the left [m/rad], as a pendulum of some height would [m].
         """
-        short = WholeBody(self.carriage, _first_sample(self.course))
+        short = WholeBody(self.walker, self.carriage, _first_sample(self.course))
         angles, points = self.carriage.posture[np.newaxis], []
         for lean in (_NUDGE, 0.0):  # to one side: arms answer to each side by themselves
             angles, root = short._postures(_Trunk(self.course.zmp[:1], np.array([lean])), angles)
@@ -172,11 +169,11 @@ class WholeBody:
 
     def _in_the_world(self, angles: Vector, root: tuple[Vector, Vector]) -> JointMotion:
         """Return the motion, turned from walking along x to where the robot looks, and begun over the origin."""
-        facing = facing_rotation(-self.carriage.facing_deg)
+        facing = facing_rotation(-self.facing_deg)
         start = root[1][0] * [1.0, 1.0, 0.0]
         turned = facing @ root[0], (root[1] - start) @ facing.T
         return JointMotion(
-            self.carriage.robot, self.carriage.feet, self.course.times, angles, turned, self.carriage.servo
+            self.walker.model, self.carriage.feet, self.course.times, angles, turned, self.carriage.servo
         )
 
 

@@ -8,6 +8,7 @@ from simrob_drake.programs.gaits.feet import facing_rotation, feet_of
 from simrob_drake.programs.gaits.leg_angles import ROWS, OutOfReach, foot_point, leg_angles
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.programs.gaits.walk import walk
 
 COUNT = 50
 
@@ -45,6 +46,32 @@ def straight_down(beyond):
 def test_a_leg_out_of_reach_says_which_when_and_by_how_much():
     with pytest.raises(OutOfReach, match=r"rear_left_foot is out of reach by 17 mm at 1\.25 s"):
         straight_down(0.017)
+
+
+def told(error):
+    """Return by how much a leg is told to be out of reach [m]."""
+    return 1e-3 * float(str(error.value).split("out of reach by ")[1].split(" mm")[0])
+
+
+@pytest.mark.parametrize("beyond", [0.173, 0.0173, 0.0031, 0.00042, 0.00012])
+def test_what_is_missing_is_told_and_never_as_nothing(beyond):
+    with pytest.raises(OutOfReach) as error:
+        straight_down(beyond)
+    assert told(error) == pytest.approx(beyond, rel=0.06)  # two digits
+
+
+def test_what_nobody_sees_is_in_reach():
+    """Half of a tenth of a millimetre: the leg is straight, to a hundredth of its length."""
+    knee = skeleton_of("yobotics").model.axis_index("rear_left_knee")
+    assert abs(straight_down(0.00005)[0, knee]) < 0.1
+
+
+def test_a_plan_is_refused_for_its_worst_moment_and_soon():
+    with pytest.raises(OutOfReach) as few:
+        walk("humanoid", 12, step_length=0.2)
+    with pytest.raises(OutOfReach) as many:
+        walk("humanoid", 40, step_length=0.2)
+    assert told(many) == pytest.approx(told(few), rel=0.1)
 
 
 def test_a_leg_nearly_straight_is_in_reach():

@@ -14,6 +14,7 @@ from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_insi
 from simrob_drake.programs.gaits.rolling import rolled
 from simrob_drake.programs.gaits.skeleton import rotations_about, skeleton_of
 from simrob_drake.programs.gaits.walk import planned_walk, walk
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.standing import standing
@@ -23,7 +24,7 @@ WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("z
 
 def feet_in_walking_direction(motion):
     """Return the feet, the place of each (m, 3) and its rotation from flat and ahead (m, 3, 3)."""
-    skeleton, facing = skeleton_of(motion.robot), load_gaits(motion.robot).facing_deg
+    skeleton, facing = skeleton_of(motion.model), load_gaits(motion.model).facing_deg
     back = facing_rotation(facing)
     root = back @ motion.root[0], motion.root[1] @ back.T
     poses = skeleton.poses(root, motion.positions)
@@ -64,7 +65,7 @@ def test_soles_stay_flat_and_the_zero_moment_point_over_those_that_stand(robot, 
 
 @pytest.mark.parametrize(("robot", "name"), WALKS)
 def test_the_zero_moment_point_is_where_it_was_asked_for(robot, name):
-    _, wanted, planned = planned_walk(robot, 6, load_gaits(robot).walks[name])
+    _, wanted, planned = planned_walk(Walker.of(robot), 6, load_gaits(robot).walks[name])
     assert np.abs(wanted - planned).max() < 5e-4
 
 
@@ -95,7 +96,7 @@ def test_feet_of_a_crawl_roll_and_its_zero_moment_point_stays_inside():
 
 @pytest.mark.parametrize("foot", CRAWL_ORDER)
 def test_a_foot_is_lifted_as_high_and_as_long_as_asked(foot):
-    motion = three_legs("yobotics", foot, height=0.035, seconds=2.0)
+    motion = three_legs("yobotics", foot=foot, height=0.035, seconds=2.0)
     _, places, _, _ = feet_in_walking_direction(motion)
     assert (places[foot][:, 2] > 0.0349).sum() * SAMPLE >= 2.0
     assert all(place[:, 2].max() < 1e-5 for name, place in places.items() if name != foot)
@@ -143,9 +144,9 @@ def test_a_swing_rises_and_lands():
         (lambda: walk("yobotics", 10), UnknownName, "walk"),
         (lambda: trot("yobotics", 1), InvalidParameter, "steps"),
         (lambda: crawl("yobotics", 0), InvalidParameter, "legs"),
-        (lambda: three_legs("yobotics", "rear_left_foot", seconds=-1), InvalidParameter, "seconds"),
-        (lambda: three_legs("yobotics", "left_foot"), UnknownName, "left_foot"),
-        (lambda: three_legs("yobotics", "rear_left_foot", height=0.5), OutOfReach, "rear_left"),
+        (lambda: three_legs("yobotics", foot="rear_left_foot", seconds=-1), InvalidConfig, "seconds"),
+        (lambda: three_legs("yobotics", foot="left_foot"), UnknownName, "left_foot"),
+        (lambda: three_legs("yobotics", foot="rear_left_foot", height=0.5), OutOfReach, "rear_left"),
     ],
 )
 def test_what_cannot_be_is_refused(plan, error, says):

@@ -22,7 +22,7 @@ def test_the_height_at_which_a_robot_stands_is_that_of_its_station(robot):
     entry = load_station(f"{robot}_dynamic").robots["robot"]
     model = load_robot(robot)
     angles = np.deg2rad(model.axis_vector(entry.initial_deg, "initial_deg"))
-    assert standing_height(robot, angles, entry.feet) == pytest.approx(entry.base[2], abs=1e-5)
+    assert standing_height(skeleton_of(robot), angles, entry.feet) == pytest.approx(entry.base[2], abs=1e-5)
 
 
 def test_left_and_right_change_places_and_turns_their_sense():
@@ -60,6 +60,11 @@ def test_the_soles_of_the_march_stay_flat():
         assert np.rad2deg(tilt).max() < 1.01
 
 
+def test_figures_of_sequences_and_marches_can_be_changed():
+    assert march("humanoid", 4, move_time=0.5).duration == pytest.approx((march("humanoid", 4).duration - 1) / 2 + 1)
+    assert posing("humanoid", "bow", rest=0).duration == pytest.approx(posing("humanoid", "bow").duration - 1)
+
+
 def test_the_march_scales_with_its_amplitude():
     whole, half = march("humanoid", 3).positions, march("humanoid", 3, amplitude=0.5).positions
     np.testing.assert_allclose(half - half[0], 0.5 * (whole - whole[0]), atol=1e-12)
@@ -69,6 +74,7 @@ def test_the_march_scales_with_its_amplitude():
     ("plan", "error", "says"),
     [
         (lambda: posing("humanoid", "jump"), UnknownName, "jump"),
+        (lambda: posing("humanoid", "bow", targets=[{"time": 1, "target_deg": {}}] * 2), InvalidParameter, "targets"),
         (lambda: march("roid1", 4), UnknownName, "march"),
         (lambda: march("humanoid", 1), InvalidParameter, "steps"),
         (lambda: march("humanoid", 4, amplitude=0), InvalidParameter, "amplitude"),

@@ -15,7 +15,7 @@ from simrob_drake.programs.gaits.walk import walk
 
 def walked(motion, overrides=None):
     result = simulate(motion.station(overrides), reference=motion.trajectory(), progress=False)
-    return result, journey(result, load_gaits(motion.robot).facing_deg)
+    return result, journey(result, load_gaits(motion.model).facing_deg)
 
 
 def planned_way(motion):
@@ -73,7 +73,7 @@ def test_a_turning_walk_turns_the_robot():
 
 
 def test_a_foot_stays_up_for_as_long_as_asked():
-    motion = three_legs("yobotics", "front_left_foot", seconds=2.0)
+    motion = three_legs("yobotics", foot="front_left_foot", seconds=2.0)
     result, found = walked(motion)
     foot = next(foot for foot in feet_of(skeleton_of("yobotics"), 0.0) if foot.name == "front_left_foot")
     plant = result.plant.plant

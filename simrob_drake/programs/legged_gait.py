@@ -1,0 +1,142 @@
+"""Let a robot perform a gait from where it stands: the way into the gait's first posture, and what it stands on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.trajectories import PiecewisePolynomial
+
+from simrob_drake.blocks.references import sequence
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.programs.checks import check_limits
+from simrob_drake.programs.gaits.motion import MAX_STEP, JointMotion
+from simrob_drake.programs.gaits.registry import Kind, gaits_of
+from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.stations.config import FloorConfig, Input, ServoConfig, StationConfig
+from simrob_drake.stations.solver_config import ContinuousSolver
+
+_READY_TIME = 2.0
+"""Time to take the posture in which a gait begins [s]."""
+_SETTLE_TIME = 0.5
+"""Time to stand in it [s]."""
+_SAMPLE = 0.01  # s between the samples of the way into it
+_BESIDE = 1.0  # floor beyond the way [m]
+
+
+def planned_gait(
+    robot: LeggedGeometry,
+    name: str | None,
+    changes: Mapping[str, Any],
+    *,
+    steps: int | None = None,
+    amplitude: float = 1.0,
+) -> JointMotion:
+    """Plan a gait that suits a robot and its station; nothing moves.
+
+    Args:
+        robot: whose gait.
+        name: of the gait; with steps the first for the robot's feet if None.
+        changes: figures of the gait in place of its own.
+        steps: how many; None for gaits that go no steps.
+        amplitude: scales the steps.
+
+    Raises:
+        SimrobError: as :meth:`simrob_drake.LeggedRobot.walk`.
+    """
+    model = robot.model
+    what = "act" if steps is None else "gait"
+    known = gaits_of(model, steps=steps is not None)
+    default = model.feet.default if model.feet else None
+    worn = robot.cell.config.robots[robot.name].feet or default
+    name = _first_for(worn, default, known, model.name) if name is None else name
+    if name not in known:
+        raise UnknownName(f"{what} of {model.name}", name, known)
+    kind, figures = known[name]
+    for key in changes:
+        if key not in type(figures).model_fields:
+            raise UnknownName(f"figure of the {what} {name}", key, type(figures).model_fields)
+    _check_station(robot, kind, name, held=getattr(figures, "held", False))
+    if steps is None:
+        motion = kind.plan(model, name, **changes)
+    else:
+        motion = kind.plan(model, steps, name, amplitude=amplitude, **changes)
+    if kind.on_feet and (made_for := motion.feet or default) != worn:
+        raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made_for}, for which {name} is made")
+    check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
+    return motion
+
+
+def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
+    """Run a gait from where a robot stands, and return the run; the floor stays as large as it had to become."""
+    cell, own = robot.cell, robot.cell.config
+    adapted = _adapted(robot, motion)
+    times, positions, velocities = _from_here(robot.reference, motion)
+    trajectory = PiecewisePolynomial.CubicHermite(times, positions.T, velocities.T)
+    cell.change(adapted)
+    result = cell.follow({robot.name: trajectory}, float(times[-1]))
+    cell.change(own.model_copy(update={"floor": adapted.floor}))
+    return result
+
+
+def _first_for(feet: str | None, default: str | None, known: Mapping[str, tuple[Kind, Any]], model: str) -> str:
+    """Return the name of the first gait that is made for a kind of feet; those that name none are for the default."""
+    for name, (_, figures) in known.items():
+        if (getattr(figures, "feet", None) or default) == feet:
+            return name
+    raise InvalidParameter(f"gait of {model}", "none", f"one for the feet {feet}")
+
+
+def _check_station(robot: LeggedGeometry, kind: Kind, name: str, *, held: bool) -> None:
+    """Check that a robot stands, or hangs, as a gait needs it."""
+    model, config = robot.model, robot.cell.config
+    floats = robot.cell.model.floats(robot.name)
+    if held and floats:
+        raise InvalidParameter("station", config.name, f"one that holds {model.name} by its trunk, for {name}")
+    if kind.on_feet and (not floats or config.floor is None or config.contact is None):
+        raise InvalidParameter("station", config.name, f"a dynamic one with a floor and contact, for {name}")
+
+
+def _from_here(start: Vector, motion: JointMotion) -> tuple[Vector, Vector, Vector]:
+    """Return times, angles and their rates: into the first posture of a motion, a rest, and the motion."""
+    ready = sequence(start, [_READY_TIME], [motion.positions[0]])
+    times = np.arange(0.0, _READY_TIME, _SAMPLE)
+    begun = _READY_TIME + _SETTLE_TIME
+    return (
+        np.concatenate([times, [_READY_TIME], begun + motion.times]),
+        np.vstack([ready.vector_values(times).T, motion.positions[0], motion.positions]),
+        np.vstack([ready.derivative().vector_values(times).T, np.zeros_like(start), motion.velocities]),
+    )
+
+
+def _adapted(robot: LeggedGeometry, motion: JointMotion) -> StationConfig:
+    """Return the station with a floor that is large enough, the gait's servos and steps that follow it."""
+    config = robot.cell.config
+    if config.mode == "kinematic":
+        return config
+    own, entry = config.servo_of(robot.name).model_dump(exclude_unset=True), config.robots[robot.name]
+    changes: dict[str, Any] = {
+        "robots": {
+            **config.robots,
+            robot.name: entry.model_copy(update={"servo": ServoConfig(**{**own, **motion.servo})}),
+        }
+    }
+    if config.floor is not None:
+        changes["floor"] = FloorConfig(size=max(config.floor.size, _floor_size(robot, motion)))
+    if motion.feed_velocity:
+        inputs: tuple[Input, ...] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
+        changes["inputs"] = inputs
+    solver = config.solver
+    if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic":
+        changes["solver"] = solver.model_copy(update={"max_step": min(solver.max_step, MAX_STEP)})
+    return config.model_copy(update=changes)
+
+
+def _floor_size(robot: LeggedGeometry, motion: JointMotion) -> float:
+    """Return the side of a floor on which a robot can go as far as planned, wherever to [m]."""
+    way = np.linalg.norm(motion.root[1][:, :2] - motion.root[1][0, :2], axis=1).max()
+    here = np.abs(robot.base_pose.translation()[:2]).max()
+    return float(np.ceil(2.0 * (here + way + _BESIDE)))

@@ -1,0 +1,142 @@
+"""What programs of legged robots are made of: moves of joints, walks, acts, and pieces taken and let go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from simrob_drake.robots.pieces import Pose, Positive
+from simrob_drake.stations.names import WORLD
+from simrob_drake.yaml_files import Number, Strict
+
+MOVE_TIME = 1.0
+"""Time of a move unless told otherwise [s]; ``tinc`` of the thesis."""
+
+Targets = Annotated[dict[str, Number], Field(min_length=1)]
+"""Where axes are to be [deg], and m for an axis that slides, by name or alias; the others stay where they were."""
+
+
+class Move(Strict):
+    """Axes that go to their targets at the same time."""
+
+    target_deg: Targets
+    """Absolute positions at the end."""
+    duration: Positive = MOVE_TIME
+    """Time that it takes [s]."""
+
+
+class Cell(Strict):
+    """Targets without a time: who follows them goes on when they are reached (SimRob's ``joint{k}``)."""
+
+    target_deg: Targets
+    """Absolute positions that count as reached together."""
+
+
+class _Brief(Strict):
+    """What is written without the figures that are as they would be anyway."""
+
+    @model_serializer(mode="wrap")
+    def _brief(self, handler: SerializerFunctionWrapHandler) -> Any:
+        fields = type(self).model_fields
+        return {key: value for key, value in handler(self).items() if key not in fields or self._differs(key)}
+
+    def _differs(self, key: str) -> bool:
+        return bool(getattr(self, key) != type(self).model_fields[key].default)
+
+
+class _Named(_Brief):
+    """What its name alone can stand for, the first field."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, given: Any) -> Any:
+        return {next(iter(cls.model_fields)): given} if isinstance(given, str) else given
+
+    @model_serializer(mode="wrap")
+    def _brief(self, handler: SerializerFunctionWrapHandler) -> Any:
+        content = super()._brief(handler)
+        return next(iter(content.values())) if len(content) == 1 else content
+
+
+class Walk(_Brief):
+    """Steps by a gait; further keys are figures of the gait in place of its own."""
+
+    model_config = ConfigDict(extra="allow")
+
+    steps: Annotated[int, Field(strict=True, ge=1)]
+    """How many."""
+    amplitude: Number = 1.0
+    """Scales them."""
+    gait: str | None = None
+    """One of the robot's gaits that go steps; the first for its feet unless given."""
+
+
+class Act(_Named):
+    """Postures one after the other, or standing on three legs; further keys are figures in place of the act's own."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str
+    """One of the robot's gaits that go no steps."""
+
+
+class Attach(_Named):
+    """A piece that is taken."""
+
+    piece: str
+    """Which."""
+    tool: str | None = None
+    """With what: a tool of the robot, or a piece that it carries; the first tool unless given."""
+    pose: Pose | None = None
+    """Its pose in the hand, to put it there; it keeps its place in the world unless given."""
+
+
+class Release(_Named):
+    """A piece that is let go."""
+
+    piece: str
+    """Which."""
+    parent: str = WORLD
+    """Where it stays: the world, or another piece."""
+
+
+class WalkMove(Strict):
+    """A walk of a program."""
+
+    walk: Walk
+
+
+class ActMove(Strict):
+    """An act of a program."""
+
+    act: Act
+
+
+class AttachMove(Strict):
+    """A piece taken in a program; it takes no time."""
+
+    attach: Attach
+
+
+class ReleaseMove(Strict):
+    """A piece let go in a program; it takes no time."""
+
+    release: Release
+
+
+AnyMove = Move | WalkMove | ActMove | AttachMove | ReleaseMove
+KINDS: dict[str, type[AnyMove]] = {
+    "target_deg": Move,
+    "walk": WalkMove,
+    "act": ActMove,
+    "attach": AttachMove,
+    "release": ReleaseMove,
+}
+"""By the key that tells them apart."""
+
+
+def kind_of(content: Mapping[str, Any]) -> type[AnyMove] | None:
+    """Return what kind of move a mapping of a program's file is; None if no key tells."""
+    return next((kind for key, kind in KINDS.items() if key in content), None)
