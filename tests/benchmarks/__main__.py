@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,21 +21,11 @@ from simrob_drake import load_station, simulate
 from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
 from tests.benchmarks.importing import imports
 from tests.benchmarks.kinematics import inverse_kinematics
+from tests.benchmarks.mujoco_humanoid import beside_mujoco
 from tests.benchmarks.programs import attaching, planning
+from tests.benchmarks.turns import ROUNDS, in_turn
 
 REALIZATIONS = ("per_joint", "vector", "implicit")
-ROUNDS = 15
-
-
-def in_turn(candidates: dict[str, Callable[[], float]], rounds: int = ROUNDS) -> dict[str, np.ndarray]:
-    """Call the candidates in turn and return what each gave, after one round that does not count."""
-    figures = {name: [] for name in candidates}
-    for counted in [False] + [True] * rounds:
-        for name, candidate in candidates.items():
-            value = candidate()
-            if counted:
-                figures[name].append(value)
-    return {name: np.array(values) for name, values in figures.items()}
 
 
 def against_hand_wired() -> Table:
@@ -149,6 +138,7 @@ def main() -> None:
         inverse_kinematics,
         planning,
         attaching,
+        beside_mujoco,
     )
     for measure in measures:
         console.print(measure())
