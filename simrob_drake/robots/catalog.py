@@ -218,6 +218,8 @@ def load_robot_file(file: Path) -> RobotModel:
 def load_robot_from_urdf(path: Path) -> RobotModel:
     """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
 
+    Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there.
+
     Raises:
         InvalidModel: the file cannot be read or has a defect.
     """
@@ -228,7 +230,7 @@ def load_robot_from_urdf(path: Path) -> RobotModel:
     check_urdf(root, path)
     if not movable_joints(root):
         raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
-    return RobotModel(
+    robot = RobotModel(
         name=root.get("name", path.stem),
         folder=path.resolve().parent,
         urdf=path.name,
@@ -236,6 +238,17 @@ def load_robot_from_urdf(path: Path) -> RobotModel:
         axes={joint: Axis(joint=joint) for joint in movable_joints(root)},
         tools={tool: tool for tool in tool_links(root)},
     )
+    return robot.model_copy(update={"home_deg": _midway(robot) or 0.0})
+
+
+def _midway(robot: RobotModel) -> dict[str, float]:
+    """Return the axes that cannot be at zero, in the middle of their range [deg, or m where they slide]."""
+    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
+    return {
+        axis: float(f"{(low + high) / 2:.6g}")
+        for axis, low, high in zip(robot.axes, lower, upper, strict=True)
+        if not low <= 0 <= high
+    }
 
 
 def described_robot(path: Path) -> RobotModel | None:
