@@ -119,7 +119,7 @@ def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions,
     repair_joints(robot, options, report)
     import_shapes(robot, source=source, folder=work, options=options, report=report)
     repair_inertias(robot, work, options, report)
-    repair_drives(robot, report)
+    repair_drives(robot, options, report)
     return choose_base(robot, options, report)
 
 

@@ -35,9 +35,9 @@ _ENDLESS = 1e9  # N·m or N; what absurd masses would ask for
 _STRONGEST = 1e5  # N·m or N; efforts above stand for "no limit" and are no measure
 
 
-def repair_efforts(robot: ET.Element, report: ImportReport) -> None:
+def repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Give every movable joint of a robot a positive effort and velocity, in place."""
-    loads, floats = _loads(robot), find_base(robot, ImportOptions())[0] == "floating"
+    loads, floats = _loads(robot), find_base(robot, options)[0] == "floating"
     whole = loads[root_link(robot)].mass if floats else 0.0
     joints = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
     for slides in (False, True):
