@@ -32,6 +32,7 @@ from simrob_drake.robots.urdf_check import check_urdf
 
 Base = Literal["fixed", "floating"]
 REPORT_FILE = "report.json"
+_LONGEST = 100  # letters of a robot's name that its file keeps
 
 
 @dataclass(frozen=True)
@@ -144,4 +145,4 @@ def _description(described: RobotModel | None, file: Path, base: Base, report: I
 
 
 def _plain(name: str) -> str:
-    return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "robot"
+    return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")[:_LONGEST] or "robot"

@@ -28,7 +28,7 @@ from simrob_drake.robots.urdf import (
     root_link,
 )
 from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
+from simrob_drake.yaml_files import FileName, Number, Strict, is_file_name, read_yaml, validated
 
 ROBOT_FILE = "robot.yaml"
 
@@ -67,7 +67,7 @@ class RobotModel(Strict):
     axes and tools.
     """
 
-    name: str
+    name: FileName
     folder: Path
     description: str = ""
     source: str = ""
@@ -211,7 +211,7 @@ def load_robot_file(file: Path) -> RobotModel:
         InvalidConfig: the file cannot be read or has a wrong entry.
     """
     file = file.resolve()
-    name = file.parent.name if file.name == ROBOT_FILE else file.stem
+    name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
     return validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
 
 
@@ -231,7 +231,7 @@ def load_robot_from_urdf(path: Path) -> RobotModel:
     if not movable_joints(root):
         raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
     robot = RobotModel(
-        name=root.get("name", path.stem),
+        name=next(filter(is_file_name, (root.get("name", ""), path.stem)), "robot"),
         folder=path.resolve().parent,
         urdf=path.name,
         root=root_link(root),

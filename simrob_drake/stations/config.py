@@ -30,7 +30,7 @@ from simrob_drake.stations.monitor_config import Monitors
 from simrob_drake.stations.reference_config import Hold, ReferenceConfig
 from simrob_drake.stations.sensor_config import Sensors
 from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.yaml_files import FileName, Number, Strict
 
 Input = Literal["feedforward", "reference_velocity", "external_force"]
 Realization = Literal["per_joint", "vector", "implicit"]
@@ -177,7 +177,7 @@ class JointStops(Strict):
 class StationConfig(Strict):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
 
-    name: str
+    name: FileName
     description: str = ""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
     """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
