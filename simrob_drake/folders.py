@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -45,26 +44,46 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
 
 
 @contextmanager
-def filled_at_once(folder: Path) -> Iterator[Path]:
+def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterator[Path]:
     """Give a temporary folder that takes the name of ``folder``, and its place, once it is filled.
 
+    What stands there by then is looked at again: it may have come, or changed, while the folder was filled.
+
+    Args:
+        folder: where to; checked as :func:`check_folder` does.
+        marker: name of a file that every folder of this kind holds.
+        force: replace one that is there.
+
     Raises:
-        OutputError: the disk does not take it; nothing is left behind.
+        OutputError: the folder is not to be replaced, or the disk does not take it; nothing is left behind.
     """
+    check_folder(folder, marker=marker, force=force)
+    prefix = f".{folder.name}-"
     try:
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=_nearest_parent(folder)))
-        try:
+        with tempfile.TemporaryDirectory(
+            prefix=prefix, dir=_nearest_parent(folder), ignore_cleanup_errors=True
+        ) as place:
+            work = Path(place) / folder.name
+            work.mkdir()  # with the permissions that the user wants, which the folder around it has not
             yield work
-            work.chmod(0o755)
+            check_folder(folder, marker=marker, force=force)
             folder.parent.mkdir(parents=True, exist_ok=True)
             if folder.exists():
-                shutil.rmtree(folder)
-            work.rename(folder)
-        except BaseException:
-            shutil.rmtree(work, ignore_errors=True)
-            raise
+                _exchange(folder, work, aside=Path(place) / "before")
+            else:
+                work.rename(folder)  # fails where a folder with something in it came this moment
     except OSError as problem:
         raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
+
+
+def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
+    """Put a folder in another's place, and that aside; at any time one of them is whole."""
+    folder.rename(aside)
+    try:
+        work.rename(folder)
+    except BaseException:
+        aside.rename(folder)
+        raise
 
 
 def written_at_once(file: Path, text: str) -> None:

@@ -13,7 +13,7 @@ from typing import Literal
 import yaml
 
 from simrob_drake.errors import OutputError
-from simrob_drake.folders import check_folder, filled_at_once
+from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.description import draft
 from simrob_drake.importer.meshes.places import MANIFEST, package_root
 from simrob_drake.importer.options import ImportOptions
@@ -74,9 +74,8 @@ def import_robot(
     source = source.resolve()
     if apart and source.exists():
         _check_apart(source, folder)
-    check_folder(folder, marker=REPORT_FILE, force=force)
     report = ImportReport(source)
-    with filled_at_once(folder) as work:
+    with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
         file = _write(source, work, options or ImportOptions(), report, isolated)
     return ImportedRobot(load_robot_from_urdf(folder / file), report)
 

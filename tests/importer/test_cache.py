@@ -8,6 +8,7 @@ import pytest
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.importer import importing
 from simrob_drake.importer.cache import import_summary, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.paths import models_root
@@ -38,6 +39,18 @@ def test_a_published_robot_is_imported_once(published_irb120, cache):
     assert len(list(cache.iterdir())) == 1
     assert "6 defaulted" in import_summary(second) or "defaulted" in import_summary(second)
     assert "arm" not in first.folder.name  # the names of the cache are never the file's
+
+
+def test_of_two_that_import_at_once_the_first_wins(published_irb120, cache, monkeypatch):
+    first = []
+
+    def meanwhile(*_args):
+        monkeypatch.setattr(importing, "probe", lambda *_args: None)
+        first.append(robot_from_file(published_irb120).folder.stat().st_ino)
+
+    monkeypatch.setattr(importing, "probe", meanwhile)
+    assert robot_from_file(published_irb120).folder.stat().st_ino == first[0]
+    assert len(list(cache.iterdir())) == 1
 
 
 @pytest.mark.parametrize("change", ["urdf", "mesh", "options", "description"])
