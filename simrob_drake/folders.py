@@ -1,22 +1,55 @@
-"""Output folders: checked before the work, and filled at once or not at all."""
+"""Output folders: checked before the work, and filled at once or not at all; and the entries of our caches."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from simrob_drake.errors import OutputError
 
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """The environment variable that says where caches lie; without it that is ``~/.cache``."""
+_KEPT = 90 * 24 * 3600.0  # s
 
 
 def cache_root() -> Path:
     """Return the folder of our caches: imported robots, and the meshes of pieces."""
     return Path(os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache") / "simrob_drake"
+
+
+def cache_entry(kind: str, *, made_of: Iterable[bytes], made_by: Iterable[Path]) -> Path:
+    """Return the folder of a cache's entry; whether it is there yet is for the caller to see.
+
+    Its name follows from all that the entry depends on, so that a correction of our code makes it anew. Entries that
+    nobody asked for in ninety days are deleted.
+
+    Args:
+        kind: which cache.
+        made_of: what the entry is made of.
+        made_by: files and folders with the code that makes it.
+    """
+    modules = [file for place in made_by for file in sorted(place.rglob("*.py") if place.is_dir() else [place])]
+    digest = hashlib.sha256()
+    for content in (*made_of, *(module.read_bytes() for module in modules)):
+        digest.update(hashlib.sha256(content).digest())
+    entry = cache_root() / kind / digest.hexdigest()[:32]
+    with suppress(OSError):  # it is not there yet, or on a disk that is only read
+        os.utime(entry)
+    _delete_forgotten(entry.parent)
+    return entry
+
+
+def _delete_forgotten(cache: Path) -> None:
+    for entry in cache.glob("*"):
+        with suppress(OSError):  # another process was quicker
+            if time.time() - entry.stat().st_mtime > _KEPT:
+                shutil.rmtree(entry, ignore_errors=True)
 
 
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:

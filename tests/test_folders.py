@@ -1,12 +1,13 @@
 """Output folders: whole or not there, and nobody's work is lost when two write to the same place."""
 
 import os
+import time
 from pathlib import Path
 
 import pytest
 
 from simrob_drake.errors import OutputError
-from simrob_drake.folders import filled_at_once
+from simrob_drake.folders import CACHE_VARIABLE, cache_entry, filled_at_once
 
 MARKER = "summary.json"
 
@@ -79,3 +80,15 @@ def test_what_was_there_comes_back_where_the_new_cannot_take_its_place(tmp_path,
         fill(folder, "new", force=True)
     assert (folder / MARKER).read_text() == "old"
     assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_entries_of_a_cache_go_when_nobody_asked_for_them_in_ninety_days(tmp_path, monkeypatch):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    names = [b"used", b"forgotten", b"young"]
+    entries = {name: cache_entry("robots", made_of=[name], made_by=[]) for name in names}
+    assert len(set(entries.values())) == 3
+    for name, days in zip(names, (100, 100, 80), strict=True):
+        fill(entries[name], "a robot")
+        os.utime(entries[name], times=(time.time() - days * 86400,) * 2)
+    assert cache_entry("robots", made_of=[b"used"], made_by=[]) == entries[b"used"]
+    assert {path.name for path in entries[b"used"].parent.iterdir()} == {entries[n].name for n in (b"used", b"young")}

@@ -73,6 +73,16 @@ def test_any_change_imports_anew(published_irb120, cache, change):
     assert len(list(cache.iterdir())) == 2
 
 
+def test_a_correction_of_the_importer_imports_anew(published_irb120, cache, tmp_path, monkeypatch):
+    robot_from_file(published_irb120)
+    (tmp_path / "code").mkdir()
+    monkeypatch.setattr("simrob_drake.importer.cache._CODE", [tmp_path / "code"])
+    robot_from_file(published_irb120)
+    (tmp_path / "code" / "gains.py").write_text("_FREQUENCY = 31.0")
+    robot_from_file(published_irb120)
+    assert len(list(cache.iterdir())) == 3
+
+
 def test_options_import_even_a_clean_robot(cache):
     robot = robot_from_file(models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating"))
     assert robot.folder.is_relative_to(cache)
