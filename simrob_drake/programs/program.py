@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -11,7 +10,8 @@ import numpy as np
 import yaml
 from pydantic import Field, ValidationError
 
-from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.folders import written_at_once
 from simrob_drake.robots.pieces import Positive
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
@@ -96,13 +96,7 @@ class Program(Strict):
         path = Path(file)
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
         text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
-        fresh = path.with_name(f".{path.name}.new")
-        try:
-            fresh.write_text(text, encoding="utf-8")
-            os.replace(fresh, path)
-        except OSError as problem:
-            fresh.unlink(missing_ok=True)
-            raise OutputError(f"{path}: the program cannot be written: {problem.strerror}") from problem
+        written_at_once(path, text)
         return path
 
     @classmethod
