@@ -8,18 +8,18 @@ import tempfile
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import yaml
 
 from simrob_drake.errors import OutputError
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.description import draft
-from simrob_drake.importer.meshes.places import MANIFEST, package_root
+from simrob_drake.importer.meshes.packages import MANIFEST
+from simrob_drake.importer.meshes.places import package_root
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
-from simrob_drake.importer.repairs.base import choose_base
+from simrob_drake.importer.repairs.base import Base, choose_base
 from simrob_drake.importer.repairs.drives import repair_drives
 from simrob_drake.importer.repairs.inertias import repair_inertias
 from simrob_drake.importer.repairs.joints import repair_joints
@@ -30,7 +30,6 @@ from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel, described_robot, load_robot_from_urdf
 from simrob_drake.robots.urdf_check import check_urdf
 
-Base = Literal["fixed", "floating"]
 REPORT_FILE = "report.json"
 _LONGEST = 100  # letters of a robot's name that its file keeps
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import (
@@ -34,7 +35,6 @@ from simrob_drake.yaml_files import FileName, Number, Strict
 
 Input = Literal["feedforward", "reference_velocity", "external_force"]
 Realization = Literal["per_joint", "vector", "implicit"]
-STANDARD_GRAVITY = 9.80665  # m/s², ISO 80000-3; the value of the Simulink library
 
 
 class ServoConfig(Strict):
