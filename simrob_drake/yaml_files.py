@@ -28,7 +28,7 @@ def is_file_name(name: str) -> bool:
 
 def _file_name(name: str) -> str:
     if not is_file_name(name):
-        raise ValueError("must be a name that a folder could have, without / and other than . and ..")
+        raise ValueError("must be a name that a folder could have: no /, not . or .., at most 200 letters")
     return name
 
 
