@@ -1,23 +1,55 @@
-"""Output folders: checked before the work, and filled at once or not at all."""
+"""Output folders: checked before the work, and filled at once or not at all; and the entries of our caches."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from simrob_drake.errors import OutputError
 
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """The environment variable that says where caches lie; without it that is ``~/.cache``."""
+_KEPT = 90 * 24 * 3600.0  # s
 
 
 def cache_root() -> Path:
     """Return the folder of our caches: imported robots, and the meshes of pieces."""
     return Path(os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache") / "simrob_drake"
+
+
+def cache_entry(kind: str, *, made_of: Iterable[bytes], made_by: Iterable[Path]) -> Path:
+    """Return the folder of a cache's entry; whether it is there yet is for the caller to see.
+
+    Its name follows from all that the entry depends on, so that a correction of our code makes it anew. Entries that
+    nobody asked for in ninety days are deleted.
+
+    Args:
+        kind: which cache.
+        made_of: what the entry is made of.
+        made_by: files and folders with the code that makes it.
+    """
+    modules = [file for place in made_by for file in sorted(place.rglob("*.py") if place.is_dir() else [place])]
+    digest = hashlib.sha256()
+    for content in (*made_of, *(module.read_bytes() for module in modules)):
+        digest.update(hashlib.sha256(content).digest())
+    entry = cache_root() / kind / digest.hexdigest()[:32]
+    with suppress(OSError):  # it is not there yet, or on a disk that is only read
+        os.utime(entry)
+    _delete_forgotten(entry.parent)
+    return entry
+
+
+def _delete_forgotten(cache: Path) -> None:
+    for entry in cache.glob("*"):
+        with suppress(OSError):  # another process was quicker
+            if time.time() - entry.stat().st_mtime > _KEPT:
+                shutil.rmtree(entry, ignore_errors=True)
 
 
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:
@@ -45,26 +77,46 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
 
 
 @contextmanager
-def filled_at_once(folder: Path) -> Iterator[Path]:
+def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterator[Path]:
     """Give a temporary folder that takes the name of ``folder``, and its place, once it is filled.
 
+    What stands there by then is looked at again: it may have come, or changed, while the folder was filled.
+
+    Args:
+        folder: where to; checked as :func:`check_folder` does.
+        marker: name of a file that every folder of this kind holds.
+        force: replace one that is there.
+
     Raises:
-        OutputError: the disk does not take it; nothing is left behind.
+        OutputError: the folder is not to be replaced, or the disk does not take it; nothing is left behind.
     """
+    check_folder(folder, marker=marker, force=force)
+    prefix = f".{folder.name}-"
     try:
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=_nearest_parent(folder)))
-        try:
+        with tempfile.TemporaryDirectory(
+            prefix=prefix, dir=_nearest_parent(folder), ignore_cleanup_errors=True
+        ) as place:
+            work = Path(place) / folder.name
+            work.mkdir()  # with the permissions that the user wants, which the folder around it has not
             yield work
-            work.chmod(0o755)
+            check_folder(folder, marker=marker, force=force)
             folder.parent.mkdir(parents=True, exist_ok=True)
             if folder.exists():
-                shutil.rmtree(folder)
-            work.rename(folder)
-        except BaseException:
-            shutil.rmtree(work, ignore_errors=True)
-            raise
+                _exchange(folder, work, aside=Path(place) / "before")
+            else:
+                work.rename(folder)  # fails where a folder with something in it came this moment
     except OSError as problem:
         raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
+
+
+def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
+    """Put a folder in another's place, and that aside; at any time one of them is whole."""
+    folder.rename(aside)
+    try:
+        work.rename(folder)
+    except BaseException:
+        aside.rename(folder)
+        raise
 
 
 def written_at_once(file: Path, text: str) -> None:

@@ -43,9 +43,9 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     """
     if isinstance(pose, RigidTransform):
         return pose
-    if np.shape(pose) != (4, 4):
+    matrix = _numbers(pose)
+    if matrix.shape != (4, 4):
         return transform_from_pose(pose)
-    matrix = np.asarray(pose, dtype=float)
     turn = matrix[:3, :3]
     rigid = np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
     if not rigid or np.abs(turn @ turn.T - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
@@ -95,10 +95,7 @@ def point(values: npt.ArrayLike, name: str = "point") -> Vector:
     Raises:
         InvalidParameter: anything else; the message calls it ``name``.
     """
-    try:
-        place = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        place = np.zeros(0)
+    place = _numbers(values)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise InvalidParameter(name, values, "three finite numbers [x y z] in m")
     return place
@@ -110,10 +107,7 @@ def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
     Raises:
         InvalidParameter: the pose has not six finite numbers.
     """
-    try:
-        values = np.asarray(pose, dtype=float)
-    except (TypeError, ValueError):
-        values = np.zeros(0)
+    values = _numbers(pose)
     if values.shape != (POSE_SIZE,) or not np.isfinite(values).all():
         raise InvalidParameter("pose", pose, "six finite numbers [x y z Rz Ry Rx] in m and rad")
     return RigidTransform(RollPitchYaw(values[:2:-1]), values[:3])
@@ -147,9 +141,21 @@ def xyz_quaternion_from_transform(transform: RigidTransform) -> Vector:
 
 
 def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
-    """Turn [x y z qw qx qy qz], shape (7,), into a transform; the quaternion need not be normalised."""
-    xyz_wxyz = np.asarray(values, dtype=float)
+    """Turn [x y z qw qx qy qz], shape (7,), into a transform; the quaternion need not be normalised.
+
+    Raises:
+        InvalidParameter: not seven finite numbers, or no quaternion.
+    """
+    xyz_wxyz = _numbers(values)
     if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not np.isfinite(xyz_wxyz).all() or not xyz_wxyz[3:].any():
         raise InvalidParameter("pose", values, "seven finite numbers [x y z qw qx qy qz], the last four not all zero")
     wxyz = xyz_wxyz[3:] / np.linalg.norm(xyz_wxyz[3:])
     return RigidTransform(Quaternion(wxyz), xyz_wxyz[:3])
+
+
+def _numbers(values: npt.ArrayLike) -> Vector:
+    """Return values as an array of floats; an empty one where they are none."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return np.zeros(0)

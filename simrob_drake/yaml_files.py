@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from simrob_drake.errors import InvalidConfig, nearest, shortened
 
@@ -17,6 +17,23 @@ Model = TypeVar("Model", bound=BaseModel)
 Number = Annotated[float, Field(strict=True)]
 """A number, and no text or truth value that could pass for one."""
 YAML_SUFFIXES = (".yaml", ".yml")
+_LONGEST_NAME = 200  # bytes; file systems take 255, and results put date and time behind a name
+
+
+def is_file_name(name: str) -> bool:
+    """Whether a file or a folder could have this name, in whatever folder it stands."""
+    plain = name.isprintable() and not set(name) & set("/\\") and name.strip(". ")
+    return bool(plain) and len(name.encode()) <= _LONGEST_NAME
+
+
+def _file_name(name: str) -> str:
+    if not is_file_name(name):
+        raise ValueError("must be a name that a folder could have: no /, not . or .., at most 200 letters")
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_file_name)]
+"""A name that folders may be called by: one segment of a path."""
 
 
 _QUOTED = re.compile(r"'([^']+)'")

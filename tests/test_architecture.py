@@ -11,7 +11,7 @@ import simrob_drake
 
 PACKAGE = Path(simrob_drake.__file__).parent
 ROAD = ["base", "robots", "importer", "blocks", "stations", "results", "simulate", "programs", "tables", "cli"]
-BASE = {"errors", "paths", "folders", "frames", "interpolation", "yaml_files", "progress"}
+BASE = {"errors", "constants", "paths", "folders", "frames", "interpolation", "yaml_files", "csv_files", "progress"}
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 
 

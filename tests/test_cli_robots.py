@@ -59,6 +59,15 @@ def test_check_of_a_file_reports_and_writes_nothing(raw, tmp_path, capsys):
     assert not (tmp_path / "cache").exists()
 
 
+def test_modules_that_lie_around_are_never_run(raw, tmp_path, monkeypatch):
+    trap = "from pathlib import Path\nPath(__file__).with_suffix('.sprung').touch()\n"
+    for name in ("yaml", "numpy", "pydantic"):
+        (raw.parent / f"{name}.py").write_text(trap)
+    monkeypatch.chdir(raw.parent)
+    assert run_command(["check", "arm.urdf"]) == 0
+    assert list(raw.parent.glob("*.sprung")) == []
+
+
 def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
     assert run_command(["station", str(raw)]) == 0
     assert run_command(["run", "arm.yaml", "--duration", "0.2", "--out", "r", "--no-recording"]) == 0

@@ -1,5 +1,8 @@
 """Pose vectors and pose ports against their definition R = Rz Ry Rx."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
@@ -8,6 +11,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import (
     as_transform,
     matrix_from_pose,
+    point,
     pose_from_transform,
     poses_from_matrices,
     three_point_frame,
@@ -95,6 +99,15 @@ def test_a_pose_needs_six_finite_numbers(pose: list[float]) -> None:
 def test_a_port_pose_needs_seven_finite_numbers(values: list[float]) -> None:
     with pytest.raises(InvalidParameter, match="seven finite numbers"):
         transform_from_xyz_quaternion(values)
+
+
+@pytest.mark.parametrize(
+    "values", ["x", None, [[1, 2], [3]], [["a"] * 4] * 4, [1, 2, 3, 4, 5, "six"], [10**400] * 6, {}]
+)
+@pytest.mark.parametrize("function", [as_transform, transform_from_pose, transform_from_xyz_quaternion, point])
+def test_what_is_no_array_of_numbers_is_no_pose(function: Callable[[Any], Any], values: Any) -> None:
+    with pytest.raises(InvalidParameter, match=r"(six|seven|three) finite numbers"):
+        function(values)
 
 
 def test_all_forms_of_a_pose_are_one() -> None:

@@ -1,6 +1,7 @@
 """What the README says is so: its script, its commands, its links."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -67,10 +68,23 @@ def test_the_table_of_stations_names_them_all():
     assert set(re.findall(r"\[`(\w+)`\]\(diagrams/", README)) == set(station_names())
 
 
+def links(page):
+    return re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text())
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page):
-    for target in re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text()):
+    for target in links(page):
         assert (ROOT / target).exists(), target
+
+
+def test_the_source_archive_holds_what_the_pages_link_to_and_what_tests_need():
+    archive = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["sdist"][
+        "include"
+    ]
+    needed = {target.split("/")[0] for page in PAGES for target in links(page)} | {page.name for page in PAGES}
+    assert needed | {".ci", "Makefile", "tests"} <= {*archive, "README.md", "LICENSE"}
+    assert all((ROOT / place).exists() for place in archive)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
-import simrob_drake
 from simrob_drake.errors import OutputError, SimrobError
-from simrob_drake.folders import cache_root
+from simrob_drake.folders import cache_entry
 from simrob_drake.importer.importing import REPORT_FILE, import_robot
 from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import ImportOptions
@@ -17,6 +17,8 @@ from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel, load_robot_from_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.yaml_files import read_yaml
+
+_CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
 
 
 def robot_from_file(path: Path, options: ImportOptions | None = None) -> RobotModel:
@@ -48,7 +50,7 @@ def import_summary(robot: RobotModel) -> str:
 
 
 def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
-    folder = cache_root() / "robots" / _key(source, options)
+    folder = cache_entry("robots", made_of=_dependencies(source, options), made_by=_CODE)
     if not (folder / REPORT_FILE).is_file():
         try:
             import_robot(source, folder, options, apart=False)
@@ -59,11 +61,11 @@ def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
     return load_robot_from_urdf(folder / urdf)
 
 
-def _key(source: Path, options: ImportOptions) -> str:
-    """Return a name that changes with all that the result depends on, and is never the file's own."""
-    digest = hashlib.sha256(f"{simrob_drake.__version__} {options.model_dump_json()}".encode())
+def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
+    """Yield all that the result depends on, but for our code; the file's own name is no part of it."""
+    yield options.model_dump_json().encode()
     robot = read_source(source, ImportReport(source))
     beside = [file for file in (source, source.parent / ROBOT_FILE) if file.is_file()]
     for file in (*beside, *mesh_files(robot, source=source, options=options)):
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
-    return digest.hexdigest()[:32]
+        with file.open("rb") as content:  # meshes may be larger than what is read of them
+            yield hashlib.file_digest(content, "sha256").digest()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import yaml
@@ -35,25 +34,15 @@ def draft(robot: RobotModel, report: ImportReport) -> str:
         "axes": list(robot.axes),
         "tools": robot.tools,
     }
-    home = _home_deg(robot)
-    if home:
-        content["home_deg"] = home
-        report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {', '.join(home)}: they start midway")
+    if isinstance(robot.home_deg, dict):
+        content["home_deg"] = robot.home_deg
+        midway = ", ".join(robot.home_deg)
+        report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
     if not robot.links_without_inertia:
         content["servo"] = _servo(robot)
         report.add("defaulted", "robot.yaml", "servo gains from the mass matrix")
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _HEADER + text
-
-
-def _home_deg(robot: RobotModel) -> dict[str, float]:
-    """Return the axes [deg] that cannot be at zero, in the middle of their range."""
-    lower, upper = robot.axis_limits
-    return {
-        axis: round(math.degrees((low + high) / 2), 3)
-        for axis, low, high in zip(robot.axes, lower, upper, strict=True)
-        if not low <= 0 <= high
-    }
 
 
 def _servo(robot: RobotModel) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
 from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
@@ -14,7 +15,6 @@ from simrob_drake.robots.catalog import RobotModel
 _FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it
 _SAG = math.radians(1.0)  # what a joint may give way under gravity [rad]
 _POSTURES = 20
-_STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def _inertias_and_torques(robot: RobotModel) -> tuple[Vector, Vector]:
         torques = np.maximum(torques, np.abs(lone.of_axes(plant.CalcGravityGeneralizedForces(context))))
     if robot.base == "floating":
         mass, half = plant.CalcTotalMass(context), lone.size / 2
-        inertias, torques = np.maximum(inertias, mass * half**2), np.maximum(torques, mass * _STANDARD_GRAVITY * half)
+        inertias, torques = np.maximum(inertias, mass * half**2), np.maximum(torques, mass * STANDARD_GRAVITY * half)
     return inertias, torques
 
 

@@ -8,18 +8,18 @@ import tempfile
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import yaml
 
 from simrob_drake.errors import OutputError
-from simrob_drake.folders import check_folder, filled_at_once
+from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.description import draft
-from simrob_drake.importer.meshes.places import MANIFEST, package_root
+from simrob_drake.importer.meshes.packages import MANIFEST
+from simrob_drake.importer.meshes.places import package_root
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
-from simrob_drake.importer.repairs.base import choose_base
+from simrob_drake.importer.repairs.base import Base, choose_base
 from simrob_drake.importer.repairs.drives import repair_drives
 from simrob_drake.importer.repairs.inertias import repair_inertias
 from simrob_drake.importer.repairs.joints import repair_joints
@@ -30,8 +30,8 @@ from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel, described_robot, load_robot_from_urdf
 from simrob_drake.robots.urdf_check import check_urdf
 
-Base = Literal["fixed", "floating"]
 REPORT_FILE = "report.json"
+_LONGEST = 100  # letters of a robot's name that its file keeps
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,8 @@ def import_robot(
     source = source.resolve()
     if apart and source.exists():
         _check_apart(source, folder)
-    check_folder(folder, marker=REPORT_FILE, force=force)
     report = ImportReport(source)
-    with filled_at_once(folder) as work:
+    with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
         file = _write(source, work, options or ImportOptions(), report, isolated)
     return ImportedRobot(load_robot_from_urdf(folder / file), report)
 
@@ -119,7 +118,7 @@ def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions,
     repair_joints(robot, options, report)
     import_shapes(robot, source=source, folder=work, options=options, report=report)
     repair_inertias(robot, work, options, report)
-    repair_drives(robot, report)
+    repair_drives(robot, options, report)
     return choose_base(robot, options, report)
 
 
@@ -144,4 +143,4 @@ def _description(described: RobotModel | None, file: Path, base: Base, report: I
 
 
 def _plain(name: str) -> str:
-    return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "robot"
+    return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")[:_LONGEST] or "robot"

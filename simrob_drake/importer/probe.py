@@ -38,7 +38,7 @@ def probe(file: Path, report: ImportReport) -> None:
 
 def _complaint(file: Path) -> str | None:
     """Return what Drake says against a robot, None if it can build it."""
-    command = [sys.executable, "-m", "simrob_drake.importer.probe", str(file)]
+    command = [sys.executable, "-P", "-m", "simrob_drake.importer.probe", str(file)]  # -P: none of the user's modules
     try:
         child = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE, check=False)
     except subprocess.TimeoutExpired:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
 
 _TOLERANCE = 1e-9
@@ -27,7 +28,7 @@ class BounceLaw:
     mass: float  # kg
     stiffness: float  # k [N/m]
     dissipation: float  # d [s/m]
-    gravity: float = 9.80665  # m/s²
+    gravity: float = STANDARD_GRAVITY  # m/s²
 
     def acceleration(self, height: float, speed: float) -> float:
         """Return the acceleration [m/s²] at a height [m] and a speed [m/s], upwards."""

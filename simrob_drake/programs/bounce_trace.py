@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidConfig
 from simrob_drake.frames import Vector
 
@@ -49,45 +49,22 @@ def read_bounces(file: Path) -> BounceTrace:
         InvalidConfig: a file without these columns, with something that is no number, with gaps, with times that do
             not rise, or with too few bounces to learn from.
     """
-    times, heights = _columns(file)
+    values, lines = read_columns(file, COLUMNS)
+    times, heights = values.T
     if len(times) < _FEWEST_SAMPLES:
         raise InvalidConfig(file, "", f"has {len(times)} samples; it takes at least {_FEWEST_SAMPLES}")
     intervals = np.diff(times)
     if (intervals <= 0).any():
         row = int(np.flatnonzero(intervals <= 0)[0])
-        raise InvalidConfig(
-            file, f"line {row + 3}", f"times must rise, but {times[row + 1]:g} s follows {times[row]:g} s"
-        )
+        problem = f"times must rise, but {times[row + 1]:g} s follows {times[row]:g} s"
+        raise InvalidConfig(file, f"line {lines[row + 1]}", problem)
     usual = float(np.median(intervals))
     if intervals.max() > _LONGEST_GAP * usual:
         row = int(np.argmax(intervals))
         problem = f"a gap of {intervals[row]:.3g} s from {times[row]:.4g} s on, where {usual:.3g} s is usual"
-        raise InvalidConfig(file, f"line {row + 3}", f"{problem}; cut the trace there or measure again")
+        raise InvalidConfig(file, f"line {lines[row + 1]}", f"{problem}; cut the trace there or measure again")
     trace = BounceTrace(times, heights)
     if trace.bounces < _FEWEST_BOUNCES:
         problem = f"holds {trace.bounces} bounces; it takes at least {_FEWEST_BOUNCES}, each with the rise behind it"
         raise InvalidConfig(file, "", problem)
     return trace
-
-
-def _columns(file: Path) -> tuple[Vector, Vector]:
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as lines:
-            rows = [row for row in csv.reader(lines) if row]
-    except (OSError, ValueError, csv.Error) as problem:
-        raise InvalidConfig(file, "", f"cannot be read ({problem})") from problem
-    header = [name.strip() for name in rows[0]] if rows else []
-    missing = [name for name in COLUMNS if name not in header]
-    if missing:
-        raise InvalidConfig(file, "line 1", f"needs the columns {' and '.join(COLUMNS)}; {missing[0]} is missing")
-    places = [header.index(name) for name in COLUMNS]
-    values = np.empty((len(rows) - 1, len(COLUMNS)))
-    for index, row in enumerate(rows[1:]):
-        try:
-            values[index] = [float(row[place]) for place in places]
-        except (ValueError, IndexError) as problem:
-            text = ",".join(row)
-            raise InvalidConfig(file, f"line {index + 2}", f"holds something that is no number: {text}") from problem
-        if not np.isfinite(values[index]).all():
-            raise InvalidConfig(file, f"line {index + 2}", f"holds something that is no number: {','.join(row)}")
-    return values[:, 0], values[:, 1]

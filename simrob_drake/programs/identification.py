@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.bounce_law import BounceLaw
@@ -38,7 +39,7 @@ class Identified:
     heights: Vector
 
 
-def identify_bounces(trace: BounceTrace, *, mass: float, gravity: float = 9.80665) -> Identified:
+def identify_bounces(trace: BounceTrace, *, mass: float, gravity: float = STANDARD_GRAVITY) -> Identified:
     """Find stiffness and dissipation that explain measured bounces best, in the least-squares sense.
 
     The height and speed at the start are found along with them. Intervals come from the Jacobian at the solution, with

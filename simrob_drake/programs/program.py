@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, nearest, shortened
+from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, shortened
+from simrob_drake.folders import written_at_once
 from simrob_drake.programs.moves import KINDS, AnyMove, Cell, Move, kind_of
 from simrob_drake.yaml_files import Strict, read_yaml, validated
 
@@ -75,13 +75,7 @@ class Program(Strict):
         path = Path(file)
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
         text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
-        fresh = path.with_name(f".{path.name}.new")
-        try:
-            fresh.write_text(text, encoding="utf-8")
-            os.replace(fresh, path)
-        except OSError as problem:
-            fresh.unlink(missing_ok=True)
-            raise OutputError(f"{path}: the program cannot be written: {problem.strerror}") from problem
+        written_at_once(path, text)
         return path
 
     @classmethod

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.folders import check_folder, filled_at_once
+from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
@@ -53,10 +53,9 @@ def save_result(
     from simrob_drake.results.film_strip import frame_writer, save_film_strip, save_video
     from simrob_drake.results.plots import save_plots
 
-    check_folder(folder, marker=SUMMARY, force=force)
     if video:
         frame_writer()
-    with filled_at_once(folder) as work:
+    with filled_at_once(folder, marker=SUMMARY, force=force) as work:
         _write_summary(result, work / SUMMARY)
         _write_signals(result, work / "signals.csv")
         (work / "station.yaml").write_text(station_yaml(_with_tables(result, work)), encoding="utf-8")

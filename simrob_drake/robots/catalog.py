@@ -28,7 +28,7 @@ from simrob_drake.robots.urdf import (
     root_link,
 )
 from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
+from simrob_drake.yaml_files import FileName, Number, Strict, is_file_name, read_yaml, validated
 
 ROBOT_FILE = "robot.yaml"
 
@@ -67,7 +67,7 @@ class RobotModel(Strict):
     axes and tools.
     """
 
-    name: str
+    name: FileName
     folder: Path
     description: str = ""
     source: str = ""
@@ -211,12 +211,14 @@ def load_robot_file(file: Path) -> RobotModel:
         InvalidConfig: the file cannot be read or has a wrong entry.
     """
     file = file.resolve()
-    name = file.parent.name if file.name == ROBOT_FILE else file.stem
+    name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
     return validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
 
 
 def load_robot_from_urdf(path: Path) -> RobotModel:
     """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
+
+    Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there.
 
     Raises:
         InvalidModel: the file cannot be read or has a defect.
@@ -228,14 +230,25 @@ def load_robot_from_urdf(path: Path) -> RobotModel:
     check_urdf(root, path)
     if not movable_joints(root):
         raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
-    return RobotModel(
-        name=root.get("name", path.stem),
+    robot = RobotModel(
+        name=next(filter(is_file_name, (root.get("name", ""), path.stem)), "robot"),
         folder=path.resolve().parent,
         urdf=path.name,
         root=root_link(root),
         axes={joint: Axis(joint=joint) for joint in movable_joints(root)},
         tools={tool: tool for tool in tool_links(root)},
     )
+    return robot.model_copy(update={"home_deg": _midway(robot) or 0.0})
+
+
+def _midway(robot: RobotModel) -> dict[str, float]:
+    """Return the axes that cannot be at zero, in the middle of their range [deg, or m where they slide]."""
+    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
+    return {
+        axis: float(f"{(low + high) / 2:.6g}")
+        for axis, low, high in zip(robot.axes, lower, upper, strict=True)
+        if not low <= 0 <= high
+    }
 
 
 def described_robot(path: Path) -> RobotModel | None:

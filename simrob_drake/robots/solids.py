@@ -15,7 +15,6 @@ from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 
-Edges = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 _NOTHING = 1e-12
 """Products of inertia smaller than this part of the largest moment are rounding."""
 

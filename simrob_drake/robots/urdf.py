@@ -17,6 +17,7 @@ DRAKE = "{http://drake.mit.edu}"
 
 ET.register_namespace("drake", DRAKE.strip("{}"))
 MESH_FORMATS = (".obj", ".gltf", ".vtk")
+_OUTERMOST = re.compile(r"\A\ufeff?(?>\s+|<!--.*?-->|<\?.*?\?>)*+<robot\b", re.DOTALL)  # comments may name a <robot>
 
 
 def read_urdf(path: Path) -> ET.Element:
@@ -45,7 +46,7 @@ def read_urdf(path: Path) -> ET.Element:
 def _with_drake_namespace(text: str) -> str:
     """Declare the prefix ``drake:`` in one way: files do so in several or, since Drake does not mind, not at all."""
     text = re.sub(r"""\sxmlns:drake\s*=\s*(".*?"|'.*?')""", "", text)
-    return re.sub(r"<robot\b", f'<robot xmlns:drake="{DRAKE.strip("{}")}"', text, count=1) if "drake:" in text else text
+    return _OUTERMOST.sub(rf'\g<0> xmlns:drake="{DRAKE.strip("{}")}"', text) if "drake:" in text else text
 
 
 def movable_joints(root: ET.Element) -> list[str]:

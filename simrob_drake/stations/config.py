@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import (
@@ -30,11 +31,10 @@ from simrob_drake.stations.monitor_config import Monitors
 from simrob_drake.stations.reference_config import Hold, ReferenceConfig
 from simrob_drake.stations.sensor_config import Sensors
 from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.yaml_files import FileName, Number, Strict
 
 Input = Literal["feedforward", "reference_velocity", "external_force"]
 Realization = Literal["per_joint", "vector", "implicit"]
-STANDARD_GRAVITY = 9.80665  # m/s², ISO 80000-3; the value of the Simulink library
 
 
 class ServoConfig(Strict):
@@ -177,7 +177,7 @@ class JointStops(Strict):
 class StationConfig(Strict):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
 
-    name: str
+    name: FileName
     description: str = ""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
     """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.folders import cache_root, written_at_once
+from simrob_drake.folders import cache_entry, written_at_once
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.mending import mend
 from simrob_drake.importer.meshes.parts import Part, joined
 from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
-from simrob_drake.importer.meshes.reading import read_mesh
+from simrob_drake.importer.meshes.reading import content_of, read_mesh
 from simrob_drake.importer.meshes.references import MESH_FORMATS
 from simrob_drake.importer.meshes.writing import obj_text
 
-_FORM = "2"  # of what is written; another number makes all meshes be converted anew
+_CODE = [Path(__file__), Path(__file__).parents[1] / "importer" / "meshes"]
 
 
 def drake_mesh(file: Path) -> Path:
@@ -35,9 +34,8 @@ def drake_mesh(file: Path) -> Path:
         raise InvalidModel(file, "", f"is no mesh that a piece can have; {', '.join(MESH_FORMATS)} are")
     try:
         others, _ = MeshPlaces(file.resolve(), ()).needed_by(file.resolve())
-        content = b"".join(path.read_bytes() for path in (file, *others.values()))
-        key = hashlib.sha256(f"{_FORM} {kind} ".encode() + content).hexdigest()[:32]
-        converted = cache_root() / "pieces" / key / "mesh.obj"
+        content = [content_of(path) for path in (file, *others.values())]
+        converted = cache_entry("pieces", made_of=[kind.encode(), *content], made_by=_CODE) / "mesh.obj"
         if not converted.is_file():
             written_at_once(converted, obj_text(_outside_out(_one_part(file, others))).decode())
     except OSError as problem:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from simrob_drake.blocks.references import (
     sequence,
     table,
 )
+from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.robots.catalog import AxisValues
@@ -77,18 +77,7 @@ def read_table(file: Path, axes: list[str]) -> Samples:
     Raises:
         InvalidConfig: the file cannot be read, lacks a column, or holds something that is no number.
     """
-    try:
-        with file.open(newline="", encoding="utf-8") as lines:
-            rows = list(csv.reader(lines))
-    except (OSError, UnicodeDecodeError, csv.Error) as problem:
-        raise InvalidConfig(file, "", f"cannot be read ({problem})") from problem
-    header = [column.strip() for column in rows[0]] if rows else []
-    columns = [TIME_COLUMN, *axes]
-    missing = [column for column in columns if column not in header]
-    if missing:
-        raise InvalidConfig(file, "first line", f"lacks the columns {', '.join(missing)}; needed: {', '.join(columns)}")
-    places = [header.index(column) for column in columns]
-    values = np.array([_numbers(row, places, file, number) for number, row in enumerate(rows[1:], start=2) if row])
+    values, _ = read_columns(file, [TIME_COLUMN, *axes])
     if len(values) < 2:
         raise InvalidConfig(file, "", "holds fewer than two rows of values")
     return values[:, 0], values[:, 1:]
@@ -130,10 +119,3 @@ def _si(values: AxisValues, robot: StationRobot, otherwise: Vector) -> Vector:
     """Return a user's figures per axis in SI; axes that a mapping leaves out stay where they were."""
     units = robot.model.user_units
     return np.asarray(units * robot.model.axis_vector(values, "reference.target_deg", otherwise / units))
-
-
-def _numbers(row: list[str], places: list[int], file: Path, line: int) -> list[float]:
-    try:
-        return [float(row[place]) for place in places]
-    except (ValueError, IndexError) as problem:
-        raise InvalidConfig(file, f"line {line}", f"holds something that is no number: {','.join(row)}") from problem

@@ -61,7 +61,7 @@ def repair(robot: ET.Element, folder: Path, options: ImportOptions, report: Impo
     repair_materials(robot, report)
     repair_joints(robot, options, report)
     repair_inertias(robot, folder, options, report)
-    repair_drives(robot, report)
+    repair_drives(robot, options, report)
     return choose_base(robot, options, report)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.importer import importing
 from simrob_drake.importer.cache import import_summary, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.paths import models_root
@@ -40,6 +41,18 @@ def test_a_published_robot_is_imported_once(published_irb120, cache):
     assert "arm" not in first.folder.name  # the names of the cache are never the file's
 
 
+def test_of_two_that_import_at_once_the_first_wins(published_irb120, cache, monkeypatch):
+    first = []
+
+    def meanwhile(*_args):
+        monkeypatch.setattr(importing, "probe", lambda *_args: None)
+        first.append(robot_from_file(published_irb120).folder.stat().st_ino)
+
+    monkeypatch.setattr(importing, "probe", meanwhile)
+    assert robot_from_file(published_irb120).folder.stat().st_ino == first[0]
+    assert len(list(cache.iterdir())) == 1
+
+
 @pytest.mark.parametrize("change", ["urdf", "mesh", "options", "description"])
 def test_any_change_imports_anew(published_irb120, cache, change):
     robot_from_file(published_irb120)
@@ -58,6 +71,16 @@ def test_any_change_imports_anew(published_irb120, cache, change):
         (published_irb120.parent / "robot.yaml").write_text(lines)
     robot_from_file(published_irb120, options)
     assert len(list(cache.iterdir())) == 2
+
+
+def test_a_correction_of_the_importer_imports_anew(published_irb120, cache, tmp_path, monkeypatch):
+    robot_from_file(published_irb120)
+    (tmp_path / "code").mkdir()
+    monkeypatch.setattr("simrob_drake.importer.cache._CODE", [tmp_path / "code"])
+    robot_from_file(published_irb120)
+    (tmp_path / "code" / "gains.py").write_text("_FREQUENCY = 31.0")
+    robot_from_file(published_irb120)
+    assert len(list(cache.iterdir())) == 3
 
 
 def test_options_import_even_a_clean_robot(cache):

@@ -119,6 +119,15 @@ def test_a_full_disk_is_told_and_leaves_nothing(published_irb120, tmp_path, monk
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("name", "file"), [("../x y", "x_y.urdf"), ("n" * 300, f"{'n' * 100}.urdf"), ("..", "robot.urdf")]
+)
+def test_the_file_is_named_as_the_robot_as_far_as_files_can_be(published_irb120, tmp_path, name, file):
+    published_irb120.write_text(published_irb120.read_text().replace('name="irb120"', f'name="{name}"', 1))
+    done = import_robot(published_irb120, tmp_path / "out", isolated=False)
+    assert done.model.urdf_path == tmp_path / "out" / file
+
+
 def test_the_base_can_be_chosen(published_irb120, tmp_path):
     floating = import_robot(published_irb120, tmp_path / "out", ImportOptions(base="floating"))
     assert floating.model.base == "floating"

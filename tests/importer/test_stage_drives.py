@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from repair_stages import ARM, DRIVE, END, INERTIA, LIMIT, Repaired, joint, with_defect
 
+from simrob_drake.importer.options import ImportOptions
+
 HAND = f'<link name="hand"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>{INERTIA}</inertial></link>'
 ELBOW = joint("elbow", "tip", "hand", "revolute", f'<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>{LIMIT}')
 TWO = with_defect(END, f"{HAND}{ELBOW}{END}")  # tip lies 0.3 m above the shoulder
@@ -130,10 +132,14 @@ def test_the_legs_of_a_floating_robot_can_carry_it(tmp_path):
         for parent, child in pairwise(names):
             inside = f'<origin xyz="0 0 -0.2"/><axis xyz="0 1 0"/>{limit}'
             parts += [HAND.replace("hand", child), joint(f"j_{child}", parent, child, "revolute", inside)]
-    done = Repaired(f'<robot name="walker">{"".join(parts)}</robot>', tmp_path)
+    walker = f'<robot name="walker">{"".join(parts)}</robot>'
+    done = Repaired(walker, tmp_path)
     assert done.base == "floating"
     hip = G * (30 + 3 * 2) * (0.2 + 0.2 + 0.2)  # all but the leg itself, at the end of the leg
     assert hip <= effort(done, "j_l1") <= 1.1 * hip
+    held = Repaired(walker, tmp_path, ImportOptions(base="fixed"))
+    leg = 3 * G * 2 * (0.2 + 0.4 + 0.6)  # three times the leg alone
+    assert leg <= effort(held, "j_l1") <= 1.1 * leg
 
 
 @pytest.mark.parametrize("bad", ['velocity="0"', "", 'velocity="-1"'])

@@ -70,9 +70,15 @@ class TestFiles:
         assert Program.load(file) == WAVE.removed(0)
         assert [path.name for path in tmp_path.iterdir()] == ["wave.yaml"]
 
-    def test_a_folder_that_is_not_there_is_an_error(self, tmp_path):
-        with pytest.raises(OutputError, match="cannot be written: No such file"):
-            WAVE.save(tmp_path / "nowhere" / "wave.yaml")
+    def test_a_folder_that_is_not_there_is_made_and_no_other_file_is_touched(self, tmp_path):
+        other = tmp_path / "new" / ".wave.yaml.new"
+        other.parent.mkdir()
+        other.write_text("another's")
+        WAVE.save(tmp_path / "new" / "inner" / "wave.yaml")
+        WAVE.save(tmp_path / "new" / "wave.yaml")
+        assert other.read_text() == "another's"
+        with pytest.raises(OutputError, match="cannot be written: File exists"):
+            WAVE.save(tmp_path / "new" / "wave.yaml" / "wave.yaml")
 
     @pytest.mark.parametrize(
         ("text", "message"),

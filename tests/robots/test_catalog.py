@@ -117,6 +117,15 @@ def test_a_bare_urdf_has_its_joints_as_axes_and_its_last_link_as_tool(write_urdf
     np.testing.assert_array_equal(robot.efforts, [10.0])
 
 
+@pytest.mark.parametrize("name", ["../../x", "/tmp/x", "..", "", "n" * 201, r"a\b"])
+def test_names_of_robots_are_no_paths(write_urdf: Write, one_joint_urdf: str, name: str) -> None:
+    path = write_urdf(one_joint_urdf.replace('"arm"', f'"{name}"'))
+    assert load_robot_from_urdf(path).name == "arm"  # as the file
+    path.with_name("robot.yaml").write_text(f"name: {name!r}\n{ROBOT_YAML.format(sign=1, urdf='arm.urdf')}")
+    with pytest.raises(InvalidConfig, match=r"robot\.yaml: name: must be a name that a folder could have"):
+        load_robot_from_urdf(path)
+
+
 def test_a_description_of_another_urdf_does_not_count(write_urdf: Write, one_joint_urdf: str) -> None:
     assert list(described(write_urdf, one_joint_urdf, urdf="other.urdf").axes) == ["shoulder"]
 

@@ -264,9 +264,12 @@ def test_every_axis_has_its_simrob_name(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LEGGED)
-def test_the_script_makes_the_urdf_and_every_mesh_is_used(name: str, tmp_path: Path) -> None:
-    folder = models_root() / name
-    runpy.run_path(str(folder / "make_urdf.py"))["make"](tmp_path)
+def test_the_script_makes_the_urdf_and_every_mesh_is_used(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, making = models_root() / name, models_root() / "making"
+    monkeypatch.syspath_prepend(making)  # as it is for a script
+    runpy.run_path(str(making / f"{name}.py"))["make"](tmp_path)
     assert (tmp_path / f"{name}.urdf").read_text() == (folder / f"{name}.urdf").read_text()
     used = {Path(mesh.get("filename", "")).name for mesh in load_robot(name).element.iter("mesh")}
     assert (

@@ -69,6 +69,20 @@ def test_a_clean_urdf_passes_and_drake_reads_it(write_urdf: Write, one_joint_urd
     assert plant.GetJointByName("shoulder").position_upper_limits() == [2.0]
 
 
+@pytest.mark.parametrize(
+    "before", ["", "\ufeff", '<?xml version="1.0"?>\n', "<!-- the <robot> of -->\n<!-- <robot -->\n"]
+)
+@pytest.mark.parametrize("declared", ["", ' xmlns:drake="http://drake.mit.edu"', " xmlns:drake = 'drake'"])
+def test_elements_of_drake_are_read_whatever_stands_before(
+    write_urdf: Write, one_joint_urdf: str, before: str, declared: str
+) -> None:
+    text = one_joint_urdf.replace('velocity="3"/>', 'velocity="3" drake:acceleration="7"/>')
+    root = read_urdf(write_urdf(before + text.replace("<robot", f"<robot{declared}")))
+    limit = root.find("joint/limit")
+    assert limit is not None
+    assert limit.get("{http://drake.mit.edu}acceleration") == "7"
+
+
 def test_a_clean_urdf_tells_its_joints_and_ends(write_urdf: Write, one_joint_urdf: str) -> None:
     root = read_urdf(write_urdf(one_joint_urdf))
     assert movable_joints(root) == ["shoulder"]

@@ -62,6 +62,16 @@ def test_an_axis_that_slides_moves_by_metres(tmp_path, one_joint_urdf, write_urd
     assert result["q.shoulder"][-1] == pytest.approx(0.05, abs=0.005)
 
 
+@pytest.mark.parametrize("options", [None, ImportOptions(base="fixed")], ids=["as it is", "imported"])
+@pytest.mark.parametrize(("kind", "middle"), [("prismatic", 0.3), ("revolute", np.deg2rad(17.1887))])
+def test_an_axis_that_cannot_be_at_zero_starts_midway(tmp_path, one_joint_urdf, write_urdf, kind, middle, options):
+    urdf = write_urdf(
+        one_joint_urdf.replace("revolute", kind).replace('lower="-1" upper="2"', 'lower="0.1" upper="0.5"')
+    )
+    config = drafted(tmp_path, urdf, options)
+    assert simulate(config, duration=0.1, progress=False)["q.shoulder"][0] == pytest.approx(middle, abs=1e-6)
+
+
 def test_paths_are_relative_to_the_station_where_that_is_near(tmp_path, one_joint_urdf, write_urdf):
     urdf = write_urdf(one_joint_urdf)
     assert "urdf: robot/arm.urdf" in draft_station(urdf, folder=tmp_path)

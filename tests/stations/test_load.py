@@ -120,6 +120,11 @@ def test_wrong_entries_are_named_with_what_would_be_right(overrides, message):
         ("description: nothing else", "robots is empty; .*something that moves"),
         ("robots: {}", "robots is empty; .*something that moves"),
         ("robots: {two words: {model: irb120}}", "no plain name"),
+        ("name: ../../../tmp/x\nrobot: {model: irb120}", r"bad\.yaml: name: must be a name that a folder could have"),
+        ("name: /tmp/x\nrobot: {model: irb120}", r"bad\.yaml: name: must be .* \(it is '/tmp/x'\)"),
+        ("name: ..\nrobot: {model: irb120}", "name: must be a name"),
+        ("name: ''\nrobot: {model: irb120}", "name: must be a name"),
+        (f"name: {'n' * 201}\nrobot: {{model: irb120}}", "name: must be a name"),
         ("robot: {model: irb120}\nduration: !!python/object/apply:os.getcwd []", "is not YAML"),
     ],
 )

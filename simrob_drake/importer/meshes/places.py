@@ -14,8 +14,6 @@ from simrob_drake.importer.meshes.packages import MANIFEST, find_package, is_fil
 from simrob_drake.importer.meshes.references import references
 from simrob_drake.importer.options import ImportOptions
 
-__all__ = ["MANIFEST", "MeshMissing", "MeshOutside", "MeshPlaces", "Place", "mesh_files", "package_root"]
-
 _NETWORK = ("http", "https", "ftp")
 _LEVELS = 4
 """How far up from the URDF the manifest of its package may lie."""

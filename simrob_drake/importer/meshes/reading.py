@@ -79,16 +79,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     kind = path.suffix.lower()
     if kind not in MESH_FORMATS:
         raise UnreadableMesh(f"is of a format '{kind}' that is not read; {', '.join(MESH_FORMATS)} are")
-    try:
-        size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise UnreadableMesh(
-                f"has {size / 1e6:.0f} MB; the largest that is read has {LARGEST_FILE / 1e6:.0f} MB, "
-                "so decimate it (in MeshLab or Blender) to less than 100000 faces"
-            )
-        data = path.read_bytes()
-    except OSError as problem:
-        raise UnreadableMesh(f"cannot be read ({problem.strerror or problem})") from problem
+    data = content_of(path)
     content, notes = checked(data, kind)
     try:
         with _quiet():
@@ -99,6 +90,24 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     if not parts:
         raise UnreadableMesh("holds no triangles")
     return MeshFile(parts, data if kind == ".obj" else b"", notes)
+
+
+def content_of(path: Path) -> bytes:
+    """Return the bytes of a mesh, or of a file that it is made of.
+
+    Raises:
+        UnreadableMesh: it is too large, or cannot be read.
+    """
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_FILE:
+            raise UnreadableMesh(
+                f"has {size / 1e6:.0f} MB; the largest that is read has {LARGEST_FILE / 1e6:.0f} MB, "
+                "so decimate it (in MeshLab or Blender) to less than 100000 faces"
+            )
+        return path.read_bytes()
+    except OSError as problem:
+        raise UnreadableMesh(f"cannot be read ({problem.strerror or problem})") from problem
 
 
 def _loaded(data: bytes, kind: str, others: Mapping[str, Path]) -> Any:

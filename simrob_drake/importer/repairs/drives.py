@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.efforts import repair_efforts
 from simrob_drake.importer.repairs.names import free_name
 from simrob_drake.importer.repairs.numbers import number
@@ -14,7 +15,7 @@ from simrob_drake.robots.urdf import DRAKE, movable_joints, name_of
 SIMPLE = "SimpleTransmission"
 
 
-def repair_drives(robot: ET.Element, report: ImportReport) -> None:
+def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Give every movable joint of a robot one simple transmission, an effort and a velocity, in place."""
     driven: set[str] = set()
     for drive in list(robot.iterfind("transmission")):
@@ -26,12 +27,12 @@ def repair_drives(robot: ET.Element, report: ImportReport) -> None:
         listed = "', '".join(idle)
         report.add("defaulted", f"joints '{listed}'", "no transmission drives them; a motor made for each")
     _part_motors(robot, report)
-    repair_efforts(robot, report)
+    repair_efforts(robot, options, report)
 
 
 def _settle(robot: ET.Element, drive: ET.Element, driven: set[str], report: ImportReport) -> None:
     """Keep a transmission that Drake reads; of any other, make a motor of their own for its joints."""
-    where, joints = f"transmission '{name_of(drive)}'", _joints(robot, drive)
+    where, joints = f"transmission '{name_of(drive)}'", _joints(drive)
     movable = set(movable_joints(robot))
     wanted = [joint for joint in joints if joint in movable and joint not in driven]
     kind = _kind(drive)
@@ -65,7 +66,7 @@ def _why(joints: list[str], wanted: list[str], kind: str, movable: set[str]) -> 
     return f"written as Drake reads it; {made}"
 
 
-def _joints(robot: ET.Element, drive: ET.Element) -> list[str]:
+def _joints(drive: ET.Element) -> list[str]:
     return list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.numbers import number, written
@@ -17,7 +18,6 @@ from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.merge import pose_of
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, link_of, mass_of, name_of, root_link
 
-GRAVITY = 9.80665
 SAFETY = 3.0
 """How many times a motor can hold, stretched out, what hangs on it."""
 
@@ -35,9 +35,9 @@ _ENDLESS = 1e9  # N·m or N; what absurd masses would ask for
 _STRONGEST = 1e5  # N·m or N; efforts above stand for "no limit" and are no measure
 
 
-def repair_efforts(robot: ET.Element, report: ImportReport) -> None:
+def repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Give every movable joint of a robot a positive effort and velocity, in place."""
-    loads, floats = _loads(robot), find_base(robot, ImportOptions())[0] == "floating"
+    loads, floats = _loads(robot), find_base(robot, options)[0] == "floating"
     whole = loads[root_link(robot)].mass if floats else 0.0
     joints = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
     for slides in (False, True):
@@ -103,8 +103,8 @@ def _effort(load: _Load, whole: float, slides: bool) -> float:
         return UNKNOWN_EFFORT
     rest = max(whole - load.mass, 0.0)
     if slides:
-        return GRAVITY * max(SAFETY * load.mass, rest)
-    return GRAVITY * max(SAFETY * load.moment, rest * load.reach)
+        return STANDARD_GRAVITY * max(SAFETY * load.mass, rest)
+    return STANDARD_GRAVITY * max(SAFETY * load.moment, rest * load.reach)
 
 
 def _set_effort(joint: ET.Element, held: float, least: float, known: bool, report: ImportReport) -> None:

@@ -11,7 +11,7 @@ from copy import deepcopy
 from pathlib import Path
 
 from simrob_drake.importer.meshes.library import MeshLibrary
-from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces, mesh_files
+from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
 from simrob_drake.importer.meshes.writing import MeshWriter
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.collisions import Collisions
@@ -19,8 +19,6 @@ from simrob_drake.importer.repairs.shape_elements import ShapeNames, check_geome
 from simrob_drake.importer.repairs.visuals import Visuals
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import name_of
-
-__all__ = ["import_shapes", "mesh_files"]
 
 
 def import_shapes(

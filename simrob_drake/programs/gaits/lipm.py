@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve_banded
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.stations.config import STANDARD_GRAVITY
 
 
 def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = STANDARD_GRAVITY) -> Vector:

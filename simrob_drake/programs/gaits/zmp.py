@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.skeleton import Skeleton
-from simrob_drake.stations.config import STANDARD_GRAVITY
 
 _CHUNK = 1000  # postures at a time, so that memory stays small
 

@@ -1,4 +1,4 @@
-"""Make zjudancer's URDF and meshes: ``python models/zjudancer/make_urdf.py``.
+"""Make zjudancer's URDF and meshes: ``python models/making/zjudancer.py``.
 
 The kid-size humanoid of the ZJUDancer team. Masses and leg lengths are those of the team's motion code (upper body
 3.0 kg, a leg 0.85 kg, thigh 0.123 m, shank 0.130 m, ankle 0.060 m over the floor, half hip width 0.045 m, foot 0.087 by
@@ -11,10 +11,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import trimesh
+from rounded import Parts, block, drum, hull, mirrored, mirrored_parts, wedge, write_parts
+from urdf_writing import Joint, Link, write_urdf
 
-from simrob_drake.robots.rounded import block, drum, hull, mirrored, wedge, write_obj
-from simrob_drake.robots.urdf_writing import Joint, Link, Shape, box, mesh, sphere, write_urdf
+from simrob_drake.robots.urdf_shapes import Shape, box, sphere
 
 COMMENT = """
   ZJUDancer, kid size: 18 joints, 4.7 kg, 0.69 m. It faces +y, its right is +x; all frames are parallel at zero.
@@ -87,8 +87,6 @@ COLLISIONS: dict[str, list[Shape]] = {
     "leg_pitch": [box((0.06, 0.04, 0.11), (0, 0, -0.062))],
     "leg_knee": [box((0.06, 0.044, 0.11), (0, 0, -0.065))],
 }
-
-Parts = dict[str, list[trimesh.Trimesh]]
 
 
 def chest() -> Parts:
@@ -189,27 +187,20 @@ def foot() -> Parts:
 
 def make(folder: Path) -> None:
     """Write the URDF and its meshes into a folder."""
-    (folder / "meshes").mkdir(exist_ok=True)
-
-    def visuals(name: str, parts: Parts) -> list[tuple[Shape, str]]:
-        for colour, solids in parts.items():
-            write_obj(folder / "meshes" / f"{name}_{colour}.obj", solids)
-        return [(mesh(f"{name}_{colour}"), colour) for colour in parts]
-
     links, joints = [], []
     for form in (chest, neck, head):
         name = form.__name__
         mass, com, moments = MIDDLE[name]
         scale = CHEST / mass if name == "chest" else SCALE
-        links.append(_link(name, visuals(name, form()), (mass, com, moments), scale))
+        links.append(_link(name, write_parts(folder, name, form()), (mass, com, moments), scale))
     joints += [_joint(name, figures) for name, figures in HEAD.items()]
     for side, sign in (("right", 1), ("left", -1)):
         for form in (arm, hand, leg_yaw, leg_roll, leg_pitch, leg_knee, leg_ankle, foot):
             parts = form()
             if sign < 0:
-                parts = {colour: [mirrored(part) for part in solids] for colour, solids in parts.items()}
+                parts = mirrored_parts(parts)
             name = f"{side}_{form.__name__}"
-            links.append(_link(name, visuals(name, parts), INERTIAS[form.__name__], SCALE, sign))
+            links.append(_link(name, write_parts(folder, name, parts), INERTIAS[form.__name__], SCALE, sign))
         for name, figures in SIDE.items():
             joints.append(_joint(name, figures, side, sign))
         for tool, link, (x, y, z) in (("tip", "hand", (0, 0, -0.1435)), ("sole", "foot", (0.016, 0, -0.060))):
@@ -254,4 +245,4 @@ def _joint(name: str, figures: tuple, side: str = "", sign: int = 1) -> Joint:
 
 
 if __name__ == "__main__":
-    make(Path(__file__).parent)
+    make(Path(__file__).parents[1] / "zjudancer")

@@ -5,17 +5,22 @@ Every body is the convex hull of spheres or discs; a link is a few of them that 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import trimesh
+from urdf_writing import mesh
 
 from simrob_drake.frames import Vector
+from simrob_drake.robots.urdf_shapes import Shape
 
 Triple = tuple[float, float, float]
+
+Parts = Mapping[str, Sequence[trimesh.Trimesh]]
+"""The convex parts of a link, by the name of their colour."""
 
 _CREASE = np.cos(np.deg2rad(38.0))  # faces that meet at a sharper edge than this are shaded apart
 _FINE = 0.03, 0.012  # spheres of at least these radii get sixteen and four times the faces of the smallest [m]
@@ -71,11 +76,24 @@ def mirrored(part: trimesh.Trimesh, axis: str = "x") -> trimesh.Trimesh:
     return solid(np.asarray(part.vertices) * np.where(np.array(list("xyz")) == axis, -1.0, 1.0))
 
 
+def mirrored_parts(parts: Parts, axis: str = "x") -> Parts:
+    """Return the mirror image of a link."""
+    return {colour: [mirrored(part, axis) for part in solids] for colour, solids in parts.items()}
+
+
+def write_parts(folder: Path, name: str, parts: Parts) -> list[tuple[Shape, str]]:
+    """Write a link's parts, one OBJ file a colour in ``meshes`` of a robot's folder, and return them as visuals."""
+    (folder / "meshes").mkdir(exist_ok=True)
+    for colour, solids in parts.items():
+        write_obj(folder / "meshes" / f"{name}_{colour}.obj", solids)
+    return [(mesh(f"{name}_{colour}"), colour) for colour in parts]
+
+
 def write_obj(file: Path, parts: Sequence[trimesh.Trimesh]) -> None:
     """Write parts as one OBJ file with normals, sharp at creases."""
     points, corners = _numbered([np.asarray(part.triangles) for part in parts], _DIGITS)
     normals, turns = _numbered([_corner_normals(part) for part in parts], 3)
-    lines = [f"# made by {file.parent.parent.name}/make_urdf.py"]
+    lines = [f"# made by making/{file.parent.parent.name}.py"]
     lines += ["v " + " ".join(f"{value:.5g}" for value in point) for point in points]
     lines += ["vn " + " ".join(f"{value:.3g}" for value in normal) for normal in normals]
     faces = (zip(*face, strict=True) for face in zip(corners, turns, strict=True) if len(set(face[0])) == 3)

@@ -1,6 +1,6 @@
 """Write a URDF from its figures: links, joints, colours, and a motor for every joint that moves.
 
-For the scripts ``make_urdf.py`` of the models, which hold the figures of one robot each. Lengths are in metres, masses
+For the scripts beside this file, which hold the figures of one robot each. Lengths are in metres, masses
 in kg, angles in radians; all numbers are written as given.
 """
 
@@ -12,29 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simrob_drake.robots.urdf import DRAKE
-
-Numbers = Sequence[float]
-ZERO = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A box, cylinder, sphere or mesh somewhere on a link."""
-
-    tag: str
-    attributes: Mapping[str, str]
-    xyz: Numbers = ZERO
-    rpy: Numbers = ZERO
-
-
-def box(size: Numbers, xyz: Numbers = ZERO, rpy: Numbers = ZERO) -> Shape:
-    """Return a box of a size, shape (3,) [m], about its centre."""
-    return Shape("box", {"size": text(size)}, xyz, rpy)
-
-
-def sphere(radius: float, xyz: Numbers = ZERO) -> Shape:
-    """Return a sphere about its centre."""
-    return Shape("sphere", {"radius": text([radius])}, xyz)
+from simrob_drake.robots.urdf_shapes import ZERO, Numbers, Shape, add_origin, shape_element, text
 
 
 def cylinder(radius: float, length: float, xyz: Numbers = ZERO, rpy: Numbers = ZERO) -> Shape:
@@ -120,7 +98,7 @@ def _add_link(robot: ET.Element, link: Link) -> None:
         element.append(ET.Comment(f" {link.comment} "))
     if link.mass > 0:
         inertial = ET.SubElement(element, "inertial")
-        _add_origin(inertial, link.com, ZERO)
+        add_origin(inertial, link.com, ZERO)
         ET.SubElement(inertial, "mass", value=text([link.mass]))
         keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         values = zip(keys, (*link.moments, *link.products), strict=True)
@@ -131,14 +109,6 @@ def _add_link(robot: ET.Element, link: Link) -> None:
         shape_element(element, "collision", shape)
 
 
-def shape_element(link: ET.Element, tag: str, shape: Shape) -> ET.Element:
-    """Add a shape to a link, as a ``visual`` or a ``collision`` element, and return that."""
-    element = ET.SubElement(link, tag)
-    _add_origin(element, shape.xyz, shape.rpy)
-    ET.SubElement(ET.SubElement(element, "geometry"), shape.tag, dict(shape.attributes))
-    return element
-
-
 def _add_joint(robot: ET.Element, joint: Joint) -> None:
     kind = "fixed" if joint.axis is None else "revolute"
     element = ET.SubElement(robot, "joint", name=joint.name, type=kind)
@@ -146,7 +116,7 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
         element.append(ET.Comment(f" {joint.comment} "))
     ET.SubElement(element, "parent", link=joint.parent)
     ET.SubElement(element, "child", link=joint.child)
-    _add_origin(element, joint.xyz, joint.rpy)
+    add_origin(element, joint.xyz, joint.rpy)
     if joint.axis is None:
         return
     ET.SubElement(element, "axis", xyz=text(joint.axis))
@@ -165,14 +135,3 @@ def _add_motor(robot: ET.Element, joint: Joint) -> None:
     if joint.reflected_inertia:
         ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=text([joint.reflected_inertia]))
         ET.SubElement(motor, f"{DRAKE}gear_ratio", value="1")
-
-
-def _add_origin(element: ET.Element, xyz: Numbers, rpy: Numbers) -> None:
-    if any(xyz) or any(rpy):
-        turned = {"rpy": text(rpy)} if any(rpy) else {}
-        ET.SubElement(element, "origin", {"xyz": text(xyz), **turned})
-
-
-def text(values: Numbers) -> str:
-    """Return numbers as an attribute of a URDF."""
-    return " ".join(f"{float(value):.12g}" for value in values)

@@ -1,4 +1,4 @@
-"""Make the quadruped's URDF and meshes: ``python models/yobotics/make_urdf.py``.
+"""Make the quadruped's URDF and meshes: ``python models/making/yobotics.py``.
 
 Joints, ranges, efforts, masses and inertias are those of the published yobotics_description, which the thesis of
 C. Sánchez-Girón Coca (Universidad de Valladolid, 2022, p. 89-91) uses; the forms are ours. It faces +x, its left is +y.
@@ -9,10 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import trimesh
+from rounded import Parts, block, drum, hull, mirrored_parts, write_parts
+from urdf_writing import Joint, Link, cylinder, write_urdf
 
-from simrob_drake.robots.rounded import block, drum, hull, mirrored, write_obj
-from simrob_drake.robots.urdf_writing import Joint, Link, Shape, box, cylinder, mesh, sphere, write_urdf
+from simrob_drake.robots.urdf_shapes import Shape, box, sphere
 
 COMMENT = """
   Yobotics quadruped: 12 joints, 9.443 kg, legs of 0.2115 and 0.2304 m. It faces +x; all frames are parallel at zero.
@@ -48,8 +48,6 @@ CARRIED = {  # on the trunk: place, mass, centre of mass, moments
     "camera_link": ((0.1, 0, -0.06), 0.2617996, 0.2, (0.00058083, 3.0833e-05, 0.00059083)),
     "imu_link": ((0, 0, 0), 0, 0.001, (1e-09, 1e-09, 1e-09)),
 }
-
-Parts = dict[str, list[trimesh.Trimesh]]
 
 
 def trunk_body() -> Parts:
@@ -112,15 +110,11 @@ def foot() -> Parts:
 
 def make(folder: Path) -> None:
     """Write the URDF and its meshes into a folder."""
-    (folder / "meshes").mkdir(exist_ok=True)
-
-    def visuals(name: str, parts: Parts) -> list[tuple[Shape, str]]:
-        for colour, solids in parts.items():
-            write_obj(folder / "meshes" / f"{name}_{colour}.obj", solids)
-        return [(mesh(f"{name}_{colour}"), colour) for colour in parts]
-
-    carried = {"trunk_body": visuals("trunk_body", trunk_body()), "imu_link": []}
-    carried |= {"hokuyo_frame": visuals("hokuyo", hokuyo_frame()), "camera_link": visuals("camera", camera_link())}
+    carried = {"trunk_body": write_parts(folder, "trunk_body", trunk_body()), "imu_link": []}
+    carried |= {
+        "hokuyo_frame": write_parts(folder, "hokuyo", hokuyo_frame()),
+        "camera_link": write_parts(folder, "camera", camera_link()),
+    }
     bumpers: dict[str, list[Shape]] = {
         "trunk_body": [box((0.34, 0.13, 0.085), (0, 0, 0))],
         "hokuyo_frame": [box((0.058, 0.058, 0.087), (0, 0, -0.0115))],
@@ -134,12 +128,12 @@ def make(folder: Path) -> None:
         if link != "trunk":
             joints.append(Joint(name=f"{link}_fixed", parent="trunk", child=link, xyz=xyz, rpy=(0, pitch, 0)))
     forms = (hip, thigh, calf, foot)
-    drawn = {("left", form.__name__): visuals(f"left_{form.__name__}", form()) for form in forms[:2]}
+    drawn = {("left", form.__name__): write_parts(folder, f"left_{form.__name__}", form()) for form in forms[:2]}
     for form in forms[:2]:
-        parts = {colour: [mirrored(part, "y") for part in solids] for colour, solids in form().items()}
-        drawn["right", form.__name__] = visuals(f"right_{form.__name__}", parts)
+        parts = mirrored_parts(form(), "y")
+        drawn["right", form.__name__] = write_parts(folder, f"right_{form.__name__}", parts)
     for form in forms[2:]:
-        drawn["left", form.__name__] = drawn["right", form.__name__] = visuals(form.__name__, form())
+        drawn["left", form.__name__] = drawn["right", form.__name__] = write_parts(folder, form.__name__, form())
     for leg, (front, left) in LEGS.items():
         side = "left" if left > 0 else "right"
         for part, (mass, (x, y, z), moments) in INERTIAS.items():
@@ -196,4 +190,4 @@ def _leg_joints(leg: str, front: int, left: int) -> list[Joint]:
 
 
 if __name__ == "__main__":
-    make(Path(__file__).parent)
+    make(Path(__file__).parents[1] / "yobotics")

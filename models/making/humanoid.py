@@ -1,4 +1,4 @@
-"""Make the humanoid's URDF and meshes: ``python models/humanoid/make_urdf.py``.
+"""Make the humanoid's URDF and meshes: ``python models/making/humanoid.py``.
 
 Joints, masses, centres of mass, inertias, damping and the outer sizes of the links are those of MathWorks' sm_humanoid,
 which SimRob's humanoid stations use (H10S1 and others); the forms are ours. Left and right links are equal: what is
@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from rounded import Parts, block, drum, hull, mirrored, solid, wedge, write_parts
+from urdf_writing import Joint, Link, write_urdf
 
-from simrob_drake.robots.rounded import block, drum, hull, mirrored, solid, wedge, write_obj
-from simrob_drake.robots.urdf_writing import ZERO, Joint, Link, Shape, box, mesh, sphere, write_urdf
+from simrob_drake.robots.urdf_shapes import ZERO, Shape, box, sphere
 
 COMMENT = """
   The humanoid of MATLAB (sm_humanoid): 22 bodies, 18 joints, 2.292 kg. It faces -y; its left is +x.
@@ -98,8 +99,6 @@ COLLISIONS: dict[str, list[Shape]] = {
     "lower_leg": [box((0.05, 0.038, 0.13), (0, 0, -0.052))],
     "foot": [box((0.0559, 0.113, 0.02), (0, -0.02372, -0.01896))],
 }
-
-Parts = dict[str, list[trimesh.Trimesh]]
 
 
 def trunk() -> Parts:
@@ -227,13 +226,7 @@ FORMS |= {f.__name__: f for f in (hand, hip, upper_leg, lower_leg, foot)}
 
 def make(folder: Path) -> None:
     """Write the URDF and its meshes into a folder."""
-    (folder / "meshes").mkdir(exist_ok=True)
-    visuals = {}
-    for name, form in FORMS.items():
-        parts = form()
-        visuals[name] = [(mesh(f"{name}_{colour}"), colour) for colour in parts]
-        for colour, solids in parts.items():
-            write_obj(folder / "meshes" / f"{name}_{colour}.obj", solids)
+    visuals = {name: write_parts(folder, name, form()) for name, form in FORMS.items()}
     links = []
     for shape, (mass, com, moments, products) in INERTIAS.items():
         for name in [f"{side}_{shape}" for side in ("right", "left")] if shape in PAIRED else [shape]:
@@ -261,4 +254,4 @@ def make(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    make(Path(__file__).parent)
+    make(Path(__file__).parents[1] / "humanoid")

@@ -1,4 +1,4 @@
-"""Make roid1's URDF and meshes: ``python models/roid1/make_urdf.py``.
+"""Make roid1's URDF and meshes: ``python models/making/roid1.py``.
 
 Joints and outer sizes of the links are those of roid1 by Ninagawa123 (URDF of 2021, MIT licence), which the thesis of
 C. Sánchez-Girón Coca (Universidad de Valladolid, 2022, p. 86-87 and 92) uses; masses and inertias are those that the
@@ -10,10 +10,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import trimesh
+from rounded import Parts, block, drum, hull, mirrored_parts, write_parts
+from urdf_writing import Joint, Link, write_urdf
 
-from simrob_drake.robots.rounded import block, drum, hull, mirrored, write_obj
-from simrob_drake.robots.urdf_writing import Joint, Link, Shape, box, mesh, write_urdf
+from simrob_drake.robots.urdf_shapes import Shape, box
 
 COMMENT = """
   roid1 (Ninagawa123): 22 joints, 1.4585 kg, 0.40 m. It faces +x; all frames are parallel at zero.
@@ -83,8 +83,6 @@ COLLISIONS: dict[str, list[Shape]] = {
     "upperleg": [box((0.045, 0.034, 0.08), (0.0025, 0, -0.03))],
     "lowerleg": [box((0.035, 0.037, 0.08), (0.0095, 0, -0.033))],
 }
-
-Parts = dict[str, list[trimesh.Trimesh]]
 
 
 def c_waist() -> Parts:
@@ -220,26 +218,19 @@ def foot() -> Parts:
 
 def make(folder: Path) -> None:
     """Write the URDF and its meshes into a folder."""
-    (folder / "meshes").mkdir(exist_ok=True)
-
-    def visuals(name: str, parts: Parts) -> list[tuple[Shape, str]]:
-        for colour, solids in parts.items():
-            write_obj(folder / "meshes" / f"{name}_{colour}.obj", solids)
-        return [(mesh(f"{name}_{colour}"), colour) for colour in parts]
-
     links, joints = [], []
     for form in (c_waist, c_chest, c_head):
         name = form.__name__
-        links.append(_link(name, MIDDLE_INERTIAS[name], visuals(name, form()), 1))
+        links.append(_link(name, MIDDLE_INERTIAS[name], write_parts(folder, name, form()), 1))
     joints += [_joint(name, figures, 1, "") for name, figures in MIDDLE.items()]
     forms = (shoulder, upperarm, elbow, lowerarm, hipjointupper, hipjointlower, upperleg, lowerleg, ankle, foot)
     for side, sign in (("r", 1), ("l", -1)):
         for form in forms:
             parts = form()
             if sign < 0:
-                parts = {colour: [mirrored(part, "y") for part in solids] for colour, solids in parts.items()}
+                parts = mirrored_parts(parts, "y")
             name = f"{side}_{form.__name__}"
-            links.append(_link(name, INERTIAS[form.__name__], visuals(name, parts), sign))
+            links.append(_link(name, INERTIAS[form.__name__], write_parts(folder, name, parts), sign))
         joints += [_joint(name, figures, sign, side) for name, figures in {**ARM, **LEG}.items()]
         for tool, link, place in (("hand", "lowerarm", (-0.002, 0, -0.101)), ("sole", "foot", (0, 0, -0.02593))):
             links.append(Link(name=f"{side}_{tool}"))
@@ -283,4 +274,4 @@ def _joint(name: str, figures: tuple, sign: int, side: str) -> Joint:
 
 
 if __name__ == "__main__":
-    make(Path(__file__).parent)
+    make(Path(__file__).parents[1] / "roid1")
