@@ -18,7 +18,7 @@ from simrob_drake.cli.app import app
 from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.results.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
-from simrob_drake.robots.pieces import described_piece
+from simrob_drake.robots.pieces import described_piece, weighed
 from simrob_drake.stations.checks import check_station
 from simrob_drake.yaml_files import parse_yaml
 
@@ -81,7 +81,7 @@ def test_every_expected_output_belongs_to_a_script():
 LOADERS: dict[str, Callable] = {
     "station.yaml": lambda file: check_station(load_station(file)),
     "robot.yaml": lambda file: load_robot_file(file).element,
-    "piece.yaml": described_piece,
+    "piece.yaml": lambda file: weighed(described_piece(file)),
     "program.yaml": Program.load,
 }
 
