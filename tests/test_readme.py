@@ -1,94 +1,184 @@
-"""What the README says is so: its script, its commands, its links."""
+"""What README and docs say is so: their scripts, stations, commands and links.
+
+Every block of Python is a script of its own. Every block of YAML tells in its first line what it is: ``station.yaml``,
+``robot.yaml``, ``piece.yaml`` or ``program.yaml``, or what is changed in a station of the package:
+``# irb120_dynamic.yaml, changed``. The commands of a block run one after the other.
+"""
 
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
-from simrob_drake import load_station, station_names
+from simrob_drake import Program, load_station, station_names
 from simrob_drake.cli import run_command
+from simrob_drake.cli.app import app
 from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.results.robot_view import RobotView
+from simrob_drake.robots.catalog import load_robot_file, robot_names
+from simrob_drake.robots.pieces import described_piece, weighed
+from simrob_drake.stations.checks import check_station
+from simrob_drake.yaml_files import parse_yaml
 
 ROOT = Path(__file__).parent.parent
-PAGES = sorted(ROOT.glob("README*.md"))
-README = (ROOT / "README.md").read_text()
+READMES = sorted(ROOT.glob("README*.md"))
+PAGES = {str(page.relative_to(ROOT)): page.read_text() for page in [*READMES, *sorted(ROOT.glob("docs/**/*.md"))]}
+
+each_page = pytest.mark.parametrize("page", PAGES)
+each_readme = pytest.mark.parametrize("page", [page.name for page in READMES])
 
 
 def fenced(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+    """Return the blocks in a language, each after a name for it."""
+    found = {
+        f"{page} {number}": block
+        for page, text in PAGES.items()
+        for number, block in enumerate(re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE), 1)
+    }
+    return [pytest.param(block, id=name) for name, block in found.items()]
 
 
-def test_the_script_runs(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    exec(compile(fenced("python")[0], "README.md", "exec"), {})
-    assert "joint 2 ends at" in capsys.readouterr().out
-    assert len(list((tmp_path / "runs").iterdir())) == 1
-
-
-def test_the_program_runs(capsys):
-    script = next(script for script in fenced("python") if "Arm(" in script)
-    exec(compile(script, "README.md", "exec"), {})
-    assert "ran to its end" in capsys.readouterr().out
-
-
-def test_the_legged_program_runs(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    script = next(script for script in fenced("python") if "LeggedRobot(" in script)
-    exec(compile(script, "README.md", "exec"), {})
-    shown = capsys.readouterr().out
-    assert "ran to its end at 5 s" in shown
-    assert 0.05 < float(shown.splitlines()[-1].split()[0]) < 0.3
-    assert [file.name for file in tmp_path.iterdir()] == ["step.yaml"]
-
-
-COMMANDS = [line.split("#")[0].split() for block in fenced("sh") for line in block.splitlines() if "simrob " in line]
-
-
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_a_command_does_its_work(command, tmp_path, monkeypatch, one_joint_urdf):
+@pytest.fixture
+def folder(tmp_path, monkeypatch, one_joint_urdf):
+    """Go to an empty folder, but for a URDF with a defect."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
     (tmp_path / "downloads").mkdir()
-    (tmp_path / "downloads" / "arm.urdf").write_text(
-        re.sub(r"<transmission.*</transmission>", "", one_joint_urdf, flags=re.DOTALL)
-    )
-    duration = ["--duration", "0.2"] if command[1] == "run" else []
-    assert run_command([*command[1:], *duration]) == 0
+    without_motor = re.sub(r"<transmission.*</transmission>", "", one_joint_urdf, flags=re.DOTALL)
+    (tmp_path / "downloads" / "arm.urdf").write_text(without_motor)
+    return tmp_path
 
 
-def test_the_station_of_the_readme_is_one(tmp_path):
-    (tmp_path / "own.yaml").write_text(fenced("yaml")[0])
-    assert load_station(tmp_path / "own.yaml").monitors.keys() == {"joint_limit", "settled"}
+SHOWN = {
+    "print(result.message, arm.pose())": r"ran to its end",
+    'arm.simulate("irb120_dynamic")': r"^0\.0\d* rad ",
+    "np.rad2deg(result[": r" 4[67]\.\d* (deg|grados)\n",
+    "walk(4, amplitude=0.8)": r"ran to its end at 5 s .*\n0\.(0[5-9]|[12])\d* m ",
+    '"right_hand", [-0.1, -0.1, -0.15]': r"\[-0\.1 +-0\.1 +-0\.15 ",
+    "for force in (10, 20)": r"10 N .* ran to its end at 5 s\n20 N .* (fell|fallen|low|lean)",
+    "again.values == second.values": r"True",
+    "monitors.stop": r"the force on tip reached the limit of 20 N at 1\.2\d* s\n.* 20\.[0-4]\d* N",
+    "joint 5 nods": r"joint 5 nods by (29\.9|30)",
+}
+"""What a script with these words in it prints, as far as a page says it."""
 
 
-def test_the_table_of_stations_names_them_all():
-    assert set(re.findall(r"\[`(\w+)`\]\(diagrams/", README)) == set(station_names())
+@pytest.mark.parametrize("script", fenced("python"))
+def test_a_script_runs(script, folder, capsys):
+    exec(compile(script, "a page", "exec"), {})
+    shown = capsys.readouterr().out
+    for words, output in SHOWN.items():
+        assert words not in script or re.search(output, shown), shown
 
 
-def links(page):
-    return re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text())
+def test_every_expected_output_belongs_to_a_script():
+    scripts = [case.values[0] for case in fenced("python")]
+    assert all(any(words in script for script in scripts) for words in SHOWN)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+LOADERS: dict[str, Callable] = {
+    "station.yaml": lambda file: check_station(load_station(file)),
+    "robot.yaml": lambda file: load_robot_file(file).element,
+    "piece.yaml": lambda file: weighed(described_piece(file)),
+    "program.yaml": Program.load,
+}
+
+
+@pytest.mark.parametrize("block", fenced("yaml"))
+def test_a_yaml_file_is_what_it_claims(block, folder):
+    claim, _, rest = block.partition("\n")[0].removeprefix("# ").partition(",")
+    if rest.strip() == "changed":
+        assert check_station(load_station(claim.removesuffix(".yaml"), parse_yaml(block, claim)))
+        return
+    (folder / claim).write_text(block)
+    assert LOADERS[claim](folder / claim)
+
+
+def commands(text):
+    return [line.split("#")[0].split()[1:] for line in text.splitlines() if line.startswith("simrob ")]
+
+
+def different_commands():
+    """Return the blocks that hold commands, one of those that differ in their comments only."""
+    blocks = {str(commands(case.values[0])): case for case in fenced("sh")}
+    return [case for shown, case in blocks.items() if shown != "[]"]
+
+
+@pytest.mark.parametrize("block", different_commands())
+def test_commands_do_their_work(block, folder, monkeypatch):
+    monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
+    for command in commands(block):
+        short = ["--duration", "0.1", "--no-recording"] if command[0] == "run" else []
+        assert run_command([*command, *short]) == 0, command
+
+
+@each_page
+def test_commands_in_the_text_are_commands(page):
+    group = get_command(app)
+    for line in re.findall(r"`simrob ([^`]+)`", PAGES[page]):
+        name, *arguments = line.split()
+        command = group.commands[name]
+        if arguments:
+            command.make_context(name, arguments)
+
+
+@each_page
 def test_links_lead_somewhere(page):
-    for target in links(page):
-        assert (ROOT / target).exists(), target
+    for link in re.findall(r"\]\((?!http)([^)]+)\)", PAGES[page]):
+        target, _, anchor = link.partition("#")
+        place = (ROOT / page).parent / target if target else ROOT / page
+        assert place.exists(), link
+        assert not anchor or anchor in anchors(place.read_text()), link
 
 
 def test_the_source_archive_holds_what_the_pages_link_to_and_what_tests_need():
-    archive = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["sdist"][
-        "include"
-    ]
-    needed = {target.split("/")[0] for page in PAGES for target in links(page)} | {page.name for page in PAGES}
-    assert needed | {".ci", "Makefile", "tests"} <= {*archive, "README.md", "LICENSE"}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    archive = project["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
+    linked = {
+        ((ROOT / page).parent / link.partition("#")[0]).resolve().relative_to(ROOT).parts[0]
+        for page, text in PAGES.items()
+        for link in re.findall(r"\]\((?!http|#)([^)]+)\)", text)
+    }
+    assert linked | {page.name for page in READMES} | {".ci", "Makefile", "tests"} <= {*archive, "README.md", "LICENSE"}
     assert all((ROOT / place).exists() for place in archive)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_make_targets_exist(page):
+def anchors(text):
+    """Return the anchors of a page's headings, as GitHub makes them."""
+    without_code = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    headings = re.findall(r"^#+ (.*)", without_code, flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+def test_every_page_can_be_reached():
+    linked = {
+        ((ROOT / page).parent / link.partition("#")[0]).resolve()
+        for page, text in PAGES.items()
+        for link in re.findall(r"\]\((?!http)([^)]+)\)", text)
+    }
+    assert {ROOT / page for page in PAGES} - linked <= {ROOT / "docs" / "README.md"}
+
+
+@each_page
+def test_make_targets_and_modules_exist(page):
     makefile = (ROOT / "Makefile").read_text()
-    for target in re.findall(r"(?:^|`)make (\w+)", page.read_text(), flags=re.MULTILINE):
+    for target in re.findall(r"(?:^|`)make (\w+)", PAGES[page], flags=re.MULTILINE):
         assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
+    for module in re.findall(r"python -m (tests[\w.]+)", PAGES[page]):
+        assert (ROOT / module.replace(".", "/")).with_suffix(".py").is_file(), module
+
+
+@each_readme
+def test_a_readme_names_all_stations_and_robots(page):
+    assert {*station_names(), *robot_names()} <= set(re.findall(r"`(\w+)`", PAGES[page]))
+
+
+@pytest.mark.parametrize("page", ["docs/stations.md", "docs/es/estaciones.md"])
+def test_a_table_of_stations_names_them_all(page):
+    rows = re.findall(
+        r"^\| \[`(\w+)`\]\([./]+/diagrams/\1\.yaml\) .*/diagrams/\1\.svg\)\) \|$", PAGES[page], re.MULTILINE
+    )
+    assert sorted(rows) == station_names()

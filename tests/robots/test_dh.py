@@ -268,17 +268,6 @@ def test_a_robot_of_ones_own_is_one_file(tmp_path: Path) -> None:
     assert result["q.joint_3"][-1] == pytest.approx(sag, rel=0.05)
 
 
-def test_the_examples_of_the_readme_are_a_station_and_a_robot(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[2] / "README.md").read_text()
-    blocks = [block.split("```")[0] for block in text.split("```yaml\n")[1:]]
-    (station,) = [block for block in blocks if "chess_board" in block]
-    (robot,) = [block for block in blocks if block.startswith("dh:")]
-    (tmp_path / "cell.yaml").write_text(station)
-    (tmp_path / "crane.yaml").write_text(robot)
-    assert set(load_station(tmp_path / "cell.yaml").pieces) == {"board", "rook", "gripper"}
-    assert len(load_robot_file(tmp_path / "crane.yaml").axes) == 3
-
-
 def test_a_robot_is_called_as_its_file_or_its_folder(tmp_path: Path) -> None:
     (tmp_path / "crane").mkdir()
     for file, name in ((tmp_path / "crane" / "robot.yaml", "crane"), (tmp_path / "lift.yaml", "lift")):
