@@ -67,18 +67,15 @@ def check_station(config: StationConfig) -> list[Finding]:
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
     """Return the torques (n,) [N·m] that hold a robot still at a posture (n,) [rad], by inverse dynamics."""
     context = plant.plant.CreateDefaultContext()
-    positions = plant.plant.GetPositions(context)
-    positions[[joint.position_start() for joint in robot.joints]] = robot.signs * position
-    plant.plant.SetPositions(context, positions)
-    gravity = plant.plant.CalcGravityGeneralizedForces(context)
-    return np.asarray(-robot.signs * gravity[[joint.velocity_start() for joint in robot.joints]])
+    plant.set_axes(context, robot, position)
+    return -robot.of_axes(plant.plant.CalcGravityGeneralizedForces(context))
 
 
 def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
     """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
     context = plant.plant.CreateDefaultContext()
     mobility = np.diag(np.linalg.inv(plant.plant.CalcMassMatrix(context)))
-    inertia = 1 / mobility[[joint.velocity_start() for joint in robot.joints]]  # as felt with the other joints free
+    inertia = 1 / mobility[robot.speeds]  # as felt with the other joints free
     with np.errstate(divide="ignore"):
         return np.asarray(_STABLE * inertia / robot.gains.kd)
 

@@ -9,7 +9,6 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.wiring import joined, mapped
-from simrob_drake.frames import Vector
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts, add_input
@@ -56,7 +55,7 @@ def _add_torques(
     dynamics = InverseDynamics(plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
     builder.AddNamedSystem("inverse_dynamics", dynamics)
     builder.Connect(state, dynamics.get_input_port_estimated_state())
-    pick = {robot.name: _velocity_map(plant, robot.name) for robot in plant.robots.values()}
+    pick = {robot.name: plant.velocity_map(robot) for robot in plant.robots.values()}
     accelerations = [outputs.pop(f"{robot.prefix}acceleration") for robot in plant.robots.values()]
     spread = np.hstack([matrix.T for matrix in pick.values()])
     desired = mapped(builder, "accelerations", spread, joined(builder, "robot_accelerations", *accelerations))
@@ -66,9 +65,3 @@ def _add_torques(
             builder, f"{robot.prefix}torque", pick[robot.name], dynamics.get_output_port_generalized_force()
         )
         outputs[f"{robot.prefix}torque"] = torque
-
-
-def _velocity_map(plant: StationPlant, robot: str) -> Vector:
-    """Return the matrix (n, nv) that picks a robot's axis velocities from those of the plant."""
-    station_robot = plant.robots[robot]
-    return plant.state_map(station_robot)[len(station_robot.joints) :, plant.plant.num_positions() :]

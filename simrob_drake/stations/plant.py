@@ -24,7 +24,7 @@ from pydrake.multibody.plant import (
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.parse import add_urdf
@@ -54,14 +54,23 @@ class StationPlant:
     robots: dict[str, StationRobot]
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
 
+    def set_axes(self, context: Context, robot: StationRobot, positions: Vector) -> None:
+        """Put a robot's axes to positions, shape (n,) [rad or m], in a context of the plant."""
+        configuration = self.plant.GetPositions(context)
+        configuration[robot.places] = robot.signs * positions
+        self.plant.SetPositions(context, configuration)
+
     def state_map(self, robot: StationRobot) -> Vector:
         """Return the matrix (2n, nq + nv) that picks a robot's axis positions and velocities from the plant's state."""
         count, rows = len(robot.joints), np.arange(len(robot.joints))
         matrix = np.zeros((2 * count, self.plant.num_multibody_states()))
-        matrix[rows, [joint.position_start() for joint in robot.joints]] = robot.signs
-        velocities = [self.plant.num_positions() + joint.velocity_start() for joint in robot.joints]
-        matrix[count + rows, velocities] = robot.signs
+        matrix[rows, robot.places] = robot.signs
+        matrix[count + rows, self.plant.num_positions() + np.array(robot.speeds)] = robot.signs
         return matrix
+
+    def velocity_map(self, robot: StationRobot) -> Vector:
+        """Return the matrix (n, nv) that picks a robot's axis velocities, or torques, from those of the plant."""
+        return self.state_map(robot)[len(robot.joints) :, self.plant.num_positions() :]
 
     def actuation_map(self, robot: StationRobot) -> Vector:
         """Return the matrix (actuators of the robot, n) that hands axis torques to the robot's actuators."""

@@ -53,6 +53,20 @@ class StationRobot:
         """The names of the axes, in order."""
         return list(self.model.axes)
 
+    @property
+    def places(self) -> list[int]:
+        """Where the axes' positions stand among those of the plant, in order."""
+        return [joint.position_start() for joint in self.joints]
+
+    @property
+    def speeds(self) -> list[int]:
+        """Where the axes' velocities stand among those of the plant, in order."""
+        return [joint.velocity_start() for joint in self.joints]
+
+    def of_axes(self, values: Vector) -> Vector:
+        """Return the axes' entries, shape (n,), of a vector over the plant's velocities, in the axes' sense."""
+        return np.asarray(self.signs * values[self.speeds])
+
 
 def add_robot(plant: MultibodyPlant, config: StationConfig, name: str, *, collision: bool) -> StationRobot:
     """Add one of a station's robots to its plant, with the pieces that it carries.
