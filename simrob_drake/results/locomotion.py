@@ -91,8 +91,7 @@ def headings(result: SimulationResult, robot: StationRobot, base: Vector) -> Vec
         base: poses of its root, shape (m, 7).
     """
     context = result.plant.plant.CreateDefaultContext()
-    for joint in robot.joints:
-        joint.set_angle(context, 0.0)
+    result.plant.set_axes(context, robot, np.zeros(len(robot.axes)))
     sides = {
         side: [frame.CalcPose(context, robot.root).translation() for name, frame in robot.tools.items() if side in name]
         for side in ("left", "right")
