@@ -273,6 +273,15 @@ class TestDivergence:
         assert 0.2 < result.stop_time < 0.4
         assert result.times[-1] == result.stop_time
 
+    @pytest.mark.parametrize("kind", [RuntimeError, SystemExit, ValueError])
+    def test_what_the_users_own_function_raises_is_no_divergence(self, kind):
+        def fail(time, _positions):
+            if time > 0.1:
+                raise kind("of my own")
+
+        with pytest.raises(kind, match="of my own"):
+            simulate(load_station("irb120_dynamic"), on_step=fail, duration=0.5)
+
     def test_a_bad_duration_is_refused(self):
         for duration in (0, -1, np.nan, np.inf):
             with pytest.raises(SimrobError, match="duration"):

@@ -36,6 +36,7 @@ class Recorder:
             watchers: called after each accepted step.
         """
         self.times: list[float] = []
+        self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
         self._continuous: list[Vector] = []
         self._discrete: list[list[Vector]] = []
         self._watchers = watchers
@@ -54,8 +55,12 @@ class Recorder:
         self.times.append(time)
         self._continuous.append(context.get_continuous_state_vector().CopyToVector() if self._has_continuous else _NONE)
         self._discrete.append([context.get_discrete_state(group).value().copy() for group in self._groups])
-        for watcher in self._watchers:
-            watcher(context)
+        try:
+            for watcher in self._watchers:
+                watcher(context)
+        except (Exception, SystemExit) as problem:
+            self.failure = problem
+            raise
         if len(self.times) % _LOOK_EVERY == 0 and not self.is_sane():
             return EventStatus.ReachedTermination(self._system, "a state ran away to infinity")
         return EventStatus.DidNothing()
