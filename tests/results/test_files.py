@@ -67,6 +67,15 @@ def test_a_trajectory_is_saved_as_a_fine_table(tmp_path):
     np.testing.assert_allclose(again.axes("q"), result.axes("q"), atol=1e-5)
 
 
+@pytest.mark.parametrize(("begin", "held"), [(5.0, 0.0), (-5.0, 0.2)])
+def test_a_trajectory_outside_of_the_run_is_saved_as_what_it_was_a_hold(tmp_path, begin, held):
+    trajectory = PiecewisePolynomial.FirstOrderHold([begin, begin + 1], np.full((6, 2), 1.0) * [0, 0.2])
+    result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
+    again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
+    np.testing.assert_allclose(again.axes("q_ref"), held)
+    np.testing.assert_array_equal(again.axes("q_ref"), result.axes("q_ref"))
+
+
 def test_a_robot_is_named_where_there_is_not_just_one(result):
     with pytest.raises(UnknownName, match="no robot 'nobody'; known: robot"):
         result.axes("q", "nobody")
