@@ -11,6 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, EventStatus
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
 RUNAWAY = 1e8
@@ -18,6 +19,7 @@ RUNAWAY = 1e8
 
 
 _LOOK_EVERY = 20  # steps
+_ROUNDING = 1e-9  # by how much a time may lie outside of the run [s]
 _NONE = np.zeros(0)
 
 
@@ -142,7 +144,14 @@ class History:
             times: within the run, shape (k,) [s].
             plant: where the plant's state lies.
             rates: time derivatives of the plant's positions at the steps, shape (m, nq).
+
+        Raises:
+            InvalidParameter: a time outside of the run, where nothing is known.
         """
+        outside = ~((times >= self.times[0] - _ROUNDING) & (times <= self.end + _ROUNDING))
+        if outside.any():
+            known = f"within the run, {self.times[0]:g} to {self.end:g} s"
+            raise InvalidParameter("time", f"{times[outside][0]:g} s", known)
         after = self._after(times)
         before = np.maximum(after - 1, 0)
         width = self.times[after] - self.times[before]

@@ -51,7 +51,7 @@ class SimulationResult:
         times: of the samples, shape (m,) [s]; evenly spaced, with the end of the run last.
         values: the signals, shape (m, k), SI units and radians.
         step_times: ends of the accepted steps [s].
-        positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq).
+        positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq); others are refused.
         stepping_time, signal_time: wall-clock seconds spent on each.
         warnings: why the result may be wrong though the run went to its end, in words.
         final_state: where the station was at the end, for another run to begin there.
