@@ -31,9 +31,21 @@ from simrob_drake.stations.names import (
 )
 
 
-@dataclass
+@dataclass(frozen=True)
 class StationRobot:
-    """A robot in the plant of a station."""
+    """A robot in the plant of a station.
+
+    Attributes:
+        name, prefix: its key in the station, and what stands before the names of its ports.
+        model: what it is.
+        instance: its model instance in the plant.
+        joints, signs: of the axes, in order, and their senses (n,).
+        root: the frame of its root link.
+        gains: of its servos.
+        initial: where its axes are at the start of a station, shape (n,) [rad or m].
+        tools: frames of tools and carried pieces by name; ``tcp`` is the one in use, empty without any.
+        feet: what it stands on; None without.
+    """
 
     name: str
     prefix: str
