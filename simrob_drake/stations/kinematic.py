@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.wiring import joined, mapped
@@ -31,12 +30,7 @@ def add_kinematic_robots(builder: DiagramBuilder, plant: StationPlant, config: S
         outputs[f"{robot.prefix}reference"] = outputs[f"{robot.prefix}position"]
     state = _add_state(builder, plant, outputs)
     _add_torques(builder, plant, state, outputs)
-    poses = MultibodyPositionToGeometryPose(plant.plant, input_multibody_state=True)
-    builder.AddNamedSystem("geometry_poses", poses)
-    builder.Connect(state, poses.get_input_port())
-    source_id = plant.plant.get_source_id()
-    assert source_id is not None  # add_plant registers the plant
-    builder.Connect(poses.get_output_port(), plant.scene_graph.get_source_pose_port(source_id))
+    builder.Connect(state, plant.add_geometry_poses(builder, of_state=True))
     builder.AddNamedSystem("steady_steps", SteadySteps(STEP))
     return StationPorts(config, plant, state, inputs, outputs)
 

@@ -24,7 +24,8 @@ from pydrake.multibody.plant import (
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.parse import add_urdf
@@ -59,6 +60,19 @@ class StationPlant:
         configuration = self.plant.GetPositions(context)
         configuration[robot.places] = robot.signs * positions
         self.plant.SetPositions(context, configuration)
+
+    def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
+        """Let a plant that stands outside of the diagram pose its geometry.
+
+        Returns:
+            the port for its positions (nq), or ``of_state`` for positions and velocities (nq + nv).
+        """
+        poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
+        builder.AddNamedSystem("geometry_poses", poses)
+        source_id = self.plant.get_source_id()
+        assert source_id is not None  # add_plant registers the plant
+        builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(source_id))
+        return poses.get_input_port()
 
     def state_map(self, robot: StationRobot) -> Vector:
         """Return the matrix (2n, nq + nv) that picks a robot's axis positions and velocities from the plant's state."""
