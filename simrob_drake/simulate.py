@@ -179,7 +179,7 @@ def _advance(run: _Run, recorder: Recorder) -> _Outcome:
         return _Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
     except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
         if recorder.failure is not None:
-            raise recorder.failure
+            raise
         return _diverged(run, recorder, str(problem))
     if not recorder.is_sane():
         return _diverged(run, recorder, "a state ran away to infinity")
