@@ -57,7 +57,7 @@ def simulate(
             same, and the configuration's references begin where that run's reference ended.
         progress: show a bar on a terminal.
         on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,); it
-            cannot change the run.
+            cannot change the run. What it raises goes on to the caller; KeyboardInterrupt ends the run.
 
     Returns:
         the result, also when a monitor ended the run or when the simulation diverged.
@@ -178,6 +178,8 @@ def _advance(run: _Run, recorder: Recorder) -> _Outcome:
     except KeyboardInterrupt:
         return _Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
     except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
+        if recorder.failure is not None:
+            raise
         return _diverged(run, recorder, str(problem))
     if not recorder.is_sane():
         return _diverged(run, recorder, "a state ran away to infinity")

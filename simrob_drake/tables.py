@@ -12,7 +12,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.checks import Finding
 
 _COLOURS = {"read": "dim", "repaired": "green", "defaulted": "yellow", "dropped": "magenta", "refused": "red"}
-_MARKS = {"ok": "[green]ok[/]", "warning": "[yellow]warning[/]"}
+_MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow")}
 
 
 def result_table(result: SimulationResult) -> Table:
@@ -67,7 +67,7 @@ def findings_table(findings: list[Finding]) -> Table:
     """Return the findings of a check, a row each."""
     table = Table("", "subject", "finding", box=None, pad_edge=False)
     for finding in findings:
-        table.add_row(_MARKS[finding.level], finding.subject, finding.text)
+        table.add_row(_MARKS[finding.level], Text(finding.subject), Text(finding.text))
     return table
 
 
@@ -91,7 +91,7 @@ def report_table(report: ImportReport) -> Table:
     for kind in KINDS:
         for (of_kind, text), names in elements.items():
             if of_kind == kind:
-                table.add_row(f"[{_COLOURS[kind]}]{kind}[/]", Text(_listed(names)), Text(text))
+                table.add_row(Text(kind, _COLOURS[kind]), Text(_listed(names)), Text(text))
     return table
 
 

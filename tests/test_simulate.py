@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
+from simrob_drake.results import stop_time
 from simrob_drake.stations.checks import holding_torque
 
 TIGHT = {"solver.accuracy": 1e-4, "solver.max_step": 0.01}
@@ -233,6 +234,22 @@ class TestMonitors:
         assert (result.stop_time, result.stopped_by) == (0.0, "joint_limit")
         assert "joint_3" in result.message
 
+    @pytest.mark.parametrize("failure", [RuntimeError, SystemExit])
+    def test_a_run_whose_end_cannot_be_stepped_again_stays_as_it_was_recorded(self, monkeypatch, failure):
+        seen, calls, again = [], [], stop_time._stepped_to
+
+        def fails_at_second(*arguments):
+            calls.append(arguments)
+            if len(calls) > 1:
+                raise failure("step size below its minimum")
+            return again(*arguments)
+
+        monkeypatch.setattr(stop_time, "_stepped_to", fails_at_second)
+        config = load_station("irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}})
+        result = simulate(config, on_step=lambda time, _: seen.append(time))
+        assert (result.ending, result.stopped_by, len(calls)) == ("monitor", "joint_limit", 2)
+        np.testing.assert_array_equal(result.step_times, sorted(set(seen)))
+
     def test_discrete_runs_end_at_the_step_that_saw_it(self):
         overrides = {"solver.kind": "discrete", "servo.realization": "implicit", "servo.torque_limit": 10}
         result = simulate(load_station("irb120_dynamic", {**overrides, "monitors": {"joint_limit": {"margin_deg": 5}}}))
@@ -272,6 +289,15 @@ class TestDivergence:
         assert (result.ending, result.stopped_by) == ("interrupted", "interrupted")
         assert 0.2 < result.stop_time < 0.4
         assert result.times[-1] == result.stop_time
+
+    @pytest.mark.parametrize("kind", [RuntimeError, SystemExit, ValueError])
+    def test_what_the_users_own_function_raises_is_no_divergence(self, kind):
+        def fail(time, _positions):
+            if time > 0.1:
+                raise kind("of my own")
+
+        with pytest.raises(kind, match="of my own"):
+            simulate(load_station("irb120_dynamic"), on_step=fail, duration=0.5)
 
     def test_a_bad_duration_is_refused(self):
         for duration in (0, -1, np.nan, np.inf):

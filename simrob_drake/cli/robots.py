@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
+from rich.text import Text
 
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.errors import InvalidParameter, OutputError
@@ -55,7 +56,7 @@ def import_file(
     """Make a published robot run: convert its meshes, repair its URDF, and tell all that was done."""
     options = _options(mesh_path, collision, estimate_inertia, density, base, friction_as_damping)
     folder = out or Path(f"{file.stem}_imported")
-    with errors.status(f"importing {file}"):
+    with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)
     _tell(imported)
     console.print(f"robot   {imported.model.urdf_path}", soft_wrap=True, highlight=False)
@@ -66,7 +67,7 @@ def import_file(
 def examine_file(file: Path, mesh_path: list[Path] | None, estimate_inertia: bool) -> None:
     """Report on a robot's file without writing anything."""
     options = ImportOptions(mesh_path=tuple(mesh_path or ()), estimate_inertia=estimate_inertia)
-    with errors.status(f"reading {file}"):
+    with errors.status(Text(f"reading {file}")):
         imported = examine_robot(file, options)
     console.print(robot_table(imported.model))
     _tell(imported)
@@ -84,7 +85,7 @@ def view(
 
     if Path(robot).suffix in ROBOT_SUFFIXES:
         options = _given(ImportOptions(mesh_path=tuple(mesh_path or ()), collision=collision))
-        with errors.status(f"reading {robot}"):
+        with errors.status(Text(f"reading {robot}")):
             window = RobotView(robot_from_file(Path(robot), options))
     else:
         window = RobotView(load_robot(robot))
@@ -114,7 +115,7 @@ def station(
         raise InvalidParameter("--out", str(target), "a file that ends in .yaml")
     if target.exists() and not force:
         raise OutputError(f"{target} exists already; choose another file or replace it with --force")
-    with errors.status(f"reading {file}"):
+    with errors.status(Text(f"reading {file}")):
         text = draft_station(file, options, folder=target.absolute().parent)
     written_at_once(target, text)
     console.print(f"station {target}", soft_wrap=True, highlight=False)

@@ -1,4 +1,4 @@
-"""Where the commands write to."""
+"""Where the commands write to: what stands in brackets there is a user's, and no markup."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ import sys
 
 from rich.console import Console
 
-console = Console(width=None if sys.stdout.isatty() else 160)
-errors = Console(stderr=True, soft_wrap=True)
+console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)
+errors = Console(markup=False, emoji=False, stderr=True, soft_wrap=True)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from simrob_drake.cli.robots import ROBOT_SUFFIXES, Estimate, MeshPath, examine_file
 from simrob_drake.cli.screen import console, errors
@@ -128,7 +129,7 @@ def _warn(config: StationConfig) -> None:
     """Say beforehand what the run will show."""
     for finding in check_station(config):
         if finding.level == "warning":
-            errors.print(f"[yellow]warning[/] {finding.subject}: {finding.text}", highlight=False)
+            errors.print(Text.assemble(("warning", "yellow"), f" {finding.subject}: {finding.text}"))
 
 
 def _simulated(config: StationConfig, live: bool) -> SimulationResult:

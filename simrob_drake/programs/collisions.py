@@ -10,6 +10,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import Naming
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
+from simrob_drake.stations.shapes import own_name, piece_of_shape
 
 TOUCH = 1e-3
 """How deep shapes may be in each other before it counts [m]: what stands, or is held, touches."""
@@ -59,12 +60,11 @@ def _names(model: StationModel, query: QueryObject, pair: PenetrationAsPointPair
 
 def _owner(model: StationModel, query: QueryObject, geometry: GeometryId) -> str:
     inspector = query.inspector()
-    shape: str = inspector.GetName(geometry).split("::")[-1]
-    piece = shape.partition(".")[0]  # shapes of pieces are called <piece>.<shape>
-    if piece in model.config.pieces:
+    piece = piece_of_shape(model.config, inspector, geometry)
+    if piece is not None:
         return piece
     body = model.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
     for robot in model.robots.values():
         if body.model_instance() == robot.instance:
             return f"{robot.prefix}{body.name()}"
-    return shape
+    return own_name(inspector, geometry)

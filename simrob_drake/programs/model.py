@@ -10,7 +10,6 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector, transform_from_pose, transform_from_xyz_quaternion
@@ -49,13 +48,9 @@ class StationModel:
         self._station = add_plant(builder, config.model_copy(update=changes))
         self.robots: dict[str, StationRobot] = self._station.robots
         self.plant: MultibodyPlant = self._station.plant
-        poses = builder.AddSystem(MultibodyPositionToGeometryPose(self.plant))
-        source_id = self.plant.get_source_id()
-        assert source_id is not None  # add_plant registers the plant
-        builder.Connect(poses.get_output_port(), self._station.scene_graph.get_source_pose_port(source_id))
+        self._positions_port = self._station.add_geometry_poses(builder)
         self._diagram = builder.Build()
         self._scene = self._diagram.CreateDefaultContext()
-        self._positions_port = poses.get_input_port()
         self._context = self.plant.CreateDefaultContext()
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
 

@@ -75,7 +75,6 @@ class Workcell:
         self.tape = Tape()
         self._window: Window | None = None
         self._model = StationModel(self.config)
-        self._initial = {name: robot.initial for name, robot in self._model.robots.items()}
 
     def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
         """Return one of the station's robots, to be programmed.
@@ -91,15 +90,15 @@ class Workcell:
 
     def position(self, robot: str) -> Vector:
         """Return where a robot's axes are, shape (n,) [rad or m]."""
-        return (self._initial[robot] if self.state is None else self.state.positions[robot]).copy()
+        return (self.robot(robot).initial if self.state is None else self.state.positions[robot]).copy()
 
     def velocity(self, robot: str) -> Vector:
         """Return how fast a robot's axes move, shape (n,) [rad/s or m/s]."""
-        return np.zeros_like(self._initial[robot]) if self.state is None else self.state.velocities[robot].copy()
+        return np.zeros_like(self.robot(robot).initial) if self.state is None else self.state.velocities[robot].copy()
 
     def reference(self, robot: str) -> Vector:
         """Return where a robot's axes should be, and its next move begins, shape (n,) [rad or m]."""
-        return (self._initial[robot] if self.state is None else self.state.references[robot]).copy()
+        return (self.robot(robot).initial if self.state is None else self.state.references[robot]).copy()
 
     @property
     def model(self) -> StationModel:

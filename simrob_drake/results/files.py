@@ -101,7 +101,7 @@ def _with_tables(result: SimulationResult, folder: Path) -> StationConfig:
         linear = isinstance(given, tuple) and config.mode == "dynamic"
         if given is None and isinstance(reference, Table):
             given, linear = read_table(reference.file, axes), reference.interpolation == "linear"
-        file = Path(f"{config.prefix(robot)}reference.csv".replace(".reference", "_reference"))
+        file = Path("reference.csv" if config.only_robot else f"{robot}_reference.csv")
         times, positions = _as_samples(given, config.duration)
         _write_table(folder / file, axes, times, positions)
         table = Table(kind="table", file=file, interpolation="linear" if linear else "cubic")
@@ -111,7 +111,11 @@ def _with_tables(result: SimulationResult, folder: Path) -> StationConfig:
 
 def _as_samples(reference: Trajectory | Samples | None, duration: float) -> tuple[Vector, Vector]:
     if isinstance(reference, Trajectory):
-        start, end = max(reference.start_time(), 0.0), min(reference.end_time(), duration)
+        first, last = reference.start_time(), reference.end_time()
+        start, end = max(first, 0.0), min(last, duration)
+        if start >= end:  # it begins after the run, or is over before: one of its ends is held
+            held = reference.value(float(np.clip(0.0, first, last)))[:, 0]
+            return np.array([0.0, duration]), np.vstack([held, held])
         times = np.linspace(start, end, max(int((end - start) * _TRAJECTORY_RATE), 1) + 1)
         return times, reference.vector_values(times).T
     assert reference is not None

@@ -11,6 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, EventStatus
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
 RUNAWAY = 1e8
@@ -18,6 +19,7 @@ RUNAWAY = 1e8
 
 
 _LOOK_EVERY = 20  # steps
+_ROUNDING = 1e-9  # by how much a time may lie outside of the run [s]
 _NONE = np.zeros(0)
 
 
@@ -36,6 +38,7 @@ class Recorder:
             watchers: called after each accepted step.
         """
         self.times: list[float] = []
+        self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
         self._continuous: list[Vector] = []
         self._discrete: list[list[Vector]] = []
         self._watchers = watchers
@@ -54,8 +57,12 @@ class Recorder:
         self.times.append(time)
         self._continuous.append(context.get_continuous_state_vector().CopyToVector() if self._has_continuous else _NONE)
         self._discrete.append([context.get_discrete_state(group).value().copy() for group in self._groups])
-        for watcher in self._watchers:
-            watcher(context)
+        try:
+            for watcher in self._watchers:
+                watcher(context)
+        except (Exception, SystemExit) as problem:
+            self.failure = problem
+            raise
         if len(self.times) % _LOOK_EVERY == 0 and not self.is_sane():
             return EventStatus.ReachedTermination(self._system, "a state ran away to infinity")
         return EventStatus.DidNothing()
@@ -137,7 +144,14 @@ class History:
             times: within the run, shape (k,) [s].
             plant: where the plant's state lies.
             rates: time derivatives of the plant's positions at the steps, shape (m, nq).
+
+        Raises:
+            InvalidParameter: a time outside of the run, where nothing is known.
         """
+        outside = ~((times >= self.times[0] - _ROUNDING) & (times <= self.end + _ROUNDING))
+        if outside.any():
+            known = f"within the run, {self.times[0]:g} to {self.end:g} s"
+            raise InvalidParameter("time", f"{times[outside][0]:g} s", known)
         after = self._after(times)
         before = np.maximum(after - 1, 0)
         width = self.times[after] - self.times[before]

@@ -16,6 +16,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.robots.feet import FootContact
+from simrob_drake.stations.names import named
 from simrob_drake.stations.robots import StationRobot
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def locomotion(result: SimulationResult, robot: str | None = None) -> dict[str, 
 
     Args:
         result: a run that did not diverge.
-        robot: its name; needed where there are several.
+        robot: its name; needed where there are several legged ones.
 
     Returns:
         a mapping with
@@ -54,8 +55,12 @@ def locomotion(result: SimulationResult, robot: str | None = None) -> dict[str, 
         * ``work``: :math:`\int \sum_i |\tau_i \dot q_i| \, dt`, trapezoids between samples [J];
         * ``cost_of_transport``: work over :math:`m g` times distance, or None below 1 cm;
         * ``foot_slip``: by link, see :func:`foot_slip` [m].
+
+    Raises:
+        UnknownName: no such legged robot.
+        InvalidParameter: none named, and there is not just one.
     """
-    name = robot or legged_robots(result)[0]
+    name = named(robot, legged_robots(result), kind="legged robot")
     own = result.plant.robots[name]
     base = result.pose("base", name)
     way = base[-1, :2] - base[0, :2]
@@ -91,8 +96,7 @@ def headings(result: SimulationResult, robot: StationRobot, base: Vector) -> Vec
         base: poses of its root, shape (m, 7).
     """
     context = result.plant.plant.CreateDefaultContext()
-    for joint in robot.joints:
-        joint.set_angle(context, 0.0)
+    result.plant.set_axes(context, robot, np.zeros(len(robot.axes)))
     sides = {
         side: [frame.CalcPose(context, robot.root).translation() for name, frame in robot.tools.items() if side in name]
         for side in ("left", "right")

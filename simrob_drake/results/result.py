@@ -20,8 +20,10 @@ from simrob_drake.results.locomotion import legged_robots, locomotion
 from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.free_pieces import VELOCITY_NAMES
+from simrob_drake.stations.names import named
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.references import Samples
+from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.sensor_config import Force
 from simrob_drake.stations.sensors import tangential_source
 
@@ -49,7 +51,7 @@ class SimulationResult:
         times: of the samples, shape (m,) [s]; evenly spaced, with the end of the run last.
         values: the signals, shape (m, k), SI units and radians.
         step_times: ends of the accepted steps [s].
-        positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq).
+        positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq); others are refused.
         stepping_time, signal_time: wall-clock seconds spent on each.
         warnings: why the result may be wrong though the run went to its end, in words.
         final_state: where the station was at the end, for another run to begin there.
@@ -88,13 +90,17 @@ class SimulationResult:
         Args:
             signal: the column's name before the axis.
             robot: needed where the station has several.
+
+        Raises:
+            UnknownName: no such signal or robot.
+            InvalidParameter: no robot named, and the station has not just one.
         """
-        station_robot = self.plant.robots[robot or next(iter(self.plant.robots))]
+        station_robot = self._robot(robot)
         return np.column_stack([self[f"{station_robot.prefix}{signal}.{axis}"] for axis in station_robot.axes])
 
     def pose(self, signal: str, robot: str | None = None) -> Vector:
-        """Return a pose signal, ``base`` or ``tcp``, shape (m, 7): x y z qw qx qy qz."""
-        station_robot = self.plant.robots[robot or next(iter(self.plant.robots))]
+        """Return a pose signal, ``base`` or ``tcp``, shape (m, 7): x y z qw qx qy qz; names as in :meth:`axes`."""
+        station_robot = self._robot(robot)
         return np.column_stack([self[f"{station_robot.prefix}{signal}.{part}"] for part in XYZ_QUATERNION_NAMES])
 
     def piece_pose(self, piece: str) -> Vector:
@@ -170,6 +176,9 @@ class SimulationResult:
                 "python": platform.python_version(),
             },
         }
+
+    def _robot(self, name: str | None) -> StationRobot:
+        return self.plant.robots[named(name, list(self.plant.robots))]
 
     def _locomotion(self) -> dict[str, Any] | None:
         """Return how the legged robots walked, by robot where there are several; None where nothing could be told."""

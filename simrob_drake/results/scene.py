@@ -14,8 +14,7 @@ from pydrake.geometry import (
     Role,
     SceneGraph,
 )
-from pydrake.systems.framework import DiagramBuilder, InputPort
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import DIVERGED, SimulationResult
@@ -68,7 +67,7 @@ class Scene:
         self._scene_graph = station.scene_graph
         if engine is not None:
             station.scene_graph.AddRenderer(RENDERER, engine)
-        self._positions_port = _add_geometry_poses(builder, station) if config.mode == "kinematic" else None
+        self._positions_port = station.add_geometry_poses(builder) if config.mode == "kinematic" else None
         self.visualizer = None if meshcat is None else _add_visualizer(builder, station.scene_graph, meshcat)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
@@ -167,15 +166,6 @@ def _camera_axes() -> Vector:
     forward = -np.array([level * np.cos(_AZIMUTH), level * np.sin(_AZIMUTH), rise])
     right = np.array([-np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0])
     return np.array([right, np.cross(right, forward), forward])
-
-
-def _add_geometry_poses(builder: DiagramBuilder, station: StationPlant) -> InputPort:
-    """Let a plant that stands outside of the diagram pose its geometry; return the port for its positions."""
-    poses = builder.AddSystem(MultibodyPositionToGeometryPose(station.plant))
-    source_id = station.plant.get_source_id()
-    assert source_id is not None  # add_plant registers the plant
-    builder.Connect(poses.get_output_port(), station.scene_graph.get_source_pose_port(source_id))
-    return poses.get_input_port()
 
 
 def _add_visualizer(builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat) -> MeshcatVisualizer:

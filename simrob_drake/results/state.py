@@ -116,8 +116,8 @@ class State:
         q, v = plant.GetPositions(context), plant.GetVelocities(context)
         for robot in station.robots.values():
             if robot.name in self.positions:
-                q[[joint.position_start() for joint in robot.joints]] = robot.signs * self.positions[robot.name]
-                v[[joint.velocity_start() for joint in robot.joints]] = robot.signs * self.velocities[robot.name]
+                q[robot.places] = robot.signs * self.positions[robot.name]
+                v[robot.speeds] = robot.signs * self.velocities[robot.name]
         for name, places, speeds in _joints(plant):
             if name in self.joints:
                 self._check(name, self.joints[name].position, len(q[places]))

@@ -23,11 +23,21 @@ def cut_at_stop(sampler: Sampler, monitor: Monitor, config: StationConfig) -> No
     The moment is guessed between two recorded states and the motion stepped again up to there, until the two states
     around it are near enough: a state in the middle of a step is not to be trusted where that step holds an impact.
 
+    Where the motion cannot be stepped again, as after a divergence, the run stays as it was recorded.
+
     Args:
         sampler: of the run; its history is changed.
         monitor: which ended it.
         config: the station.
     """
+    recorded = sampler.history
+    try:
+        _cut(sampler, monitor, config)
+    except (RuntimeError, SystemExit):  # Drake's failed assertions come as SystemExit
+        sampler.history = recorded
+
+
+def _cut(sampler: Sampler, monitor: Monitor, config: StationConfig) -> None:
     discrete = isinstance(config.solver, DiscreteSolver) and config.mode == "dynamic"
     if discrete or len(sampler.history.times) < 2:  # a discrete state is that of a step's end; or it held at the start
         return
@@ -70,6 +80,8 @@ def _stepped_to(sampler: Sampler, config: StationConfig, time: float) -> History
     sampler.history.put(before, simulator.get_mutable_context())
     recorder = Recorder(simulator)
     simulator.AdvanceTo(time)
+    if not recorder.is_sane():
+        raise RuntimeError("a state ran away between two recorded ones")
     return recorder.history().last()
 
 

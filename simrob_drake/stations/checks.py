@@ -12,7 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
-from simrob_drake.stations.plant import StationPlant, add_plant
+from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
@@ -60,25 +60,22 @@ def check_station(config: StationConfig) -> list[Finding]:
             findings += _standing_findings(ports, robot)
     if config.mode == "dynamic":
         findings += step_findings(config, ports.plant)
-        findings += _contact_findings(config)
+        findings += _contact_findings(diagram, ports)
     return findings
 
 
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
     """Return the torques (n,) [N·m] that hold a robot still at a posture (n,) [rad], by inverse dynamics."""
     context = plant.plant.CreateDefaultContext()
-    positions = plant.plant.GetPositions(context)
-    positions[[joint.position_start() for joint in robot.joints]] = robot.signs * position
-    plant.plant.SetPositions(context, positions)
-    gravity = plant.plant.CalcGravityGeneralizedForces(context)
-    return np.asarray(-robot.signs * gravity[[joint.velocity_start() for joint in robot.joints]])
+    plant.set_axes(context, robot, position)
+    return -robot.of_axes(plant.plant.CalcGravityGeneralizedForces(context))
 
 
 def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
     """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
     context = plant.plant.CreateDefaultContext()
     mobility = np.diag(np.linalg.inv(plant.plant.CalcMassMatrix(context)))
-    inertia = 1 / mobility[[joint.velocity_start() for joint in robot.joints]]  # as felt with the other joints free
+    inertia = 1 / mobility[robot.speeds]  # as felt with the other joints free
     with np.errstate(divide="ignore"):
         return np.asarray(_STABLE * inertia / robot.gains.kd)
 
@@ -183,7 +180,8 @@ def step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
     return findings
 
 
-def _contact_findings(config: StationConfig) -> list[Finding]:
+def _contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
+    config, plant = ports.config, ports.plant
     if config.contact is None:
         return [Finding("ok", "contact", "the station has none")]
     dissipates = [config.contact, *(piece.contact for piece in config.pieces.values() if piece.contact is not None)]
@@ -191,9 +189,6 @@ def _contact_findings(config: StationConfig) -> list[Finding]:
     if config.solver.scheme == "sap" and any(material.dissipation for material in dissipates):
         text = "the solver scheme sap does not know contact.dissipation; take lagged or similar"
         findings.append(Finding("warning", "contact", text))
-    builder = DiagramBuilder()
-    plant = add_plant(builder, config)
-    diagram = builder.Build()
     context = diagram.CreateDefaultContext()
     query = plant.scene_graph.get_query_output_port().Eval(plant.scene_graph.GetMyContextFromRoot(context))
     inspector = query.inspector()

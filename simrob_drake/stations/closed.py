@@ -36,18 +36,16 @@ def add_closed_station(
         starts: by robot, where the configuration's references begin instead of at its initial posture, (n,) [rad].
     """
     ports = add_station(builder, config)
+    given, begun = references or {}, starts or {}
     for robot in ports.plant.robots.values():
-        start = (starts or {}).get(robot.name, robot.initial)
+        start = begun.get(robot.name, robot.initial)
         if len(start) != len(robot.axes):
             size = f"a state in which '{robot.name}' is of size {len(start)}"
             raise InvalidParameter("start", size, f"of a station where it is of size {len(robot.axes)}")
-        robot.initial = start
-    given = references or {}
-    for robot in ports.plant.robots.values():
         velocity, acceleration = f"{robot.prefix}reference_velocity", f"{robot.prefix}reference_acceleration"
         derivatives = velocity in ports.inputs or acceleration in ports.inputs
         wanted = given.get(robot.name, config.reference_of(robot.name))
-        source = add_reference(builder, wanted, robot, derivatives=derivatives)
+        source = add_reference(builder, wanted, robot, start=start, derivatives=derivatives)
         builder.Connect(source.position, ports.inputs[f"{robot.prefix}reference"])
         for name, port in ((velocity, source.velocity), (acceleration, source.acceleration)):
             if name in ports.inputs and port is not None:

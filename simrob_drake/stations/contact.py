@@ -18,6 +18,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.contact_limits import check_stiffness
+from simrob_drake.stations.shapes import piece_of_shape
 
 MODULUS = 1e7
 """Hydroelastic modulus [Pa] where none is given: stiff rubber."""
@@ -43,7 +44,7 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, config: Stat
     assert source is not None  # add_plant registers the plant
     inspector = scene_graph.model_inspector()
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
-        material = _material(config, contact, piece_of(inspector, shape))
+        material = _material(config, contact, piece_of_shape(config, inspector, shape))
         properties = ProximityProperties(inspector.GetProximityProperties(shape))
         _write(properties, material, contact)
         scene_graph.AssignRole(source, shape, properties, RoleAssign.kReplace)
@@ -60,15 +61,9 @@ def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, config: St
     inspector = scene_graph.model_inspector()
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-        stiffness = _material(config, config.contact, piece_of(inspector, shape)).stiffness
+        stiffness = _material(config, config.contact, piece_of_shape(config, inspector, shape)).stiffness
         if stiffness is not None and not plant.IsAnchored(body):
             check_stiffness(config.solver, body, stiffness)
-
-
-def piece_of(inspector: SceneGraphInspector, shape: GeometryId) -> str:
-    """Return the piece that a collision shape belongs to; empty if it is none's."""
-    own = inspector.GetName(shape).rsplit("::", 1)[-1]
-    return own.partition(".")[0] if "." in own else ""
 
 
 def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector) -> list[str]:
@@ -88,9 +83,9 @@ def _is_rigid(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
     return hydroelastic and not properties.HasProperty("hydroelastic", "hydroelastic_modulus")
 
 
-def _material(config: StationConfig, contact: ContactConfig, piece: str) -> ContactMaterial:
+def _material(config: StationConfig, contact: ContactConfig, piece: str | None) -> ContactMaterial:
     """Return the station's figures, those of the piece in their place."""
-    own = config.pieces[piece].contact if piece in config.pieces else None
+    own = config.pieces[piece].contact if piece else None
     given = {} if own is None else own.model_dump(exclude_none=True)
     shared = contact.model_dump(include=set(ContactMaterial.model_fields), exclude_none=True)
     return ContactMaterial.model_validate({**shared, **given})

@@ -91,9 +91,8 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
 
 
 def _add_model_torque(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> OutputPort:
-    plant = ports.plant
-    pick = plant.state_map(robot)[len(robot.joints) :, plant.plant.num_positions() :]
-    return add_model_torque(builder, plant.plant, ports.state, pick=pick, prefix=robot.prefix)
+    plant, pick = ports.plant.plant, ports.plant.velocity_map(robot)
+    return add_model_torque(builder, plant, ports.state, pick=pick, prefix=robot.prefix)
 
 
 def _add_external_forces(builder: DiagramBuilder, ports: StationPorts) -> None:

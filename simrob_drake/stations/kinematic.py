@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.wiring import joined, mapped
-from simrob_drake.frames import Vector
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts, add_input
@@ -32,12 +30,7 @@ def add_kinematic_robots(builder: DiagramBuilder, plant: StationPlant, config: S
         outputs[f"{robot.prefix}reference"] = outputs[f"{robot.prefix}position"]
     state = _add_state(builder, plant, outputs)
     _add_torques(builder, plant, state, outputs)
-    poses = MultibodyPositionToGeometryPose(plant.plant, input_multibody_state=True)
-    builder.AddNamedSystem("geometry_poses", poses)
-    builder.Connect(state, poses.get_input_port())
-    source_id = plant.plant.get_source_id()
-    assert source_id is not None  # add_plant registers the plant
-    builder.Connect(poses.get_output_port(), plant.scene_graph.get_source_pose_port(source_id))
+    builder.Connect(state, plant.add_geometry_poses(builder, of_state=True))
     builder.AddNamedSystem("steady_steps", SteadySteps(STEP))
     return StationPorts(config, plant, state, inputs, outputs)
 
@@ -56,7 +49,7 @@ def _add_torques(
     dynamics = InverseDynamics(plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
     builder.AddNamedSystem("inverse_dynamics", dynamics)
     builder.Connect(state, dynamics.get_input_port_estimated_state())
-    pick = {robot.name: _velocity_map(plant, robot.name) for robot in plant.robots.values()}
+    pick = {robot.name: plant.velocity_map(robot) for robot in plant.robots.values()}
     accelerations = [outputs.pop(f"{robot.prefix}acceleration") for robot in plant.robots.values()]
     spread = np.hstack([matrix.T for matrix in pick.values()])
     desired = mapped(builder, "accelerations", spread, joined(builder, "robot_accelerations", *accelerations))
@@ -66,9 +59,3 @@ def _add_torques(
             builder, f"{robot.prefix}torque", pick[robot.name], dynamics.get_output_port_generalized_force()
         )
         outputs[f"{robot.prefix}torque"] = torque
-
-
-def _velocity_map(plant: StationPlant, robot: str) -> Vector:
-    """Return the matrix (n, nv) that picks a robot's axis velocities from those of the plant."""
-    station_robot = plant.robots[robot]
-    return plant.state_map(station_robot)[len(station_robot.joints) :, plant.plant.num_positions() :]

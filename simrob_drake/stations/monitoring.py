@@ -23,6 +23,7 @@ from simrob_drake.stations.monitor_config import (
     TorqueLimit,
     Workspace,
 )
+from simrob_drake.stations.names import named
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.sensor_checks import watched_sensor
@@ -55,10 +56,8 @@ def _made(name: str, config: MonitorConfig, ports: StationPorts) -> tuple[Monito
 
 
 def _watched_robot(name: str, config: MonitorConfig, ports: StationPorts) -> StationRobot:
-    robot = config.robot or ports.config.only_robot
-    if robot is None:
-        raise InvalidParameter(f"monitors.{name}.robot", None, f"one of {', '.join(ports.config.robots) or 'a robot'}")
-    return ports.plant.robots[robot]
+    robots = ports.plant.robots
+    return robots[named(config.robot, list(robots), key=f"monitors.{name}.robot")]
 
 
 def _joint_monitor(config: JointLimit | TorqueLimit | Settled | Divergence, robot: StationRobot) -> Monitor:

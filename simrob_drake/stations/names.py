@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,22 @@ from simrob_drake.stations.piece_sources import piece_of
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 WORLD = "world"
+
+
+def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
+    """Return a name that stands for one of ``known``; the only one need not be named.
+
+    Raises:
+        UnknownName: no such one.
+        InvalidParameter: none named, and there is not just one.
+    """
+    if name is None:
+        if len(known) != 1:
+            raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else f"a {kind}, and there is none")
+        return known[0]
+    if name not in known:
+        raise UnknownName(kind, name, known)
+    return name
 
 
 def robot_model(config: StationConfig, robot: str) -> RobotModel:

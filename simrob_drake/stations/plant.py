@@ -24,7 +24,8 @@ from pydrake.multibody.plant import (
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.parse import add_urdf
@@ -54,14 +55,36 @@ class StationPlant:
     robots: dict[str, StationRobot]
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
 
+    def set_axes(self, context: Context, robot: StationRobot, positions: Vector) -> None:
+        """Put a robot's axes to positions, shape (n,) [rad or m], in a context of the plant."""
+        configuration = self.plant.GetPositions(context)
+        configuration[robot.places] = robot.signs * positions
+        self.plant.SetPositions(context, configuration)
+
+    def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
+        """Let a plant that stands outside of the diagram pose its geometry.
+
+        Returns:
+            the port for its positions (nq), or ``of_state`` for positions and velocities (nq + nv).
+        """
+        poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
+        builder.AddNamedSystem("geometry_poses", poses)
+        source_id = self.plant.get_source_id()
+        assert source_id is not None  # add_plant registers the plant
+        builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(source_id))
+        return poses.get_input_port()
+
     def state_map(self, robot: StationRobot) -> Vector:
         """Return the matrix (2n, nq + nv) that picks a robot's axis positions and velocities from the plant's state."""
         count, rows = len(robot.joints), np.arange(len(robot.joints))
         matrix = np.zeros((2 * count, self.plant.num_multibody_states()))
-        matrix[rows, [joint.position_start() for joint in robot.joints]] = robot.signs
-        velocities = [self.plant.num_positions() + joint.velocity_start() for joint in robot.joints]
-        matrix[count + rows, velocities] = robot.signs
+        matrix[rows, robot.places] = robot.signs
+        matrix[count + rows, self.plant.num_positions() + np.array(robot.speeds)] = robot.signs
         return matrix
+
+    def velocity_map(self, robot: StationRobot) -> Vector:
+        """Return the matrix (n, nv) that picks a robot's axis velocities, or torques, from those of the plant."""
+        return self.state_map(robot)[len(robot.joints) :, self.plant.num_positions() :]
 
     def actuation_map(self, robot: StationRobot) -> Vector:
         """Return the matrix (actuators of the robot, n) that hands axis torques to the robot's actuators."""

@@ -37,6 +37,7 @@ def add_reference(
     wanted: ReferenceConfig | Trajectory | Samples,
     robot: StationRobot,
     *,
+    start: Vector,
     derivatives: bool = False,
 ) -> ReferenceSource:
     """Add the source of a robot's reference.
@@ -46,6 +47,7 @@ def add_reference(
         wanted: the reference section of a station, a trajectory of shape (n, 1) [rad], or samples. Samples are joined
             by straight lines, as Simulink joins them, but by a smooth curve where derivatives are needed.
         robot: whom it is for.
+        start: where the reference of a station begins, shape (n,) [rad or m].
         derivatives: whether velocity and acceleration are needed, too.
 
     Raises:
@@ -55,7 +57,7 @@ def add_reference(
     if isinstance(wanted, SineWave):
         return add_sine(
             builder,
-            robot.initial,
+            start,
             robot.model.user_units * robot.model.axis_vector(wanted.amplitude_deg, "reference.amplitude_deg"),
             frequency=wanted.frequency,
             phase=np.deg2rad(robot.model.axis_vector(wanted.phase_deg, "reference.phase_deg")),
@@ -64,7 +66,7 @@ def add_reference(
     if isinstance(wanted, tuple):
         trajectory = _through(wanted, robot, linear=not derivatives)
     else:
-        trajectory = wanted if isinstance(wanted, Trajectory) else _trajectory(wanted, robot)
+        trajectory = wanted if isinstance(wanted, Trajectory) else _trajectory(wanted, robot, start)
     if trajectory.rows() != len(robot.axes):
         expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
         raise InvalidParameter("reference", f"a trajectory of {trajectory.rows()} joints", expected)
@@ -83,8 +85,7 @@ def read_table(file: Path, axes: list[str]) -> Samples:
     return values[:, 0], values[:, 1:]
 
 
-def _trajectory(config: ReferenceConfig, robot: StationRobot) -> Trajectory:
-    start = robot.initial
+def _trajectory(config: ReferenceConfig, robot: StationRobot, start: Vector) -> Trajectory:
     match config:
         case Hold():
             return hold(start if config.target_deg is None else _si(config.target_deg, robot, start))

@@ -31,9 +31,21 @@ from simrob_drake.stations.names import (
 )
 
 
-@dataclass
+@dataclass(frozen=True)
 class StationRobot:
-    """A robot in the plant of a station."""
+    """A robot in the plant of a station.
+
+    Attributes:
+        name, prefix: its key in the station, and what stands before the names of its ports.
+        model: what it is.
+        instance: its model instance in the plant.
+        joints, signs: of the axes, in order, and their senses (n,).
+        root: the frame of its root link.
+        gains: of its servos.
+        initial: where its axes are at the start of a station, shape (n,) [rad or m].
+        tools: frames of tools and carried pieces by name; ``tcp`` is the one in use, empty without any.
+        feet: what it stands on; None without.
+    """
 
     name: str
     prefix: str
@@ -52,6 +64,20 @@ class StationRobot:
     def axes(self) -> list[str]:
         """The names of the axes, in order."""
         return list(self.model.axes)
+
+    @property
+    def places(self) -> list[int]:
+        """Where the axes' positions stand among those of the plant, in order."""
+        return [joint.position_start() for joint in self.joints]
+
+    @property
+    def speeds(self) -> list[int]:
+        """Where the axes' velocities stand among those of the plant, in order."""
+        return [joint.velocity_start() for joint in self.joints]
+
+    def of_axes(self, values: Vector) -> Vector:
+        """Return the axes' entries, shape (n,), of a vector over the plant's velocities, in the axes' sense."""
+        return np.asarray(self.signs * values[self.speeds])
 
 
 def add_robot(plant: MultibodyPlant, config: StationConfig, name: str, *, collision: bool) -> StationRobot:

@@ -54,7 +54,7 @@ def standing(station: StationPlant, robot: StationRobot) -> Standing:
     weight = mass * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
     forces = _vertical_forces(points, com, weight)
     generalized = plant.CalcGravityGeneralizedForces(context) + np.einsum("kv,k->v", jacobians, forces)
-    torque = -robot.signs * generalized[[joint.velocity_start() for joint in robot.joints]]
+    torque = -robot.of_axes(generalized)
     return Standing(mass, gap, len(points), _margin(points[:, :2], com[:2]), torque)
 
 

@@ -11,8 +11,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.names import WORLD, piece_model, robot_model
 from simrob_drake.stations.plant import StationPlant
-
-FLOOR = "floor"
+from simrob_drake.stations.shapes import FLOOR, own_name, piece_of_shape
 
 
 def body_names(config: StationConfig) -> list[str]:
@@ -69,19 +68,25 @@ def frame_of(station: StationPlant, config: StationConfig, name: str) -> Frame:
 
 
 def _candidates(station: StationPlant, config: StationConfig, name: str) -> Iterator[GeometryId]:
-    inspector = station.scene_graph.model_inspector()
+    inspector, piece = station.scene_graph.model_inspector(), name.partition(".")[0]
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
-        own = inspector.GetName(shape).rsplit("::", 1)[-1]
-        if name.partition(".")[0] in (*config.pieces, FLOOR):
-            if own == name or own.startswith(f"{name}."):
-                yield shape
-            continue
-        body = station.plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-        for robot in station.robots.values():
-            link = name.removeprefix(robot.prefix)
-            whole = name == robot.name
-            if body.model_instance() == robot.instance and (whole or _is_part(station, robot.instance, link, body)):
-                yield shape
+        if name == FLOOR:
+            meant = inspector.GetName(shape) == FLOOR
+        elif piece in config.pieces:
+            own = own_name(inspector, shape)
+            meant = piece_of_shape(config, inspector, shape) == piece and f"{own}.".startswith(f"{name}.")
+        else:
+            meant = _is_robots(station, station.plant.GetBodyFromFrameId(inspector.GetFrameId(shape)), name)
+        if meant:
+            yield shape
+
+
+def _is_robots(station: StationPlant, body: RigidBody, name: str) -> bool:
+    """Tell whether a body is part of the robot, or of the link of a robot, that is called ``name``."""
+    for robot in station.robots.values():
+        if body.model_instance() == robot.instance:
+            return name == robot.name or _is_part(station, robot.instance, name.removeprefix(robot.prefix), body)
+    return False
 
 
 def _is_part(station: StationPlant, instance: ModelInstanceIndex, link: str, body: RigidBody) -> bool:

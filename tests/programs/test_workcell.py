@@ -129,6 +129,14 @@ class TestState:
         dynamic.wait(1.5)
         assert (dynamic.reference - dynamic.position)[1] == pytest.approx(sag[1] / 4, rel=0.05)
 
+    def test_another_initial_posture_counts_before_the_first_run(self):
+        cell = Workcell("double_pendulum")
+        cell.change(load_station("double_pendulum", {"robot.initial_deg": [20, 0], "reference": {"kind": "hold"}}))
+        np.testing.assert_allclose(cell.reference("robot"), np.deg2rad([20, 0]))
+        result = cell.wait(0.05)
+        np.testing.assert_allclose(result.axes("q_ref"), np.tile(np.deg2rad([20, 0]), (len(result.times), 1)))
+        np.testing.assert_allclose(result.axes("q")[0], np.deg2rad([20, 0]))
+
     def test_a_station_with_other_robots_is_refused(self, kinematic):
         with pytest.raises(SimrobError, match="of a station with robot"):
             kinematic.cell.change(load_station("two_irb120"))

@@ -8,7 +8,8 @@ import pytest
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import OutputError
+from simrob_drake.errors import InvalidParameter, OutputError, UnknownName
+from simrob_drake.results.locomotion import locomotion
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,31 @@ def test_a_trajectory_is_saved_as_a_fine_table(tmp_path):
     result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
     again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
     np.testing.assert_allclose(again.axes("q"), result.axes("q"), atol=1e-5)
+
+
+@pytest.mark.parametrize(("begin", "held"), [(5.0, 0.0), (-5.0, 0.2)])
+def test_a_trajectory_outside_of_the_run_is_saved_as_what_it_was_a_hold(tmp_path, begin, held):
+    trajectory = PiecewisePolynomial.FirstOrderHold([begin, begin + 1], np.full((6, 2), 1.0) * [0, 0.2])
+    result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
+    again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
+    np.testing.assert_allclose(again.axes("q_ref"), held)
+    np.testing.assert_array_equal(again.axes("q_ref"), result.axes("q_ref"))
+
+
+def test_a_robot_is_named_where_there_is_not_just_one(result):
+    with pytest.raises(UnknownName, match="no robot 'nobody'; known: robot"):
+        result.axes("q", "nobody")
+    both = simulate(load_station("two_irb120"), duration=0.02)
+    for signal in (lambda: both.axes("q"), lambda: both.pose("tcp")):
+        with pytest.raises(InvalidParameter, match="robot is None; it must be one of left, right"):
+            signal()
+    with pytest.raises(InvalidParameter, match="legged robot, and there is none"):
+        locomotion(both)
+    with pytest.raises(UnknownName, match="no legged robot 'left'"):
+        locomotion(both, "left")
+    ball = simulate(load_station("bouncing_ball"), duration=0.02)
+    with pytest.raises(InvalidParameter, match="a robot, and there is none"):
+        ball.axes("q")
 
 
 def test_columns_of_several_robots_carry_their_names(tmp_path):

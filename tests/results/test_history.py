@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.history import History, PlantSlice
 
 TIMES = np.array([0.0, 0.1, 0.4, 1.0])
@@ -34,6 +35,12 @@ def test_positions_follow_the_cubic_that_the_rates_give(history):
 
 def test_step_ends_are_exact(history):
     np.testing.assert_array_equal(history.at(TIMES, PLANT, rates(history)).continuous, history.continuous)
+
+
+@pytest.mark.parametrize("time", [-0.1, 1.1, np.nan])
+def test_of_times_outside_of_the_run_nothing_is_known(history, time):
+    with pytest.raises(InvalidParameter, match=r"time is -?[\d.nan]+ s; it must be within the run, 0 to 1 s"):
+        history.at(np.array([0.5, time]), PLANT, rates(history))
 
 
 def test_discrete_values_are_those_held_over_the_step_that_ended_there(history):

@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.frames import xyz_quaternion_from_transform
-from simrob_drake.results.locomotion import foot_slip, legged_robots, locomotion, mechanical_work
+from simrob_drake.results.locomotion import foot_slip, headings, legged_robots, locomotion, mechanical_work
 from simrob_drake.results.result import SimulationResult
 
 TIMES = np.linspace(0.0, 2.0, 201)
@@ -72,6 +72,13 @@ def test_the_way_counts_in_the_first_heading():
     found = locomotion(moved("roid1", along(np.array([0.2, 0.0]), 0.3, np.pi / 2)))
     assert found["ahead"] == pytest.approx(0.0, abs=1e-12)
     assert found["drift"] == pytest.approx(-0.2)
+
+
+def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
+    result = simulate(load_station("irb120_on_belt", {"robot.base": [0, 0, 0.14, 0.4, 0, 0]}), duration=0.02)
+    robot = result.plant.robots["robot"]
+    assert any(robot.model.slides)
+    np.testing.assert_allclose(headings(result, robot, result.pose("base")), 0.4)
 
 
 def test_feet_that_are_dragged_slip_and_those_in_the_air_do_not():

@@ -35,6 +35,7 @@ def test_the_references_of_a_station_begin_where_the_last_ended():
     back = {"reference.target_deg": {"joint_1": 0}}
     second = simulate(load_station("irb120_kinematic", back), start=first.final_state)
     np.testing.assert_allclose(second.axes("q")[0], np.full(6, np.pi / 6))
+    np.testing.assert_array_equal(second.plant.robots["robot"].initial, np.zeros(6))  # the station's stays what it is
     np.testing.assert_allclose(second.axes("q")[-1], [0, *[np.pi / 6] * 5], atol=1e-12)
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from simrob_drake import load_station
 from simrob_drake.errors import SimrobError
+from simrob_drake.stations import plant
 from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.robots import add_robot
 
 
 def findings(overrides=None, station="irb120_dynamic"):
@@ -69,6 +71,13 @@ def test_bodies_that_penetrate_at_the_start_are_named():
     assert "mm at the start" in finding.text
     apart = text_of(findings({"contact": {"model": "point"}}, "two_irb120"), "contact")
     assert apart.level == "ok"
+
+
+def test_a_check_builds_the_station_once(monkeypatch):
+    built = []
+    monkeypatch.setattr(plant, "add_robot", lambda *given, **kw: built.append(given) or add_robot(*given, **kw))
+    findings(station="irb120_force_stop")
+    assert len(built) == 1
 
 
 RIGID = """<collision><geometry><box size="0.1 0.1 0.1"/></geometry>
