@@ -13,7 +13,7 @@ from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, UnknownName, shortened
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.results.computed import contacts_at, with_computed
@@ -29,14 +29,14 @@ from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.references import Samples
 from simrob_drake.stations.sensors import with_sensors_in_loop
 from simrob_drake.stations.solve import apply_solver
-from simrob_drake.stations.station import Station
+from simrob_drake.stations.station import StationLike, config_of
 
 Reference: TypeAlias = Trajectory | npt.ArrayLike | Samples
 """A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
 
 
 def simulate(
-    config_or_station: StationConfig | Station,
+    config_or_station: StationLike,
     *,
     reference: Reference | Mapping[str, Reference] | None = None,
     duration: float | None = None,
@@ -47,7 +47,8 @@ def simulate(
     """Run a station and return what happened.
 
     Args:
-        config_or_station: a configuration, or a station made from one, which is built anew from it.
+        config_or_station: a station's name or YAML file, its configuration, or a station made from one, which is built
+            anew from it.
         reference: in place of the configuration's: a trajectory of shape (n, 1), an array (m, 1 + n) whose first
             column is the time, or a pair of times (m,) and positions (m, n); SI units and radians. With several
             robots, a mapping by robot. Values are joined by straight lines, as Simulink joins them; in a kinematic
@@ -65,11 +66,13 @@ def simulate(
     Raises:
         SimrobError: input that cannot be run at all.
     """
-    config = config_or_station if isinstance(config_or_station, StationConfig) else config_or_station.config
+    config = config_of(config_or_station)
     if duration is not None:
-        if not (np.isfinite(duration) and duration > 0):
-            raise InvalidParameter("duration", duration, "a positive time [s]")
-        config = config.model_copy(update={"duration": float(duration)})
+        config = config.model_copy(update={"duration": _checked_duration(duration)})
+    if start is None:
+        start = State.at_start_of(config)
+    elif not isinstance(start, State):
+        raise InvalidParameter("start", shortened(repr(start)), "a State, such as the final_state of a result")
     given = _by_robot(config, reference)
     run = _Run.assembled(config, given, start)
     watchers = [] if on_step is None else [_positions_watcher(run.stepped, on_step)]
@@ -131,6 +134,14 @@ class _Outcome:
     message: str
 
 
+def _checked_duration(duration: float) -> float:
+    if isinstance(duration, bool) or not isinstance(duration, (int, float, np.number)):
+        raise InvalidParameter("duration", repr(duration), "a positive time [s]")
+    if not (np.isfinite(duration) and duration > 0):
+        raise InvalidParameter("duration", duration, "a positive time [s]")
+    return float(duration)
+
+
 def _by_robot(config: StationConfig, reference: Any) -> dict[str, Trajectory | Samples]:
     """Return references by robot, arrays split into times and positions."""
     if reference is None:
@@ -148,9 +159,13 @@ def _by_robot(config: StationConfig, reference: Any) -> dict[str, Trajectory | S
 def _trajectory_or_samples(reference: Any) -> Trajectory | Samples:
     if isinstance(reference, Trajectory):
         return reference
-    if isinstance(reference, tuple) and len(reference) == 2:
-        return np.asarray(reference[0], dtype=float), np.asarray(reference[1], dtype=float)
-    rows = np.asarray(reference, dtype=float)
+    try:
+        if isinstance(reference, tuple) and len(reference) == 2:
+            return np.asarray(reference[0], dtype=float), np.asarray(reference[1], dtype=float)
+        rows = np.asarray(reference, dtype=float)
+    except (TypeError, ValueError) as problem:
+        expected = "a trajectory, an array (m, 1 + n) whose first column is the time, or a pair of times and positions"
+        raise InvalidParameter("reference", shortened(repr(reference)), expected) from problem
     if rows.ndim != 2 or rows.shape[1] < 2:
         raise InvalidParameter("reference", f"an array of shape {rows.shape}", "of shape (m, 1 + n), the time first")
     return rows[:, 0], rows[:, 1:]

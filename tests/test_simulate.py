@@ -5,8 +5,9 @@ import pytest
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.integrate import solve_ivp
 
-from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake import build_station, load_station, simulate
+from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.paths import diagrams_root
 from simrob_drake.results import stop_time
 from simrob_drake.stations.checks import holding_torque
 
@@ -312,3 +313,31 @@ def test_a_gripper_that_may_touch_comes_to_rest_on_the_floor():
     onto = simulate(load_station("irb120_dynamic", {**overrides, "contact": {"model": "point"}}))
     assert through.pose("tcp")[-1, 2] < -0.05
     assert onto.pose("tcp")[-1, 2] > -0.01
+
+
+@pytest.mark.parametrize("station", ["double_pendulum", diagrams_root() / "double_pendulum.yaml"])
+def test_a_station_goes_by_its_name_or_file_too(station):
+    assert simulate(station, duration=0.1).config == simulate(load_station(station), duration=0.1).config
+    assert build_station(station).config == load_station(station)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"config_or_station": 5}, "station is 5; it must be a name"),
+        ({"start": 5}, "start is 5; it must be a State"),
+        ({"duration": "a"}, "duration is 'a'; it must be a positive time"),
+        ({"duration": True}, "duration is True"),
+        ({"reference": "x"}, "reference is 'x'; it must be a trajectory, an array"),
+        ({"reference": [[0, 1], [2]]}, "reference is .* it must be a trajectory"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(given, message):
+    with pytest.raises(InvalidParameter, match=message):
+        simulate(**{"config_or_station": "double_pendulum", **given})
+
+
+@pytest.mark.parametrize(("name", "overrides"), [(5, None), ("double_pendulum", [1])])
+def test_what_names_no_station_is_refused(name, overrides):
+    with pytest.raises(InvalidParameter, match="it must be a"):
+        load_station(name, overrides)

@@ -75,7 +75,46 @@ def table(times: npt.ArrayLike, positions: npt.ArrayLike, *, linear: bool = Fals
     Raises:
         InvalidParameter: fewer than two samples, times that do not rise, or values that are not finite.
     """
-    breaks, samples = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
+    breaks, samples = _checked(times, positions)
+    if linear or len(breaks) < 3:
+        return PiecewisePolynomial.FirstOrderHold(breaks, samples.T)
+    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(breaks, samples.T)
+
+
+def hermite(times: npt.ArrayLike, positions: npt.ArrayLike, velocities: npt.ArrayLike) -> Trajectory:
+    """Go through samples with given velocities, both (m, n) [rad, rad/s], by a cubic between each two ``times`` [s].
+
+    Raises:
+        InvalidParameter: as :func:`table`.
+    """
+    breaks, samples = _checked(times, positions)
+    return PiecewisePolynomial.CubicHermite(breaks, samples.T, _checked(times, velocities)[1].T)
+
+
+def hermite_samples(trajectory: Trajectory, start: float, end: float, rate: float) -> tuple[Vector, Vector, Vector]:
+    """Return times (m,) and positions and velocities (m, n) that give a trajectory back from ``start`` to ``end`` [s].
+
+    Exactly, if it is made of cubics with continuous velocity: then its own breaks are enough. Another is sampled
+    ``rate`` times a second between them.
+    """
+    cubic = isinstance(trajectory, PiecewisePolynomial) and _is_smooth_cubic(trajectory)
+    grid = np.linspace(start, end, 2 if cubic else max(int((end - start) * rate), 1) + 1)
+    if isinstance(trajectory, PiecewisePolynomial):
+        breaks = np.array(trajectory.get_segment_times())
+        grid = np.union1d(grid, breaks[(breaks > start) & (breaks < end)])
+    return grid, trajectory.vector_values(grid).T, trajectory.MakeDerivative().vector_values(grid).T
+
+
+def _is_smooth_cubic(trajectory: PiecewisePolynomial) -> bool:
+    pieces = range(trajectory.get_number_of_segments())
+    degrees = [
+        trajectory.getSegmentPolynomialDegree(piece, row) for piece in pieces for row in range(trajectory.rows())
+    ]
+    return max(degrees) <= 3 and not set(corner_times(trajectory)) - {trajectory.start_time(), trajectory.end_time()}
+
+
+def _checked(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vector]:
+    breaks, samples = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     if breaks.ndim != 1 or samples.ndim != 2 or len(breaks) != len(samples) or len(breaks) < 2:
         raise InvalidParameter(
             "reference", f"{breaks.shape} times, {samples.shape} positions", "(m,) and (m, n), m > 1"
@@ -86,9 +125,7 @@ def table(times: npt.ArrayLike, positions: npt.ArrayLike, *, linear: bool = Fals
     if (np.diff(breaks) <= 0).any():
         row = int(np.flatnonzero(np.diff(breaks) <= 0)[0])
         raise InvalidParameter("reference times", f"{breaks[row]:g}, {breaks[row + 1]:g}", "rising from row to row [s]")
-    if linear or len(breaks) < 3:
-        return PiecewisePolynomial.FirstOrderHold(breaks, samples.T)
-    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(breaks, samples.T)
+    return breaks, samples
 
 
 def corner_times(trajectory: Trajectory) -> list[float]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
@@ -16,8 +14,7 @@ from simrob_drake.programs.kinematics.solutions import require
 from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, WorkObject, world_poses
 from simrob_drake.programs.workcell import Workcell
-from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.station import Station
+from simrob_drake.stations.station import StationLike
 
 
 class ArmGeometry(CellRobot):
@@ -36,7 +33,7 @@ class ArmGeometry(CellRobot):
 
     def __init__(
         self,
-        station: Workcell | str | Path | StationConfig | Station,
+        station: Workcell | StationLike,
         robot: str | None = None,
         tool: str | PoseLike | None = None,
         *,

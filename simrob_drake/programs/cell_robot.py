@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.workcell import Workcell
-from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.station import Station
+from simrob_drake.stations.station import StationLike
 
 
 class CellRobot:
@@ -19,7 +16,7 @@ class CellRobot:
         name: of the robot in the station.
     """
 
-    def __init__(self, station: Workcell | str | Path | StationConfig | Station, robot: str | None = None) -> None:
+    def __init__(self, station: Workcell | StationLike, robot: str | None = None) -> None:
         """Take a robot of a station.
 
         Args:

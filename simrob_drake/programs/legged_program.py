@@ -18,7 +18,7 @@ from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.station import Station
+from simrob_drake.stations.station import StationLike
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Programmed(LeggedGeometry):
         runs: what the last move or program was made of, in order.
     """
 
-    def __init__(self, station: Workcell | str | Path | StationConfig | Station, robot: str | None = None) -> None:
+    def __init__(self, station: Workcell | StationLike, robot: str | None = None) -> None:
         """Take a robot of a station; see :class:`LeggedGeometry`."""
         super().__init__(station, robot)
         self.program = Program()

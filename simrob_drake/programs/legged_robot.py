@@ -25,6 +25,7 @@ from simrob_drake.programs.moves import (
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.workcell import GOES_ON
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.state import State
 from simrob_drake.simulate import Reference
 from simrob_drake.stations.names import WORLD
 
@@ -229,5 +230,5 @@ class LeggedRobot(Programmed):
         return runs
 
     def _back_to_start(self) -> None:
-        self.cell.state = None
         self.cell.change(self._start)
+        self.cell.state = State.at_start_of(self._start)

@@ -29,7 +29,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.names import WORLD
 from simrob_drake.stations.robots import StationRobot
-from simrob_drake.stations.station import Station
+from simrob_drake.stations.station import StationLike, config_of
 
 if TYPE_CHECKING:
     from simrob_drake.programs.arm import Arm
@@ -53,7 +53,7 @@ class Workcell:
         tape: what was recorded.
     """
 
-    def __init__(self, station: str | Path | StationConfig | Station, overrides: dict[str, Any] | None = None) -> None:
+    def __init__(self, station: StationLike, overrides: dict[str, Any] | None = None) -> None:
         """Take a station.
 
         Args:
@@ -63,15 +63,13 @@ class Workcell:
         Raises:
             SimrobError: as :func:`simrob_drake.load_station`.
         """
-        if isinstance(station, Station):
-            station = station.config
-        if isinstance(station, StationConfig):
-            if overrides:
-                raise InvalidParameter("overrides", overrides, "left out with a configuration")
-            self.config = station
-        else:
+        if overrides and isinstance(station, (str, Path)):
             self.config = load_station(station, overrides)
-        self.state: State | None = None
+        elif overrides:
+            raise InvalidParameter("overrides", overrides, "left out with a configuration")
+        else:
+            self.config = config_of(station)
+        self.state = State.at_start_of(self.config)
         self.tape = Tape()
         self._window: Window | None = None
         self._model = StationModel(self.config)

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from datetime import datetime
 from pathlib import Path
 
-import numpy as np
-from pydrake.trajectories import Trajectory
-
 from simrob_drake.folders import filled_at_once
-from simrob_drake.frames import Vector
+from simrob_drake.results.reference_tables import with_tables, write_table
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
-from simrob_drake.stations.reference_config import Table
-from simrob_drake.stations.references import TIME_COLUMN, Samples, read_table
 
 RUNS = Path("runs")
 SUMMARY = "summary.json"
-_TRAJECTORY_RATE = 1000.0
-"""Samples a second [Hz] of a Drake trajectory that is written as a table."""
+START = "start.json"
 
 
 def default_folder(station: str) -> Path:
@@ -58,9 +50,11 @@ def save_result(
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
         _write_summary(result, work / SUMMARY)
         _write_signals(result, work / "signals.csv")
-        (work / "station.yaml").write_text(station_yaml(_with_tables(result, work)), encoding="utf-8")
+        config = with_tables(result, work)
         if result.start is not None:
-            (work / "start.json").write_text(result.start.to_json() + "\n", encoding="utf-8")
+            (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
+            config = config.model_copy(update={"start": Path(START)})
+        (work / "station.yaml").write_text(station_yaml(config), encoding="utf-8")
         (work / "plots").mkdir()
         save_plots(result, work / "plots")
         if recording:
@@ -78,52 +72,4 @@ def _write_summary(result: SimulationResult, file: Path) -> None:
 
 
 def _write_signals(result: SimulationResult, file: Path) -> None:
-    _write_table(file, result.names, result.times, result.values)
-
-
-def _write_table(file: Path, names: list[str], times: Vector, values: Vector) -> None:
-    """Write numbers so that reading them gives the same bits."""
-    with file.open("w", newline="", encoding="utf-8") as lines:
-        writer = csv.writer(lines)
-        writer.writerow([TIME_COLUMN, *names])
-        writer.writerows(np.column_stack([times, values]).tolist())
-
-
-def _with_tables(result: SimulationResult, folder: Path) -> StationConfig:
-    """Write the references that are no part of the configuration as tables, and return one that names them."""
-    config = result.config
-    for robot in config.robots:
-        reference = config.reference_of(robot)
-        given = result.references.get(robot)
-        if given is None and not isinstance(reference, Table):
-            continue
-        axes = result.plant.robots[robot].axes
-        linear = isinstance(given, tuple) and config.mode == "dynamic"
-        if given is None and isinstance(reference, Table):
-            given, linear = read_table(reference.file, axes), reference.interpolation == "linear"
-        file = Path("reference.csv" if config.only_robot else f"{robot}_reference.csv")
-        times, positions = _as_samples(given, config.duration)
-        _write_table(folder / file, axes, times, positions)
-        table = Table(kind="table", file=file, interpolation="linear" if linear else "cubic")
-        config = _with_reference(config, robot, table)
-    return config
-
-
-def _as_samples(reference: Trajectory | Samples | None, duration: float) -> tuple[Vector, Vector]:
-    if isinstance(reference, Trajectory):
-        first, last = reference.start_time(), reference.end_time()
-        start, end = max(first, 0.0), min(last, duration)
-        if start >= end:  # it begins after the run, or is over before: one of its ends is held
-            held = reference.value(float(np.clip(0.0, first, last)))[:, 0]
-            return np.array([0.0, duration]), np.vstack([held, held])
-        times = np.linspace(start, end, max(int((end - start) * _TRAJECTORY_RATE), 1) + 1)
-        return times, reference.vector_values(times).T
-    assert reference is not None
-    return np.asarray(reference[0], dtype=float), np.asarray(reference[1], dtype=float)
-
-
-def _with_reference(config: StationConfig, robot: str, table: Table) -> StationConfig:
-    if config.only_robot:
-        return config.model_copy(update={"reference": table})
-    entry = config.robots[robot].model_copy(update={"reference": table})
-    return config.model_copy(update={"robots": {**config.robots, robot: entry}})
+    write_table(file, result.names, result.times, result.values)

@@ -13,8 +13,9 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, System
 
 from simrob_drake.blocks.monitor import Monitor
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts
 
@@ -156,6 +157,21 @@ class State:
             )
         except (ValueError, TypeError, KeyError, AttributeError) as problem:
             raise InvalidParameter("state", text, "the text of a state, as State.to_json() writes it") from problem
+
+    @classmethod
+    def at_start_of(cls, config: StationConfig) -> State | None:
+        """Return the state that a station's file says it begins in; None where it says none.
+
+        Raises:
+            InvalidConfig: a file that cannot be read or holds no state.
+        """
+        if config.start is None:
+            return None
+        try:
+            return cls.from_json(config.start.read_text(encoding="utf-8"))
+        except (OSError, ValueError, InvalidParameter) as problem:
+            what = "cannot be read" if isinstance(problem, OSError) else "holds no state"
+            raise InvalidConfig(config.start, "", f"{what}; `start` names the start.json of a result") from problem
 
     def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
         own = system.GetMyMutableContextFromRoot(context)

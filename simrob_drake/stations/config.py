@@ -197,6 +197,9 @@ class StationConfig(Strict):
     """Force at the tool centre point of the station's robots; then `external_force` need not stand under `inputs`."""
     sensors: Sensors = Field(default_factory=dict)
     monitors: Monitors = Field(default_factory=dict)
+    start: Path | None = None
+    """Where it begins: the `start.json` of a result, in place of the initial postures; relative paths start at the
+    station's file."""
     duration: Positive = 3.0
     """Simulated time [s]."""
     sample_rate: Positive = 100.0

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
+from types import NoneType
 from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from simrob_drake.errors import InvalidConfig, SimrobError, UnknownName
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, shortened
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.force_config import ExternalForce
@@ -48,6 +49,8 @@ def load_station(name_or_path: str | Path, overrides: Mapping[str, Any] | None =
         InvalidConfig: an entry that cannot be; the message names file, key and what would be right.
     """
     path = _station_file(name_or_path)
+    if not isinstance(overrides, (Mapping, NoneType)):
+        raise InvalidParameter("overrides", shortened(repr(overrides)), "a mapping of keys to values")
     content = _with_absolute_paths(read_yaml(path), path.parent)
     for key, value in sorted((overrides or {}).items(), key=lambda entry: not entry[0].endswith(".kind")):
         _override(content, key.split("."), value, path)
@@ -75,6 +78,8 @@ def station_yaml(config: StationConfig) -> str:
 
 
 def _station_file(name_or_path: str | Path) -> Path:
+    if not isinstance(name_or_path, (str, Path)):
+        raise InvalidParameter("station", shortened(repr(name_or_path)), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)
     if path.suffix in YAML_SUFFIXES:
         if not path.is_file():
@@ -131,6 +136,8 @@ def _accepted(model: type[BaseModel], key: str, value: Any) -> bool:
 def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Make the paths in a station's sections absolute, wherever a robot, a reference or a piece may stand."""
     result = deepcopy(content)
+    if isinstance(result.get("start"), str):
+        result["start"] = str(folder / result["start"])
     robots, pieces = (entries if isinstance(entries := result.get(key), dict) else {} for key in ("robots", "pieces"))
     sections = [result, result.get("robot"), *robots.values(), *pieces.values()]
     for section in [section for section in sections if isinstance(section, dict)]:

@@ -85,8 +85,9 @@ class Table(Strict):
     kind: Literal["table"]
     file: Path
     """The CSV file; relative paths start at the station's file."""
-    interpolation: Literal["cubic", "linear"] = "cubic"
-    """Cubic: a spline with continuous acceleration. Linear: straight lines."""
+    interpolation: Literal["cubic", "linear", "hermite"] = "cubic"
+    """Cubic: a spline with continuous acceleration. Linear: straight lines. Hermite: cubics with the speeds [rad/s]
+    that stand in a column `v.<axis>` for each axis."""
 
 
 ReferenceConfig = Annotated[Hold | Ramp | Move | Sequence | SineWave | Table, Field(discriminator="kind")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence as Rows
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from simrob_drake.blocks.references import (
     ReferenceSource,
     add_sine,
     add_trajectory,
+    hermite,
     hold,
     move,
     ramp,
@@ -73,8 +75,8 @@ def add_reference(
     return add_trajectory(builder, trajectory, name=name, derivatives=derivatives)
 
 
-def read_table(file: Path, axes: list[str]) -> Samples:
-    """Read a CSV file with a column ``time`` [s] and one for each axis [rad].
+def read_table(file: Path, axes: Rows[str]) -> Samples:
+    """Read a CSV file with a column ``time`` [s] and one of each of these names [rad, or what they say].
 
     Raises:
         InvalidConfig: the file cannot be read, lacks a column, or holds something that is no number.
@@ -83,6 +85,11 @@ def read_table(file: Path, axes: list[str]) -> Samples:
     if len(values) < 2:
         raise InvalidConfig(file, "", "holds fewer than two rows of values")
     return values[:, 0], values[:, 1:]
+
+
+def speed_columns(axes: Rows[str]) -> list[str]:
+    """Return what the columns of the axes' speeds are called in a CSV file."""
+    return [f"v.{axis}" for axis in axes]
 
 
 def _trajectory(config: ReferenceConfig, robot: StationRobot, start: Vector) -> Trajectory:
@@ -101,6 +108,9 @@ def _trajectory(config: ReferenceConfig, robot: StationRobot, start: Vector) -> 
                 targets.append(_si(waypoint.target_deg, robot, targets[-1]))
             return sequence(start, [waypoint.time for waypoint in config.targets], targets[1:])
         case Table():
+            if config.interpolation == "hermite":
+                times, values = read_table(config.file, [*robot.axes, *speed_columns(robot.axes)])
+                return hermite(times, *np.hsplit(np.asarray(values), 2))
             samples = read_table(config.file, robot.axes)
             return _through(samples, robot, linear=config.interpolation == "linear")
         case SineWave():

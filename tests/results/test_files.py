@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from pydrake.trajectories import PiecewisePolynomial
 
-from simrob_drake import load_station, simulate
-from simrob_drake.errors import InvalidParameter, OutputError, UnknownName
+from simrob_drake import Workcell, load_station, simulate
+from simrob_drake.blocks.references import sequence
+from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, UnknownName
 from simrob_drake.results.locomotion import locomotion
 
 
@@ -60,11 +61,53 @@ def test_a_run_with_its_own_samples_can_be_run_again(station, tmp_path):
     np.testing.assert_array_equal(simulate(load_station(moved / "station.yaml")).values, result.values)
 
 
-def test_a_trajectory_is_saved_as_a_fine_table(tmp_path):
-    trajectory = PiecewisePolynomial.CubicShapePreserving([0, 0.1, 0.2], np.full((6, 3), 0.1) * [0, 1, 1.5])
-    result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
+BREAKS, POINTS = [-0.05, 0.1, 0.3], np.full((6, 3), 0.1) * [0, 1, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "rows", "within"),
+    [
+        (PiecewisePolynomial.CubicShapePreserving(BREAKS, POINTS), 3, 1e-12),  # cubics: its break and the run's ends
+        (sequence(np.zeros(6), [0.1, 0.3], [*POINTS.T[1:]]), 201, 1e-7),  # of the fifth degree
+        (PiecewisePolynomial.FirstOrderHold(BREAKS, POINTS), 201, 1e-4),  # with a corner in its velocity
+    ],
+    ids=["cubic", "quintic", "corner"],
+)
+def test_a_trajectory_is_saved_as_what_gives_it_back(tmp_path, trajectory, rows, within):
+    station = load_station("irb120_dynamic", {"inputs": ["reference_velocity"]})
+    result = simulate(station, reference=trajectory, duration=0.2)
+    folder = result.save(tmp_path / "own", recording=False)
+    assert len((folder / "reference.csv").read_text().splitlines()) == 1 + rows
+    again = simulate(load_station(folder / "station.yaml"))
+    np.testing.assert_allclose(again.axes("q_ref"), result.axes("q_ref"), atol=within)
+    np.testing.assert_allclose(again.axes("q"), result.axes("q"), atol=within)
+    saved_again = again.save(tmp_path / "again", recording=False)
+    assert (saved_again / "reference.csv").read_bytes() == (folder / "reference.csv").read_bytes()
+
+
+def test_samples_are_joined_again_as_they_were(tmp_path):
+    samples = np.linspace(0, 0.2, 5), np.outer(np.linspace(0, 0.2, 5) ** 2, np.ones(6))
+    station = load_station("irb120_dynamic", {"inputs": ["reference_velocity"]})
+    result = simulate(station, reference=samples, duration=0.2)
     again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
-    np.testing.assert_allclose(again.axes("q"), result.axes("q"), atol=1e-5)
+    np.testing.assert_array_equal(again.values, result.values)
+
+
+def test_a_run_that_began_in_another_ones_end_can_be_run_again(result, tmp_path):
+    later = simulate("irb120_dynamic", duration=0.2, start=result.final_state)
+    folder = later.save(tmp_path / "later", recording=False)
+    assert "start: start.json" in (folder / "station.yaml").read_text()
+    again = simulate(folder / "station.yaml")
+    np.testing.assert_array_equal(again.values, later.values)
+    np.testing.assert_array_equal(Workcell(folder / "station.yaml").position("robot"), result.axes("q")[-1])
+
+
+@pytest.mark.parametrize(("content", "what"), [(None, "cannot be read"), ("{}", "holds no state")])
+def test_a_start_that_is_none_is_refused(tmp_path, content, what):
+    if content is not None:
+        (tmp_path / "start.json").write_text(content)
+    with pytest.raises(InvalidConfig, match=rf"start\.json: {what}; `start` names the start\.json of a result"):
+        simulate(load_station("double_pendulum", {"start": str(tmp_path / "start.json")}))
 
 
 @pytest.mark.parametrize(("begin", "held"), [(5.0, 0.0), (-5.0, 0.2)])
