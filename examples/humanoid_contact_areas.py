@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.measures import journey
-from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.sequences import posing, standing_height
 from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.results.locomotion import locomotion
 
 AREAS = ("A", "B", "C")
 LINES = {"A": ("#1f6fb4", "-", 1.5), "B": ("#e08214", "-", 1.5), "C": ("#2a8f57", "--", 2.5)}
@@ -70,8 +69,9 @@ def main() -> None:
     results = run()
     print("area   foot [mm]  ahead [mm]  left [mm]  turned [deg]  largest tilt [deg]  ending")
     for area, result in results.items():
-        (width, length), found = sole(result), journey(result, load_gaits("humanoid").facing_deg)
-        way = f"{1e3 * found.ahead:10.1f} {1e3 * found.left:10.1f} {found.yaw_deg:13.1f} {found.tilt_deg:19.1f}"
+        (width, length), found = sole(result), locomotion(result)
+        yaw, tilt = np.rad2deg([found.yaw, found.tilt])
+        way = f"{1e3 * found.ahead:10.1f} {1e3 * found.drift:10.1f} {yaw:13.1f} {tilt:19.1f}"
         print(f"{area:4} {width:5.0f} × {length:<3.0f} {way}  {result.message}")
     print(picture(results, Path("runs/humanoid_contact_areas.png")))
 

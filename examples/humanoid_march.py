@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from simrob_drake import SimulationResult, simulate
-from simrob_drake.programs.gaits.measures import journey
-from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.sequences import march
+from simrob_drake.results.locomotion import locomotion
 
 
 def run(steps: int = 4, amplitude: float = 1.0) -> SimulationResult:
@@ -17,8 +18,8 @@ def run(steps: int = 4, amplitude: float = 1.0) -> SimulationResult:
 def main() -> None:
     """Print how far the march went, and where its files are."""
     result = run()
-    found = journey(result, load_gaits("humanoid").facing_deg)
-    print(f"{found.ahead:.2f} m in {found.seconds:.1f} s, tilted by {found.tilt_deg:.1f} deg at most")
+    found = locomotion(result)
+    print(f"{found.ahead:.2f} m in {result.stop_time:.1f} s, tilted by {np.rad2deg(found.tilt):.1f} deg at most")
     print("files in", result.save())
 
 

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
-from simrob_drake.programs.gaits.measures import journey
 from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.results.locomotion import locomotion
 
 CONTROLLERS = {"P": 0.0, "PD": 100.0}  # gain against the speed of the joints [N·m·s/rad]
 PANELS = (
@@ -68,10 +68,12 @@ def main() -> None:
     """Print how far each controller brings the base, and draw it."""
     results = run()
     for name, result in results.items():
-        found = journey(result, load_gaits("humanoid").facing_deg)
+        found = locomotion(result)
         rate = np.sqrt(np.mean(np.gradient(base_moves(result)[:, 3:], result.times, axis=0) ** 2, axis=0).sum())
-        way = f"{1e3 * found.ahead:5.1f} mm ahead, turned by {found.yaw_deg:5.1f} deg"
-        print(f"{name:2}: {way}, tilted by {found.tilt_deg:4.1f} deg at most, turning at {rate:4.1f} deg/s (rms)")
+        way = f"{1e3 * found.ahead:5.1f} mm ahead, turned by {np.rad2deg(found.yaw):5.1f} deg"
+        print(
+            f"{name:2}: {way}, tilted by {np.rad2deg(found.tilt):4.1f} deg at most, turning at {rate:4.1f} deg/s (rms)"
+        )
     print(picture(results, Path("runs/humanoid_p_against_pd.png")))
 
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import sys
 
+import numpy as np
+
 from simrob_drake import SimulationResult, simulate
-from simrob_drake.programs.gaits.measures import journey
-from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.walk import walk
+from simrob_drake.results.locomotion import locomotion
 
 WALKS = {"humanoid": "real_sole", "roid1": "walk", "zjudancer": "turn"}
 
@@ -26,10 +27,10 @@ def main(robot: str | None = None, gait: str | None = None) -> None:
     """Print how far each walk went, and where its files are."""
     for name in [robot] if robot else WALKS:
         result = run(name, gait)
-        found = journey(result, load_gaits(name).facing_deg)
-        way = f"{found.ahead:.2f} m ahead, {found.left:.2f} m to the left in {found.seconds:.1f} s"
-        end = "upright" if found.upright else f"fell at {found.fell_at:.1f} s"
-        print(f"{name}: {way}, turned by {found.yaw_deg:.1f} deg, {end}; files in {result.save()}")
+        found = locomotion(result)
+        way = f"{found.ahead:.2f} m ahead, {found.drift:.2f} m to the left in {result.stop_time:.1f} s"
+        end = "upright" if found.upright else f"fell at {found.fall_time:.1f} s"
+        print(f"{name}: {way}, turned by {np.rad2deg(found.yaw):.1f} deg, {end}; files in {result.save()}")
 
 
 if __name__ == "__main__":

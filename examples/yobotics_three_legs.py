@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import feet_of
-from simrob_drake.programs.gaits.measures import journey
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, three_legs
 from simrob_drake.programs.gaits.skeleton import skeleton_of
+from simrob_drake.results.locomotion import locomotion
 
 ASKED, COLOURS = 0.02, ("#1f6fb4", "#e08214", "#2a8f57", "#8c2d7a")  # ASKED: how high a foot has to be [m]
 
@@ -70,9 +70,11 @@ def main() -> None:
     """Print how high and how long each foot was up, and draw it."""
     results = run()
     for foot, result in results.items():
-        height, found = foot_heights(result, np.arange(0.0, result.stop_time, 0.01))[foot], journey(result, 0.0)
+        height, found = foot_heights(result, np.arange(0.0, result.stop_time, 0.01))[foot], locomotion(result)
         held = f"up to {1e3 * height.max():.0f} mm, over 20 mm for {0.01 * (height > ASKED).sum():.1f} s"
-        print(f"{foot}: {held}, tilt {found.tilt_deg:.1f} deg, torque {100 * found.torque_share:.0f} % of its limit")
+        print(
+            f"{foot}: {held}, tilt {np.rad2deg(found.tilt):.1f} deg, torque {100 * found.peak_torque['ratio']:.0f} % of its limit"
+        )
     print(picture(results, Path("runs/yobotics_three_legs.png")))
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from simrob_drake import SimulationResult, simulate
-from simrob_drake.programs.gaits.measures import journey
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
+from simrob_drake.results.locomotion import locomotion
 
 
 def run(motion: JointMotion) -> SimulationResult:
@@ -23,8 +24,8 @@ def main() -> None:
     }
     results = {name: run(motion) for name, motion in motions.items()}
     for name, result in results.items():
-        found = journey(result, load_gaits("yobotics").facing_deg)
-        print(f"{name}: {found.ahead:.2f} m in {found.seconds:.1f} s, turned by {found.yaw_deg:.1f} deg")
+        found = locomotion(result)
+        print(f"{name}: {found.ahead:.2f} m in {result.stop_time:.1f} s, turned by {np.rad2deg(found.yaw):.1f} deg")
     print("files in", results["trot"].save())
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -182,7 +182,9 @@ class SimulationResult:
 
     def _locomotion(self) -> dict[str, Any] | None:
         """Return how the legged robots walked, by robot where there are several; None where nothing could be told."""
-        found = {name: locomotion(self, name) for name in legged_robots(self)} if self.ending != DIVERGED else {}
+        found = (
+            {name: asdict(locomotion(self, name)) for name in legged_robots(self)} if self.ending != DIVERGED else {}
+        )
         return found.get(self.config.only_robot) if self.config.only_robot else found or None
 
     def _peak_forces(self) -> dict[str, float]:

@@ -6,13 +6,15 @@ Run it with ``python -m tests.benchmarks.walking [NAME]...``; it takes some minu
 import sys
 from collections.abc import Callable
 
-from simrob_drake import simulate
-from simrob_drake.programs.gaits.measures import Journey, journey
+import numpy as np
+
+from simrob_drake import SimulationResult, simulate
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march
 from simrob_drake.programs.gaits.walk import walk
+from simrob_drake.results.locomotion import locomotion
 
 
 def steps_within(seconds: float, robot: str, name: str) -> int:
@@ -51,11 +53,13 @@ SAP = {"solver": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}, "dura
 """For torques: it sees a moving reference at every millisecond."""
 
 
-def line(walked: Journey, rate: float) -> str:
-    state = "upright" if walked.upright else f"fell at {walked.fell_at:.1f} s"
+def line(result: SimulationResult) -> str:
+    found = locomotion(result)
+    state = "upright" if found.upright else f"fell at {found.fall_time:.1f} s"
+    torque = f"{found.peak_torque['ratio']:4.0%}, {found.saturated:4.1%} at it"
     return (
-        f"{walked.seconds:5.1f} s | {walked.ahead:6.2f} m | {walked.left:6.2f} m | {walked.yaw_deg:6.1f}° | "
-        f"{walked.tilt_deg:4.1f}° | {state} | {walked.torque_share:4.0%}, {walked.saturated:4.1%} at it | {rate:4.1f} ×"
+        f"{result.stop_time:5.1f} s | {found.ahead:6.2f} m | {found.drift:6.2f} m | {np.rad2deg(found.yaw):6.1f}° | "
+        f"{np.rad2deg(found.tilt):4.1f}° | {state} | {torque} | {result.realtime_rate:4.1f} ×"
     )
 
 
@@ -63,10 +67,9 @@ def main(names: list[str]) -> None:
     """Walk and print."""
     for name in names or WALKS:
         motion = WALKS[name]()
-        facing = load_gaits(motion.model).facing_deg
         for setting, overrides in {**SETTINGS[name], "SAP 1 ms": SAP}.items():
             result = simulate(motion.station(overrides), reference=motion.trajectory(), progress=False)
-            print(f"{name} | {setting} | {line(journey(result, facing), result.realtime_rate)}", flush=True)
+            print(f"{name} | {setting} | {line(result)}", flush=True)
 
 
 if __name__ == "__main__":

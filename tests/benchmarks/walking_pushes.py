@@ -9,7 +9,6 @@ import numpy as np
 
 from simrob_drake import simulate
 from simrob_drake.programs.gaits.feet import facing_rotation
-from simrob_drake.programs.gaits.measures import journey
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.quadruped import crawl, trot
@@ -27,7 +26,7 @@ def survives(motion: JointMotion, facing: float, side: tuple[int, int], force: f
     for start in STARTS:
         push = {"start": start, "force": [float(part) for part in force * along]}
         config = motion.station({"robot.pushes": [push], "duration": 5.0})
-        if not journey(simulate(config, reference=motion.trajectory(), progress=False), facing).upright:
+        if simulate(config, reference=motion.trajectory(), progress=False).stopped_by is not None:
             return False
     return True
 

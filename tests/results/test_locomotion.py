@@ -53,25 +53,27 @@ def test_ahead_is_where_the_robot_faces(name, facing):
     ahead = np.array(facing, dtype=float)
     left = np.array([-ahead[1], ahead[0]])
     found = locomotion(moved(name, along(0.3 * ahead + 0.1 * left, 0.5)))
-    assert found["ahead"] == pytest.approx(0.3)
-    assert found["drift"] == pytest.approx(0.1)
-    assert found["distance"] == pytest.approx(np.hypot(0.3, 0.1))
-    assert found["speed"] == pytest.approx(np.hypot(0.3, 0.1) / 2.0)
-    assert found["yaw"] == pytest.approx(0.0, abs=1e-12)
-    assert found["smallest_height"] == 0.5
-    assert found["fall_time"] is None
+    assert found.upright
+    assert found.tilt == pytest.approx(0.0, abs=1e-12)
+    assert found.ahead == pytest.approx(0.3)
+    assert found.drift == pytest.approx(0.1)
+    assert found.distance == pytest.approx(np.hypot(0.3, 0.1))
+    assert found.speed == pytest.approx(np.hypot(0.3, 0.1) / 2.0)
+    assert found.yaw == pytest.approx(0.0, abs=1e-12)
+    assert found.smallest_height == 0.5
+    assert found.fall_time is None
 
 
 def test_whole_turns_count():
     found = locomotion(moved("roid1", along(np.zeros(2), 0.3, 4.5 * np.pi * TIMES / 2.0)))
-    assert found["yaw"] == pytest.approx(4.5 * np.pi)
-    assert found["cost_of_transport"] is None  # it went nowhere
+    assert found.yaw == pytest.approx(4.5 * np.pi)
+    assert found.cost_of_transport is None  # it went nowhere
 
 
 def test_the_way_counts_in_the_first_heading():
     found = locomotion(moved("roid1", along(np.array([0.2, 0.0]), 0.3, np.pi / 2)))
-    assert found["ahead"] == pytest.approx(0.0, abs=1e-12)
-    assert found["drift"] == pytest.approx(-0.2)
+    assert found.ahead == pytest.approx(0.0, abs=1e-12)
+    assert found.drift == pytest.approx(-0.2)
 
 
 def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
@@ -106,12 +108,19 @@ def test_a_ball_that_rolls_does_not_slip():
     assert slip < 0.01 * radius * angles[-1]
 
 
+def test_the_largest_lean_is_the_tilt():
+    leaning = [RigidTransform(RotationMatrix.MakeXRotation(0.3 * t), [0, 0, 0.3]) for t in TIMES]
+    assert locomotion(moved("roid1", leaning)).tilt == pytest.approx(0.3 * TIMES[-1])
+
+
 def test_work_and_torque_are_those_of_the_joints():
     run = moved("humanoid", along(np.array([0.0, -0.5]), 0.45), tau__left_knee=-1.5, v__left_knee=2.0)
     found = locomotion(run)
     assert mechanical_work(run, "robot") == pytest.approx(1.5 * 2.0 * 2.0)
-    assert found["cost_of_transport"] == pytest.approx(6.0 / (2.292 * 9.80665 * 0.5), rel=1e-4)  # its mass: facts
-    assert found["peak_torque"] == {"axis": "left_knee", "torque": 1.5, "limit": 3.0, "ratio": 0.5}
+    assert found.cost_of_transport == pytest.approx(6.0 / (2.292 * 9.80665 * 0.5), rel=1e-4)  # its mass: facts
+    assert found.peak_torque == {"axis": "left_knee", "torque": 1.5, "limit": 3.0, "ratio": 0.5}
+    assert found.saturated == 0.0
+    assert locomotion(moved("humanoid", along(np.zeros(2), 0.45), tau__left_knee=3.0)).saturated == 1.0
 
 
 def test_a_walk_is_measured_in_the_summary():
