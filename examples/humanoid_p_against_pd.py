@@ -70,10 +70,9 @@ def main() -> None:
     for name, result in results.items():
         found = locomotion(result)
         rate = np.sqrt(np.mean(np.gradient(base_moves(result)[:, 3:], result.times, axis=0) ** 2, axis=0).sum())
-        way = f"{1e3 * found.ahead:5.1f} mm ahead, turned by {np.rad2deg(found.yaw):5.1f} deg"
-        print(
-            f"{name:2}: {way}, tilted by {np.rad2deg(found.tilt):4.1f} deg at most, turning at {rate:4.1f} deg/s (rms)"
-        )
+        yaw, tilt = np.rad2deg([found.yaw, found.tilt])
+        way = f"{1e3 * found.ahead:5.1f} mm ahead, turned by {yaw:5.1f} deg"
+        print(f"{name:2}: {way}, tilted by {tilt:4.1f} deg at most, turning at {rate:4.1f} deg/s (rms)")
     print(picture(results, Path("runs/humanoid_p_against_pd.png")))
 
 

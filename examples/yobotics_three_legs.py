@@ -72,9 +72,8 @@ def main() -> None:
     for foot, result in results.items():
         height, found = foot_heights(result, np.arange(0.0, result.stop_time, 0.01))[foot], locomotion(result)
         held = f"up to {1e3 * height.max():.0f} mm, over 20 mm for {0.01 * (height > ASKED).sum():.1f} s"
-        print(
-            f"{foot}: {held}, tilt {np.rad2deg(found.tilt):.1f} deg, torque {100 * found.peak_torque['ratio']:.0f} % of its limit"
-        )
+        effort = f"torque {found.peak_torque['ratio']:.0%} of its limit"
+        print(f"{foot}: {held}, tilt {np.rad2deg(found.tilt):.1f} deg, {effort}")
     print(picture(results, Path("runs/yobotics_three_legs.png")))
 
 
