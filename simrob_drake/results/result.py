@@ -182,9 +182,8 @@ class SimulationResult:
 
     def _locomotion(self) -> dict[str, Any] | None:
         """Return how the legged robots walked, by robot where there are several; None where nothing could be told."""
-        found = (
-            {name: asdict(locomotion(self, name)) for name in legged_robots(self)} if self.ending != DIVERGED else {}
-        )
+        walkers = [] if self.ending == DIVERGED else legged_robots(self)
+        found = {name: asdict(locomotion(self, name)) for name in walkers}
         return found.get(self.config.only_robot) if self.config.only_robot else found or None
 
     def _peak_forces(self) -> dict[str, float]:
