@@ -59,6 +59,7 @@ def test_converge_prints_the_difference(capsys):
         line for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :] if "joint_2" in line
     )
     assert 0 < float(row.split()[1]) < 3e-3
+    assert row.split()[2::3] == ["rad", "N·m"]
 
 
 def test_the_default_folder_is_under_runs(tmp_path):

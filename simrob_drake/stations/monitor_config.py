@@ -26,7 +26,9 @@ class JointLimit(_Monitor):
 
     kind: Literal["joint_limit"]
     margin_deg: Number = 0.0
-    """How far before the limit the run ends; negative: beyond it."""
+    """How far before the limit the run ends, for axes that turn; negative: beyond it."""
+    margin_m: Number = 0.0
+    """The same for axes that slide [m]."""
 
 
 class TorqueLimit(_Monitor):
@@ -42,9 +44,13 @@ class Settled(_Monitor):
     kind: Literal["settled"]
     hold: NotNegative = 0.2
     speed_deg: Positive = 0.1
-    """Speed of the fastest joint below which the robot stands still [deg/s]."""
+    """Speed below which an axis that turns stands still [deg/s]."""
+    speed_m: Positive = 1e-3
+    """Speed below which an axis that slides stands still [m/s]."""
     error_deg: Positive | None = None
-    """Largest position error; unless given any error counts as settled."""
+    """Largest position error of axes that turn; unless given any error counts as settled."""
+    error_m: Positive | None = None
+    """Largest position error of axes that slide [m]; unless given any error counts as settled."""
 
 
 class Divergence(_Monitor):
@@ -52,7 +58,7 @@ class Divergence(_Monitor):
 
     kind: Literal["divergence"]
     speed_limit: Positive = 100.0
-    """Speed that counts as running away [rad/s]."""
+    """Speed that counts as running away [rad/s, or m/s of axes that slide]."""
 
 
 class _SensorMonitor(_Monitor):
