@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from simrob_drake.robots.pieces import NotNegative, Positive, Triple
+from simrob_drake.stations.kinds import named_by_kind
 from simrob_drake.yaml_files import Number, Strict
 
 
@@ -129,26 +130,4 @@ MonitorConfig = Annotated[
     JointLimit | TorqueLimit | Settled | Divergence | Contact | ForceLimit | Workspace | Fall,
     Field(discriminator="kind"),
 ]
-MONITOR_KINDS = (
-    "joint_limit",
-    "torque_limit",
-    "settled",
-    "divergence",
-    "contact",
-    "force_limit",
-    "workspace",
-    "fall",
-)
-
-
-def with_kinds(monitors: Any) -> Any:
-    """Let a monitor whose name is a kind do without the key ``kind``."""
-    if not isinstance(monitors, dict):
-        return monitors
-    return {
-        name: {"kind": name, **(entry or {})} if name in MONITOR_KINDS and isinstance(entry, dict | None) else entry
-        for name, entry in monitors.items()
-    }
-
-
-Monitors = Annotated[dict[str, MonitorConfig], BeforeValidator(with_kinds)]
+Monitors = Annotated[dict[str, MonitorConfig], named_by_kind(MonitorConfig)]

@@ -3,11 +3,20 @@
 import json
 
 from simrob_drake.paths import diagrams_root
+from simrob_drake.stations.kinds import models_by_kind
+from simrob_drake.stations.monitor_config import Fall, MonitorConfig
 from simrob_drake.stations.schema import SCHEMA_FILE, station_schema
 
 
 def test_the_schema_file_is_up_to_date():
     assert json.loads((diagrams_root() / SCHEMA_FILE).read_text()) == station_schema(), "renew it: make pictures"
+
+
+def test_the_kinds_are_those_of_the_union():
+    models = models_by_kind(MonitorConfig)
+    assert models["fall"] is Fall
+    kinds = station_schema()["properties"]["monitors"]["additionalProperties"]["discriminator"]["mapping"]
+    assert set(models) == set(kinds)
 
 
 def test_every_key_of_the_schema_is_explained():
