@@ -180,25 +180,37 @@ class StationConfig(Strict):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
 
     name: str
+    """What results and pictures call it; the file's name unless given."""
     description: str = ""
+    """What it is, in a line, for lists."""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
     """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
     robots: dict[str, RobotConfig] = Field(default_factory=dict)
+    """The robots by name; a single one may stand under `robot` instead."""
     pieces: dict[str, PieceConfig] = Field(default_factory=dict)
+    """What robots carry, what stands around and what is free to move, by name."""
     servo: ServoConfig = ServoConfig()
+    """The joint servos of all robots that have none of their own."""
     reference: ReferenceConfig = Hold(kind="hold")
+    """What all robots are asked to do that have no reference of their own."""
     inputs: tuple[Input, ...] = ()
     """Input ports beside `reference`."""
     floor: FloorConfig | None = None
+    """The floor; a station without this section has none."""
     contact: ContactConfig | None = None
+    """What happens where things touch; without this section they pass through each other."""
     joint_stops: JointStops = JointStops()
+    """What holds joints at their limits, where the solver does not."""
     gravity: Number = STANDARD_GRAVITY
     """Gravity along -z [m/s²]."""
     solver: SolverConfig = ContinuousSolver(kind="continuous")
+    """How time advances in a dynamic station."""
     external_force: ExternalForce | None = None
     """Force at the tool centre point of the station's robots; then `external_force` need not stand under `inputs`."""
     sensors: Sensors = Field(default_factory=dict)
+    """What is measured, by name; one that is called as its kind needs no `kind`."""
     monitors: Monitors = Field(default_factory=dict)
+    """What may end the run, by name; one that is called as its kind needs no `kind`."""
     duration: Positive = 3.0
     """Simulated time [s]."""
     sample_rate: Positive = 100.0

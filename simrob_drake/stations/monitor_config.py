@@ -37,6 +37,7 @@ class TorqueLimit(_Monitor):
 
     kind: Literal["torque_limit"]
     hold: NotNegative = 0.5
+    """How long it must stay there [s]."""
 
 
 class Settled(_Monitor):
@@ -44,6 +45,7 @@ class Settled(_Monitor):
 
     kind: Literal["settled"]
     hold: NotNegative = 0.2
+    """How long it must stand [s]."""
     speed_deg: Positive = 0.1
     """Speed below which an axis that turns stands still [deg/s]."""
     speed_m: Positive = 1e-3
