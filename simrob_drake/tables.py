@@ -43,23 +43,22 @@ def _piece_table(result: SimulationResult) -> Table:
 def convergence_table(result: SimulationResult, tight: SimulationResult) -> Table:
     """Return the largest difference of every joint between a run and a tighter one, over their common time."""
     common = min(len(result.times), len(tight.times))
-    table = _numbers("joint", "largest difference [rad]", "at [s]", "in torque at the end [N·m]")
+    table = _numbers("joint", "largest difference", "unit", "at [s]", "in torque at the end", "unit")
     table.title = "against a run ten times tighter"
     for robot in result.plant.robots.values():
-        for axis in robot.axes:
+        for axis, unit in zip(robot.axes, robot.model.units, strict=True):
             column = f"{robot.prefix}q.{axis}"
             difference = np.abs(result[column][:common] - tight[column][:common])
             worst = int(np.argmax(difference))
             torque = f"{robot.prefix}tau.{axis}"
             end = abs(result[torque][common - 1] - tight[torque][common - 1])
-            table.add_row(
-                f"{robot.prefix}{axis}", f"{difference[worst]:.2e}", f"{result.times[worst]:.2f}", f"{end:.2e}"
-            )
+            moved = f"{difference[worst]:.2e}", unit.si, f"{result.times[worst]:.2f}"
+            table.add_row(f"{robot.prefix}{axis}", *moved, f"{end:.2e}", unit.effort)
     for piece in result.config.free_pieces:
         ways = result.piece_pose(piece)[:common, :3] - tight.piece_pose(piece)[:common, :3]
         distance = np.linalg.norm(ways, axis=1)
         worst = int(np.argmax(distance))
-        table.add_row(piece, f"{distance[worst]:.2e} m", f"{result.times[worst]:.2f}", "–")
+        table.add_row(piece, f"{distance[worst]:.2e}", "m", f"{result.times[worst]:.2f}", "–", "")
     return table
 
 

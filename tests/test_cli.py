@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.cli import run_command
-from simrob_drake.cli.app import BAD_INPUT
-from simrob_drake.cli.stations import DIVERGED
+from simrob_drake.cli.exit_codes import ExitCode
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +44,7 @@ def test_a_monitors_stop_is_a_success(tmp_path):
 def test_a_divergence_exits_with_3_and_keeps_what_there_is(tmp_path, capsys):
     settings = ["servo.torque_limit=1e12", "solver.scheme=explicit_euler", "solver.max_step=0.01"]
     arguments = [part for setting in settings for part in ("--set", setting)]
-    assert run_command(["run", "irb120_dynamic", "--out", "r", "--no-recording", *arguments]) == DIVERGED
+    assert run_command(["run", "irb120_dynamic", "--out", "r", "--no-recording", *arguments]) == ExitCode.DIVERGED
     summary = json.loads((tmp_path / "r" / "summary.json").read_text())
     assert summary["stopped_by"] == "diverged"
     assert len((tmp_path / "r" / "signals.csv").read_text().splitlines()) > 2
@@ -59,6 +58,7 @@ def test_converge_prints_the_difference(capsys):
         line for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :] if "joint_2" in line
     )
     assert 0 < float(row.split()[1]) < 3e-3
+    assert row.split()[2::3] == ["rad", "N·m"]
 
 
 def test_the_default_folder_is_under_runs(tmp_path):
@@ -137,7 +137,7 @@ MISTAKES = {
 
 @pytest.mark.parametrize(("arguments", "message"), MISTAKES.values(), ids=MISTAKES)
 def test_a_mistake_gets_one_clear_line_and_leaves_nothing(tmp_path, capfd, arguments, message):
-    assert run_command(arguments) == BAD_INPUT
+    assert run_command(arguments) == ExitCode.BAD_INPUT
     captured = capfd.readouterr()
     assert captured.out == ""
     lines = captured.err.strip().splitlines()
@@ -162,7 +162,7 @@ TABLES = {
 def test_a_bad_table_is_named_with_its_line(tmp_path, capsys, text, message):
     (tmp_path / "move.csv").write_text(text)
     settings = ["--set", "reference.kind=table", "--set", "reference.file=move.csv"]
-    assert run_command(["run", "double_pendulum", *settings]) == BAD_INPUT
+    assert run_command(["run", "double_pendulum", *settings]) == ExitCode.BAD_INPUT
     assert message in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["move.csv"]
 

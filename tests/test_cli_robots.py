@@ -9,7 +9,7 @@ import urllib.request
 import pytest
 
 from simrob_drake.cli import run_command
-from simrob_drake.cli.app import BAD_INPUT
+from simrob_drake.cli.exit_codes import ExitCode
 from simrob_drake.folders import CACHE_VARIABLE
 
 RAW = """<robot name="arm">
@@ -74,7 +74,7 @@ def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
     assert "q.shoulder" in (tmp_path / "work" / "r" / "signals.csv").read_text().splitlines()[0]
     assert run_command(["check", "arm.yaml"]) == 0
     assert "import of arm.urdf" in capsys.readouterr().out
-    assert run_command(["station", str(raw)]) == BAD_INPUT
+    assert run_command(["station", str(raw)]) == ExitCode.BAD_INPUT
     assert "--force" in capsys.readouterr().err
 
 
@@ -101,7 +101,7 @@ def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
     ],
 )
 def test_bad_input_is_one_line(raw, tmp_path, capsys, arguments, says):
-    assert run_command([argument.format(raw=raw) for argument in arguments]) == BAD_INPUT
+    assert run_command([argument.format(raw=raw) for argument in arguments]) == ExitCode.BAD_INPUT
     captured = capsys.readouterr()
     assert says in captured.err
     assert len(captured.err.strip().splitlines()) == 1

@@ -259,6 +259,37 @@ class TestMonitors:
         assert position[-1] >= 105 > position[-2]
         assert result.stop_time == pytest.approx(round(result.stop_time, 3))
 
+    @pytest.mark.parametrize(
+        ("margins", "stopped_by"), [({"margin_deg": 2}, None), ({"margin_deg": 2, "margin_m": 0.4}, "joint_limit")]
+    )
+    def test_margins_in_degrees_are_none_in_metres(self, margins, stopped_by):
+        """The carriage goes from 0.5 to 1.2 m of the belt's 1.5 m."""
+        there = {"robot.initial_deg": {"belt": 0.5}, "reference": {"kind": "move", "target_deg": {"belt": 1.2}}}
+        result = simulate(load_station("irb120_on_belt", {**there, "monitors": {"joint_limit": margins}}))
+        assert result.stopped_by == stopped_by
+        assert result["q.belt"][-1] == pytest.approx(1.1 if stopped_by else 1.2, abs=1e-3)
+
+    @pytest.mark.parametrize(
+        ("bounds", "settles"),
+        [({}, True), ({"error_deg": 5}, True), ({"error_m": 0.2}, True), ({"error_m": 0.05}, False)],
+    )
+    def test_axes_that_slide_settle_by_metres(self, bounds, settles):
+        """A carriage without force stays where it is, 0.1 m from where it should be."""
+        weak = {"mode": "dynamic", "servo.torque_limit": {"belt": 1e-3}, "robot.initial_deg": {"belt": 0.5}}
+        there = {
+            "reference": {"kind": "hold", "target_deg": {"belt": 0.6}},
+            "monitors": {"settled": {"speed_deg": 5, "speed_m": 0.05, **bounds}},
+        }
+        result = simulate(load_station("irb120_on_belt", {**weak, **there}), duration=1.0)
+        assert (result.stopped_by == "settled") is settles
+
+    def test_an_axis_that_creeps_stands_still_up_to_its_bound(self):
+        creeping = np.zeros((2, 8))
+        creeping[1, :2] = 1.0, 5e-4  # s, m
+        for speed, stopped_by in ((1e-3, "settled"), (1e-4, None)):
+            config = load_station("irb120_on_belt", {"monitors": {"settled": {"speed_m": speed}}})
+            assert simulate(config, reference=creeping).stopped_by == stopped_by
+
     def test_kinematic_runs_are_watched_too(self):
         config = load_station("irb120_kinematic", {"monitors": {"joint_limit": {"margin_deg": 50}}})
         result = simulate(config)

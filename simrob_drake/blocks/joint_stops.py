@@ -24,8 +24,8 @@ def add_joint_stops(builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness
     Args:
         builder: the diagram under construction, with the plant in it.
         plant: finalized; its input ``applied_generalized_force`` is used up.
-        stiffness: k [N·m/rad], positive.
-        damping: d [N·m·s/rad], not negative.
+        stiffness: k [N·m/rad, and N/m of joints that slide], positive.
+        damping: d [N·m·s/rad, and N·s/m], not negative.
     """
     joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
     limited = [

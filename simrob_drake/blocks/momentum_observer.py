@@ -69,7 +69,6 @@ class MomentumObserver(LeafSystem):
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         self._torque = self.DeclareVectorInputPort("torque", count)
         self._memory = self.DeclareDiscreteState(np.full(3 * count, np.inf))  # r, p, f; unknown before the first sample
-        self.DeclareStateOutputPort("memory", self._memory)
         self.DeclareVectorOutputPort("external_torque", count, self._calc_torque)
         if tool is not None:
             self.DeclareVectorOutputPort("external_force", 3, self._calc_force)

@@ -33,7 +33,10 @@ CLAMP_TIME = 0.02
 
 @dataclass(frozen=True)
 class ServoGains:
-    """The figures of n servos, each of shape (n,): gains not negative, limits positive."""
+    """The figures of n servos, each of shape (n,): gains not negative, limits positive.
+
+    Of joints that slide the units are N for N·m and m for rad.
+    """
 
     kp: Vector  # N·m/rad
     ki: Vector  # N·m/(rad·s)
@@ -53,7 +56,7 @@ class ServoGains:
                 raise InvalidParameter(name, values, "finite and not negative")
         for name in ("torque_limit", "integral_limit"):
             if not (getattr(self, name) > 0).all():
-                raise InvalidParameter(name, getattr(self, name), "positive [N·m]")
+                raise InvalidParameter(name, getattr(self, name), "positive [N·m or N]")
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,9 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.cli import robots, stations
+from simrob_drake.cli.exit_codes import ExitCode
 from simrob_drake.cli.screen import console
 from simrob_drake.errors import SimrobError
-
-BAD_INPUT, INTERRUPTED = 2, 130
 
 app = typer.Typer(
     help="Build, control, program and watch robot stations.",
@@ -37,11 +36,11 @@ def run_command(arguments: list[str]) -> int:
     except (SimrobError, TyperException) as problem:
         tell = getattr(problem, "format_message", problem.__str__)  # usage errors name the option there
         print(f"simrob: {' '.join(tell().split())}", file=sys.stderr)
-        return BAD_INPUT
+        return ExitCode.BAD_INPUT
     except KeyboardInterrupt:
         print("simrob: interrupted", file=sys.stderr)
-        return INTERRUPTED
-    return code if isinstance(code, int) else 0
+        return ExitCode.INTERRUPTED
+    return code if isinstance(code, int) else ExitCode.DONE
 
 
 @app.callback(invoke_without_command=True)

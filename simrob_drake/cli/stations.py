@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.cli.exit_codes import ExitCode
 from simrob_drake.cli.robots import ROBOT_SUFFIXES, Estimate, MeshPath, examine_file
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.errors import InvalidParameter
@@ -25,8 +26,6 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
 from simrob_drake.tables import convergence_table, findings_table, result_table
 from simrob_drake.yaml_files import parse_yaml
-
-DIVERGED, INTERRUPTED = 3, 130
 
 StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
 SetOption = Annotated[
@@ -82,7 +81,8 @@ def run(
         console.print(f"recording {(folder / 'recording.html').resolve().as_uri()}", soft_wrap=True, highlight=False)
     if converge:
         _converge(result)
-    return {"diverged": DIVERGED, "interrupted": INTERRUPTED}.get(result.ending, 0)
+    codes = {"diverged": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
+    return codes.get(result.ending, ExitCode.DONE)
 
 
 def check(

@@ -11,8 +11,9 @@ from pydrake.systems.framework import LeafSystem, System
 from pydrake.systems.primitives import LinearSystem, MatrixGain
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.catalog import AxisValues
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.units import with_units
+from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.force_config import ExternalForce, SineForce
 from simrob_drake.stations.reference_config import Hold, Move, Ramp, ReferenceConfig, Sequence, SineWave, Table
 from simrob_drake.stations.robots import StationRobot
@@ -43,12 +44,15 @@ def limits(saturation: System) -> tuple[Vector, Vector]:
     return ends[0], ends[1]
 
 
-def range_text(saturation: System, unit: str) -> str:
-    """Return the range of a Saturation: "±150 N·m"."""
-    lower, upper = limits(saturation)
-    if np.array_equal(-lower, upper):
-        return f"±{figures(upper)} {unit}"
-    return f"{figures(lower)} to {figures(upper)} {unit}"
+def range_text(saturation: System, units: list[str]) -> str:
+    """Return the range of a Saturation whose values have units: "±150 N·m"."""
+
+    def told(ends: Vector) -> str:
+        lower, upper = ends.T
+        symmetric = np.array_equal(-lower, upper)
+        return f"±{figures(upper)}" if symmetric else f"{figures(lower)} to {figures(upper)}"
+
+    return with_units(np.column_stack(limits(saturation)), units, told)
 
 
 def is_mapping(gain: MatrixGain) -> bool:
@@ -67,18 +71,18 @@ def integral_text(integrator: LinearSystem, count: int) -> str:
     return f"ki {figures(np.diag(np.asarray(integrator.B())[:, :count]))}"
 
 
-def reference_text(wanted: ReferenceConfig) -> str:
+def reference_text(wanted: ReferenceConfig, model: RobotModel) -> str:
     """Return what a robot is asked to do, in words."""
     match wanted:
         case Hold():
-            text = "hold the start" if wanted.target_deg is None else f"hold {_degrees(wanted.target_deg)}"
+            text = "hold the start" if wanted.target_deg is None else f"hold {_positions(wanted.target_deg, model)}"
         case Ramp() | Move():
             late = f", from {wanted.start:g} s" if wanted.start else ""
-            text = f"{wanted.kind} to {_degrees(wanted.target_deg)} in {wanted.duration:g} s{late}"
+            text = f"{wanted.kind} to {_positions(wanted.target_deg, model)} in {wanted.duration:g} s{late}"
         case Sequence():
             text = f"sequence of {len(wanted.targets)} postures in {wanted.targets[-1].time:g} s"
         case SineWave():
-            text = f"sine ±{_degrees(wanted.amplitude_deg)}, {wanted.frequency:g} Hz"
+            text = f"sine ±{_positions(wanted.amplitude_deg, model)}, {wanted.frequency:g} Hz"
         case Table():
             text = f"table {wanted.file.name}"
     return wrapped(text)
@@ -92,6 +96,14 @@ def force_text(wanted: ExternalForce | None) -> str:
     return "Force" if wanted is None else f"Force\n{len(wanted.pushes)} pushes"
 
 
+def stops_text(stops: JointStops, robots: list[StationRobot]) -> str:
+    """Return the figures of joint stops, in the units of the axes that they hold."""
+    units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
+    springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
+    dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
+    return f"Joint stops\n{stops.stiffness:g} {springs}\n{stops.damping:g} {dampers}"
+
+
 def robot_text(robot: StationRobot) -> str:
     """Return a robot's name, where there are several, its kind, and its size."""
     kind = robot.model.description.split(",")[0]
@@ -102,14 +114,15 @@ def robot_text(robot: StationRobot) -> str:
 
 def actuators_text(plant: MultibodyPlant, robot: StationRobot) -> list[str]:
     """Return a line for each actuator of a robot that holds a servo of its own; of many the first and the last."""
-    axis_of = {joint.index(): axis for joint, axis in zip(robot.joints, robot.axes, strict=True)}
+    efforts = zip(robot.axes, robot.model.effort_units, strict=True)
+    axis_of = {joint.index(): axis for joint, axis in zip(robot.joints, efforts, strict=True)}
     lines = {}
     for index in range(plant.num_actuators()):
         actuator = plant.get_joint_actuator(JointActuatorIndex(index))
-        axis = axis_of.get(actuator.joint().index())
-        if axis is not None and actuator.has_controller():
+        axis, unit = axis_of.get(actuator.joint().index(), ("", ""))
+        if axis and actuator.has_controller():
             gains, limit = actuator.get_controller_gains(), actuator.effort_limit()
-            lines[axis] = f"{robot.prefix}{axis}: kp {gains.p:.4g}, kd {gains.d:.4g}, ±{limit:.4g} N·m"
+            lines[axis] = f"{robot.prefix}{axis}: kp {gains.p:.4g}, kd {gains.d:.4g}, ±{limit:.4g} {unit}"
     ordered = [lines[axis] for axis in robot.axes if axis in lines]
     return ordered if len(ordered) <= MANY else [ordered[0], "⋮", ordered[-1]]
 
@@ -134,11 +147,11 @@ def wrapped(text: str) -> str:
     return "\n".join(textwrap.wrap(text, _WIDTH, break_long_words=False))
 
 
-def _degrees(values: AxisValues) -> str:
-    """Return angles as they are written in a station."""
+def _positions(values: AxisValues, model: RobotModel) -> str:
+    """Return positions as they are written in a station, with their units."""
     if isinstance(values, dict):
-        pairs = [f"{axis} {angle:g}" for axis, angle in values.items()]
-        return f"{', '.join(pairs)} deg" if len(pairs) <= MANY else f"given angles of {len(pairs)} axes"
-    if isinstance(values, list):
-        return f"{figures(np.array(values, dtype=float))} deg"
-    return f"{values:g} deg"
+        if len(values) > MANY:
+            return f"given angles of {len(values)} axes"
+        pairs = np.array([f"{axis} {position:g}" for axis, position in values.items()])
+        return with_units(pairs, [model.unit_names[model.axis_index(axis)] for axis in values], ", ".join)
+    return with_units(model.axis_vector(values, "reference"), model.unit_names, figures)

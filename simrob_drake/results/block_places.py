@@ -102,7 +102,7 @@ def _robot_place(name: str, local: str, system: System, robot: StationRobot, por
     """Return the place of a system that belongs to one robot: its reference, servos and poses."""
     head, _, part = local.partition(".")
     if head == _SOURCE:
-        label = "" if part else captions.reference_text(ports.config.reference_of(robot.name))
+        label = "" if part else captions.reference_text(ports.config.reference_of(robot.name), robot.model)
         return Place(f"{robot.prefix}{_SOURCE}", "reference", label)
     if head == _PUSHES:
         pushes = ports.config.robots[robot.name].pushes
@@ -139,15 +139,17 @@ def _servo_place(name: str, head: str, system: System, robot: StationRobot) -> P
         return Place(f"{robot.prefix}more", "servo", f"⋮\n{len(between)} joints,\n{between[0]} to {between[-1]}")
     count = len(robot.axes) if head == _ALL_JOINTS else 1
     who, key = f"{count} joints" if head == _ALL_JOINTS else head, name
+    efforts = robot.model.effort_units
+    units = efforts if head == _ALL_JOINTS else [efforts[robot.axes.index(head)]]
     match system, name.rsplit(".", 1)[-1]:
         case MatrixGain(), "pd":
             label = f"{who}: PD\n{captions.pd_text(system, count)}"
         case LinearSystem(), "integrator":
             key, label = f"{robot.prefix}{head}.integral", f"{who}: I\n{captions.integral_text(system, count)}"
         case Saturation(), "integral_clip":
-            key, label = f"{robot.prefix}{head}.integral", captions.range_text(system, "N·m")
+            key, label = f"{robot.prefix}{head}.integral", captions.range_text(system, units)
         case Saturation(), _:
-            label = f"Saturation\n{captions.range_text(system, 'N·m')}"
+            label = f"Saturation\n{captions.range_text(system, units)}"
         case _:
             return None
     return Place(key, "servo", label)
@@ -159,7 +161,7 @@ def _shared_place(name: str, system: System, ports: StationPorts) -> Place | Non
     stops = config.joint_stops
     match system:
         case _ if name.startswith(f"{_STOPS}."):
-            label = f"Joint stops\n{stops.stiffness:g} N·m/rad\n{stops.damping:g} N·m·s/rad"
+            label = captions.stops_text(stops, robots)
             place = Place(_STOPS, "robot", label)
         case MultibodyPlant():
             place = Place(name, "robot", captions.plant_text(system, config, robots))

@@ -40,10 +40,10 @@ def with_computed(
         if isinstance(sensor, ExternalTorque) and not sensor.in_loop:
             robot = ports.plant.robots[sensor.robot or str(ports.config.only_robot)]
             torques, forces = _observed(sampler, ports, ports.observers[name], robot, times)
-            names = names + sensor_columns(ports, "external_torque", name, torques.shape[1])
+            names = names + sensor_columns(ports, "external_torque", name)
             columns.append(torques)
             if robot.tcp:
-                names = names + sensor_columns(ports, "external_force", name, 3)
+                names = names + sensor_columns(ports, "external_force", name)
                 columns.append(forces)
     full = np.hstack(columns)
     for name, sensor in ports.config.sensors.items():

@@ -27,7 +27,7 @@ class MomentumBalance:
         """Prepare for a ``sensor`` on a model that stands free, in a recorded run."""
         station, plant = ports.plant, ports.plant.plant
         self._sampler, self._plant, self._state = sampler, plant, ports.state
-        self._frame = frame_of(station, ports.config, sensor.frame)
+        self._frame = frame_of(station, sensor.frame)
         self._body = set(shapes_of(station, ports.config, sensor.body))
         self._other = None if sensor.other is None else set(shapes_of(station, ports.config, sensor.other))
         inspector = station.scene_graph.model_inspector()

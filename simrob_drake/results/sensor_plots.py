@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from matplotlib.figure import Figure
 
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.stations.names import named
 from simrob_drake.stations.sensor_config import Distance, ExternalTorque, Force
 from simrob_drake.stations.sensors import tangential_source
 
@@ -46,7 +47,9 @@ def _sensor_panels(result: SimulationResult) -> Iterator[Panel]:
                 yield text, "[N]", [f"external_force.{name}.{axis}" for axis in "xyz"]
             case _:
                 signals = [column for column in result.names if column.startswith(f"{sensor.kind}.{name}.")]
-                yield f"{sensor.kind.replace('_', ' ')} '{name}'", "[N·m]", signals
+                robot = named(getattr(sensor, "robot", None), list(result.plant.robots))
+                units = dict.fromkeys(result.plant.robots[robot].model.effort_units)
+                yield f"{sensor.kind.replace('_', ' ')} '{name}'", f"[{', '.join(units)}]", signals
 
 
 def _figure(result: SimulationResult, title: str, panels: Sequence[Panel]) -> Figure:

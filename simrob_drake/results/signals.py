@@ -81,21 +81,20 @@ def _of_sensors(ports: StationPorts) -> list[Signals]:
     for name, port in ports.outputs.items():
         kind, _, sensor = name.partition(".")
         if kind in SENSOR_SIGNALS and sensor in ports.config.sensors:
-            names = sensor_columns(ports, kind, sensor, port.size())
+            names = sensor_columns(ports, kind, sensor)
             found.append(Signals(names, port, np.eye(len(names))))
         elif name.rpartition(".")[2] == "external_force":
             found.append(Signals([f"{name}.{axis}" for axis in "xyz"], port, np.eye(3)))
     return found
 
 
-def sensor_columns(ports: StationPorts, kind: str, sensor: str, size: int) -> list[str]:
+def sensor_columns(ports: StationPorts, kind: str, sensor: str) -> list[str]:
     """Return the columns of a sensor's signal: by axis of a robot, or x, y and z."""
     if kind == "distance":
         return [f"distance.{sensor}"]
     if kind in ("force", "moment", "external_force"):
         return [f"{kind}.{sensor}.{axis}" for axis in "xyz"]
     robot = getattr(ports.config.sensors[sensor], "robot", None) or str(ports.config.only_robot)
-    assert size == len(ports.plant.robots[robot].axes)
     return [f"{kind}.{sensor}.{axis}" for axis in ports.plant.robots[robot].axes]
 
 

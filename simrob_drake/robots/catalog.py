@@ -19,6 +19,7 @@ from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.tools import tool_links
+from simrob_drake.robots.units import SLIDES, TURNS, AxisUnit
 from simrob_drake.robots.urdf import (
     joint_effort,
     joint_limits,
@@ -115,7 +116,7 @@ class RobotModel(Strict):
 
     @property
     def axis_limits(self) -> tuple[Vector, Vector]:
-        """Lower and upper limit of every axis [rad], each of shape (n,), in the sense of the axes."""
+        """Lower and upper limit of every axis [rad or m], each of shape (n,), in the sense of the axes."""
         pairs = np.array([joint_limits(self.element, axis.joint) for axis in self.axes.values()])
         signs = np.array([axis.sign for axis in self.axes.values()])
         lower, upper = np.sort(pairs * signs[:, np.newaxis], axis=1).T
@@ -123,7 +124,7 @@ class RobotModel(Strict):
 
     @property
     def efforts(self) -> Vector:
-        """Largest torque of every axis' motor in the URDF, shape (n,) [N·m]."""
+        """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
         return np.array([joint_effort(self.element, axis.joint) for axis in self.axes.values()])
 
     @cached_property
@@ -133,9 +134,14 @@ class RobotModel(Strict):
         return tuple(kinds.get(axis.joint) == "prismatic" for axis in self.axes.values())
 
     @property
+    def units(self) -> list[AxisUnit]:
+        """The units of every axis."""
+        return [SLIDES if slides else TURNS for slides in self.slides]
+
+    @property
     def user_units(self) -> Vector:
         """What one unit of a user's figures is in SI, shape (n,): rad per degree, or 1 m for an axis that slides."""
-        return np.where(self.slides, 1.0, np.deg2rad(1.0))
+        return np.array([unit.size for unit in self.units])
 
     @property
     def home(self) -> Vector:
@@ -145,12 +151,16 @@ class RobotModel(Strict):
     @property
     def unit_names(self) -> list[str]:
         """The unit of every axis in a user's figures: ``deg`` or ``m``."""
-        return ["m" if slides else "deg" for slides in self.slides]
+        return [unit.name for unit in self.units]
 
     @property
     def effort_units(self) -> list[str]:
         """The unit of every axis' effort: ``N·m`` or ``N``."""
-        return ["N" if slides else "N·m" for slides in self.slides]
+        return [unit.effort for unit in self.units]
+
+    def bounds(self, degrees: float, metres: float) -> Vector:
+        """Return one bound for axes that turn [deg] and one for those that slide [m], in SI, shape (n,)."""
+        return np.where(self.slides, metres, np.deg2rad(degrees))
 
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
         """Spread a number, a list or a mapping over the axes.

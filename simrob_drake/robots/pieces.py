@@ -93,7 +93,9 @@ class Step(Strict):
     """How often a frame is repeated, and by which motion in the piece's frame."""
 
     count: Annotated[int, Field(ge=1, le=_MOST_FRAMES)]
+    """How many frames there are in this direction."""
     step: Pose
+    """From each to the next, [x y z Rz Ry Rx] in the piece's frame."""
 
 
 class FrameSeries(Strict):
@@ -102,6 +104,7 @@ class FrameSeries(Strict):
     pose: Pose
     """Of the first, [x y z Rz Ry Rx] in the piece's frame."""
     series: Annotated[tuple[Step, ...], Field(min_length=1)]
+    """One step for a row, two for rows and columns."""
 
 
 class PieceModel(Strict):

@@ -65,7 +65,7 @@ def check_station(config: StationConfig) -> list[Finding]:
 
 
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
-    """Return the torques (n,) [N·m] that hold a robot still at a posture (n,) [rad], by inverse dynamics."""
+    """Return the torques (n,) [N·m or N] that hold a robot still at a posture (n,) [rad or m]."""
     context = plant.plant.CreateDefaultContext()
     plant.set_axes(context, robot, position)
     return -robot.of_axes(plant.plant.CalcGravityGeneralizedForces(context))
@@ -109,7 +109,8 @@ def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot
     findings = []
     for axis, name in enumerate(robot.axes):
         torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
-        subject, effort = f"torque of {robot.prefix}{name}", robot.model.effort_units[axis]
+        unit = robot.model.units[axis]
+        subject, effort = f"torque of {robot.prefix}{name}", unit.effort
         text = f"holding takes {torque[0]:.2f} {effort} at the start and {torque[-1]:.2f} {effort} at the end"
         text += " of the reference"
         if ports.config.mode == "kinematic":
@@ -120,8 +121,7 @@ def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot
             text += f", at most {worst:.2f} {effort}, and the limit is {limit:g} {effort}: the joint will not hold; "
             findings.append(Finding("warning", subject, f"{text}raise servo.torque_limit or lighten the load"))
             continue
-        unit, size = robot.model.unit_names[axis], robot.model.user_units[axis]
-        sag = f"; it sags by {abs(torque[-1]) / kp / size:.3g} {unit} there" if kp > 0 else ""
+        sag = f"; it sags by {abs(torque[-1]) / kp / unit.size:.3g} {unit.name} there" if kp > 0 else ""
         findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}"))
     return findings
 
@@ -145,9 +145,10 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     if robot.feet.boxes and config.contact.model == "point":
         text = "box soles rock in point contact, which pushes at one point a box; set contact.model to "
         findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
-    for name, torque, limit, kp in zip(robot.axes, found.torque, robot.gains.torque_limit, robot.gains.kp, strict=True):
-        text = f"standing takes {torque:.2f} N·m and the limit is {limit:g} N·m"
-        sag = f"; it sags by {np.rad2deg(abs(torque) / kp):.2f} deg" if kp > 0 else ""
+    held = zip(found.torque, robot.gains.torque_limit, robot.gains.kp, strict=True)
+    for name, unit, (torque, limit, kp) in zip(robot.axes, robot.model.units, held, strict=True):
+        text = f"standing takes {torque:.2f} {unit.effort} and the limit is {limit:g} {unit.effort}"
+        sag = f"; it sags by {abs(torque) / kp / unit.size:.2f} {unit.name}" if kp > 0 else ""
         weak = abs(torque) > limit
         end = ": the joint will not hold" if weak else sag
         findings.append(Finding("warning" if weak else "ok", f"torque of {robot.prefix}{name}", text + end))
@@ -163,8 +164,8 @@ def step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
             continue
         steps = largest_explicit_steps(plant, robot)
         worst = int(np.argmin(steps))
-        joint, largest = f"{robot.prefix}{robot.axes[worst]}", steps[worst]
-        damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} N·m·s/rad)"
+        joint, largest, unit = f"{robot.prefix}{robot.axes[worst]}", steps[worst], robot.model.units[worst]
+        damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
         if isinstance(solver, DiscreteSolver):
             if solver.time_step > largest:
                 remedy = "set servo.realization to implicit, lower servo.kd or solver.time_step"

@@ -1,8 +1,7 @@
 """What a station file may say: the fields below are the YAML schema, their comments its documentation.
 
 All values are SI units and radians, except where a name ends in ``_deg``: that is degrees, and metres for an axis that
-slides. A value "per axis" is one number for all
-axes, a list in axis order, or a mapping by axis name.
+slides. A value "per axis" is one number for all axes, a list in axis order, or a mapping by axis name.
 """
 
 from __future__ import annotations
@@ -43,15 +42,15 @@ class ServoConfig(Strict):
     realization: Realization = "per_joint"
     """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
     kp: AxisValues | None = None
-    """Proportional gain, per axis [N·m/rad]."""
+    """Proportional gain, per axis [N·m/rad, or N/m where it slides]."""
     ki: AxisValues | None = None
-    """Integral gain, per axis [N·m/(rad·s)]; 0 leaves the integrators out."""
+    """Integral gain, per axis [N·m/(rad·s) or N/(m·s)]; 0 leaves the integrators out."""
     kd: AxisValues | None = None
-    """Derivative gain, per axis [N·m·s/rad]."""
+    """Derivative gain, per axis [N·m·s/rad or N·s/m]."""
     torque_limit: AxisValues | None = None
-    """Saturation, per axis [N·m]; the URDF's effort unless given."""
+    """Saturation, per axis [N·m or N]; the URDF's effort unless given."""
     integral_limit: AxisValues | None = None
-    """What the integral part may reach, per axis [N·m]; torque_limit unless given."""
+    """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
     yield_gain: NotNegative = 0.0
     """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
 
@@ -69,7 +68,7 @@ class ServoConfig(Strict):
     @field_validator("torque_limit", "integral_limit")
     @classmethod
     def _positive(cls, values: AxisValues | None) -> AxisValues | None:
-        return _each(values, lambda value: value > 0, "a torque limit must be positive [N·m]")
+        return _each(values, lambda value: value > 0, "a torque limit must be positive [N·m or N]")
 
 
 class RobotConfig(Strict):
@@ -166,37 +165,52 @@ class FloorConfig(Strict):
 
 
 class JointStops(Strict):
-    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints."""
+    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints.
+
+    Axes that slide have stops of the same figures, in N/m and N·s/m.
+    """
 
     stiffness: Positive = 5.73e5
-    """Spring of a stop [N·m/rad]; 1e4 N·m/deg."""
+    """Spring of a stop [N·m/rad or N/m]; 1e4 N·m/deg."""
     damping: NotNegative = 573.0
-    """Damper of a stop [N·m·s/rad]; 10 N·m·s/deg."""
+    """Damper of a stop [N·m·s/rad or N·s/m]; 10 N·m·s/deg."""
 
 
 class StationConfig(Strict):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
 
     name: FileName
+    """What results and pictures call it; the file's name unless given."""
     description: str = ""
+    """What it is, in a line, for lists."""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
     """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
     robots: dict[str, RobotConfig] = Field(default_factory=dict)
+    """The robots by name; a single one may stand under `robot` instead."""
     pieces: dict[str, PieceConfig] = Field(default_factory=dict)
+    """What robots carry, what stands around and what is free to move, by name."""
     servo: ServoConfig = ServoConfig()
+    """The joint servos of all robots that have none of their own."""
     reference: ReferenceConfig = Hold(kind="hold")
+    """What all robots are asked to do that have no reference of their own."""
     inputs: tuple[Input, ...] = ()
     """Input ports beside `reference`."""
     floor: FloorConfig | None = None
+    """The floor; a station without this section has none."""
     contact: ContactConfig | None = None
+    """What happens where things touch; without this section they pass through each other."""
     joint_stops: JointStops = JointStops()
+    """What holds joints at their limits, where the solver does not."""
     gravity: Number = STANDARD_GRAVITY
     """Gravity along -z [m/s²]."""
     solver: SolverConfig = ContinuousSolver(kind="continuous")
+    """How time advances in a dynamic station."""
     external_force: ExternalForce | None = None
     """Force at the tool centre point of the station's robots; then `external_force` need not stand under `inputs`."""
     sensors: Sensors = Field(default_factory=dict)
+    """What is measured, by name; one that is called as its kind needs no `kind`."""
     monitors: Monitors = Field(default_factory=dict)
+    """What may end the run, by name; one that is called as its kind needs no `kind`."""
     start: Path | None = None
     """Where it begins: the `start.json` of a result, in place of the initial postures; relative paths start at the
     station's file."""

@@ -14,7 +14,9 @@ class Friction(Strict):
     """Coulomb friction of a surface."""
 
     static: NotNegative = 1.0
+    """Coefficient up to which surfaces stick to each other."""
     dynamic: NotNegative = 0.9
+    """Coefficient while they slide; not above the static one."""
 
     @model_validator(mode="after")
     def _dynamic_is_less(self) -> Friction:

@@ -52,7 +52,8 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
 
 
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> OutputPort:
-    servo, plant, cenic = ports.config.servo_of(robot.name), ports.plant, ports.config.solver.scheme == "cenic"
+    """Add a robot's servos as they are realized; return their torques, size n [N·m or N]."""
+    servo, plant = ports.config.servo_of(robot.name), ports.plant
     if servo.realization == "implicit":
         return add_actuator_servos(
             builder,
@@ -62,37 +63,45 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             robot.gains,
             actuation_map=plant.actuation_map(robot),
             prefix=robot.prefix,
-            velocity_sense=-1 if cenic else 1,
+            velocity_sense=-1 if ports.config.solver.scheme == "cenic" else 1,
         )
-    model = _add_model_torque(builder, ports, robot) if servo.yield_gain > 0 else None
-    if model is not None:
-        extra = add_yielding(builder, signals, robot.gains, model, gain=servo.yield_gain, prefix=robot.prefix)
-        given = [port for port in (signals.feedforward,) if port is not None]
-        total = summed(builder, f"{robot.prefix}feedforward_sum", *given, extra)
-        signals = replace(signals, feedforward=total)
+    return (_add_yielding_servos if servo.yield_gain > 0 else _add_servo_blocks)(builder, ports, robot, signals)
+
+
+def _add_servo_blocks(
+    builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
+) -> OutputPort:
+    """Add servos as blocks; return their torques. Under ``cenic`` the actuators are what saturates."""
+    plant, cenic = ports.plant, ports.config.solver.scheme == "cenic"
     command = add_servos(
         builder,
         signals,
         robot.gains,
         names=robot.axes,
         prefix=robot.prefix,
-        per_joint=servo.realization == "per_joint",
+        per_joint=ports.config.servo_of(robot.name).realization == "per_joint",
         saturated=not cenic,
     )
     actuation = mapped(builder, f"{robot.prefix}actuators", plant.actuation_map(robot), command)
     builder.Connect(actuation, plant.plant.get_actuation_input_port(robot.instance))
     limit = robot.gains.torque_limit
-    torque = add_saturation(builder, command, limit, f"{robot.prefix}torque") if cenic else command
-    if model is not None:
-        felt = joined(builder, f"{robot.prefix}felt_torque.bus", model, torque)
-        difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
-        ports.outputs[f"{robot.prefix}felt_torque"] = mapped(builder, f"{robot.prefix}felt_torque", difference, felt)
+    return add_saturation(builder, command, limit, f"{robot.prefix}torque") if cenic else command
+
+
+def _add_yielding_servos(
+    builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
+) -> OutputPort:
+    """Add servos that give in to what the arm's model does not explain, and the output that tells that torque."""
+    prefix, gain, pick = robot.prefix, ports.config.servo_of(robot.name).yield_gain, ports.plant.velocity_map(robot)
+    model = add_model_torque(builder, ports.plant.plant, ports.state, pick=pick, prefix=prefix)
+    extra = add_yielding(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
+    given = [port for port in (signals.feedforward,) if port is not None]
+    total = summed(builder, f"{prefix}feedforward_sum", *given, extra)
+    torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
+    felt = joined(builder, f"{prefix}felt_torque.bus", model, torque)
+    difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
+    ports.outputs[f"{prefix}felt_torque"] = mapped(builder, f"{prefix}felt_torque", difference, felt)
     return torque
-
-
-def _add_model_torque(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> OutputPort:
-    plant, pick = ports.plant.plant, ports.plant.velocity_map(robot)
-    return add_model_torque(builder, plant, ports.state, pick=pick, prefix=robot.prefix)
 
 
 def _add_external_forces(builder: DiagramBuilder, ports: StationPorts) -> None:

@@ -38,6 +38,7 @@ class Pushes(Strict):
 
     kind: Literal["pushes"]
     pushes: Annotated[tuple[PushConfig, ...], Field(min_length=1)]
+    """In any order."""
 
 
 ExternalForce = Annotated[SineForce | Pushes, Field(discriminator="kind")]

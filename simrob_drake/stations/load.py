@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
 from types import NoneType
-from typing import Any, get_args
+from typing import Any
 
 import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -15,6 +15,7 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, Un
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.force_config import ExternalForce
+from simrob_drake.stations.kinds import models_by_kind
 from simrob_drake.stations.names import check_names
 from simrob_drake.stations.reference_config import ReferenceConfig
 from simrob_drake.stations.sensor_checks import check_monitors, check_sensors
@@ -115,9 +116,8 @@ def _override(content: dict[str, Any], key: list[str], value: Any, path: Path) -
 
 def _change_kind(section: dict[str, Any], union: Any, kind: Any) -> None:
     """Drop the keys of a section that its new kind does not know, or whose values it does not take."""
-    models: tuple[type[BaseModel], ...] = get_args(get_args(union)[0])
-    for model in models:
-        if get_args(model.model_fields["kind"].annotation) == (kind,):
+    for name, model in models_by_kind(union).items():
+        if name == kind:
             for key in [key for key in section if not _accepted(model, key, section[key])]:
                 del section[key]
 

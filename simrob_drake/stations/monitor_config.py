@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from simrob_drake.robots.pieces import NotNegative, Positive, Triple
+from simrob_drake.stations.kinds import named_by_kind
 from simrob_drake.yaml_files import Number, Strict
 
 
@@ -26,7 +27,9 @@ class JointLimit(_Monitor):
 
     kind: Literal["joint_limit"]
     margin_deg: Number = 0.0
-    """How far before the limit the run ends; negative: beyond it."""
+    """How far before the limit the run ends, for axes that turn; negative: beyond it."""
+    margin_m: Number = 0.0
+    """The same for axes that slide [m]."""
 
 
 class TorqueLimit(_Monitor):
@@ -34,6 +37,7 @@ class TorqueLimit(_Monitor):
 
     kind: Literal["torque_limit"]
     hold: NotNegative = 0.5
+    """How long it must stay there [s]."""
 
 
 class Settled(_Monitor):
@@ -41,10 +45,15 @@ class Settled(_Monitor):
 
     kind: Literal["settled"]
     hold: NotNegative = 0.2
+    """How long it must stand [s]."""
     speed_deg: Positive = 0.1
-    """Speed of the fastest joint below which the robot stands still [deg/s]."""
+    """Speed below which an axis that turns stands still [deg/s]."""
+    speed_m: Positive = 1e-3
+    """Speed below which an axis that slides stands still [m/s]."""
     error_deg: Positive | None = None
-    """Largest position error; unless given any error counts as settled."""
+    """Largest position error of axes that turn; unless given any error counts as settled."""
+    error_m: Positive | None = None
+    """Largest position error of axes that slide [m]; unless given any error counts as settled."""
 
 
 class Divergence(_Monitor):
@@ -52,7 +61,7 @@ class Divergence(_Monitor):
 
     kind: Literal["divergence"]
     speed_limit: Positive = 100.0
-    """Speed that counts as running away [rad/s]."""
+    """Speed that counts as running away [rad/s, or m/s of axes that slide]."""
 
 
 class _SensorMonitor(_Monitor):
@@ -123,26 +132,4 @@ MonitorConfig = Annotated[
     JointLimit | TorqueLimit | Settled | Divergence | Contact | ForceLimit | Workspace | Fall,
     Field(discriminator="kind"),
 ]
-MONITOR_KINDS = (
-    "joint_limit",
-    "torque_limit",
-    "settled",
-    "divergence",
-    "contact",
-    "force_limit",
-    "workspace",
-    "fall",
-)
-
-
-def with_kinds(monitors: Any) -> Any:
-    """Let a monitor whose name is a kind do without the key ``kind``."""
-    if not isinstance(monitors, dict):
-        return monitors
-    return {
-        name: {"kind": name, **(entry or {})} if name in MONITOR_KINDS and isinstance(entry, dict | None) else entry
-        for name, entry in monitors.items()
-    }
-
-
-Monitors = Annotated[dict[str, MonitorConfig], BeforeValidator(with_kinds)]
+Monitors = Annotated[dict[str, MonitorConfig], named_by_kind(MonitorConfig)]

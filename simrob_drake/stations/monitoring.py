@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
@@ -61,19 +63,20 @@ def _watched_robot(name: str, config: MonitorConfig, ports: StationPorts) -> Sta
 
 
 def _joint_monitor(config: JointLimit | TorqueLimit | Settled | Divergence, robot: StationRobot) -> Monitor:
-    times = {"hold": config.hold, "after": config.after}
+    model, axes = robot.model, robot.axes
+    shared: dict[str, Any] = {"units": model.units, "hold": config.hold, "after": config.after}
     if isinstance(config, JointLimit):
-        lower, upper = robot.model.axis_limits
-        margin = config.margin_deg * robot.model.user_units
-        return JointLimitMonitor(
-            axes=robot.axes, lower=lower, upper=upper, margin=margin, slides=robot.model.slides, **times
-        )
+        lower, upper = model.axis_limits
+        margin = model.bounds(config.margin_deg, config.margin_m)
+        return JointLimitMonitor(axes=axes, lower=lower, upper=upper, margin=margin, **shared)
     if isinstance(config, TorqueLimit):
-        return TorqueLimitMonitor(axes=robot.axes, limit=robot.gains.torque_limit, **times)
+        return TorqueLimitMonitor(axes=axes, limit=robot.gains.torque_limit, **shared)
     if isinstance(config, Divergence):
-        return DivergenceMonitor(axes=robot.axes, speed_limit=config.speed_limit, **times)
-    error = None if config.error_deg is None else float(np.deg2rad(config.error_deg))
-    return SettledMonitor(size=len(robot.axes), speed=float(np.deg2rad(config.speed_deg)), error=error, **times)
+        return DivergenceMonitor(axes=axes, speed_limit=config.speed_limit, **shared)
+    errors = config.error_deg, config.error_m
+    error = None if errors == (None, None) else model.bounds(*(np.inf if bound is None else bound for bound in errors))
+    speed = model.bounds(config.speed_deg, config.speed_m)
+    return SettledMonitor(size=len(axes), speed=speed, error=error, **shared)
 
 
 def _sensor_monitor(name: str, config: Contact | ForceLimit, ports: StationPorts) -> tuple[Monitor, dict[str, str]]:

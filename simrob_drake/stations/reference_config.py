@@ -58,6 +58,7 @@ class Sequence(Strict):
 
     kind: Literal["sequence"]
     targets: Annotated[tuple[Waypoint, ...], Field(min_length=1)]
+    """Postures and their times, which rise."""
 
     @model_validator(mode="after")
     def _sorted(self) -> Sequence:

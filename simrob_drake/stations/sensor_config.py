@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from simrob_drake.robots.pieces import Positive
+from simrob_drake.stations.kinds import named_by_kind
 from simrob_drake.yaml_files import Strict
 
 
@@ -62,17 +63,4 @@ class ExternalTorque(Strict):
 
 
 SensorConfig = Annotated[Force | Distance | JointTorque | ExternalTorque, Field(discriminator="kind")]
-SENSOR_KINDS = ("force", "distance", "joint_torque", "external_torque")
-
-
-def with_kinds(sensors: Any) -> Any:
-    """Let a sensor whose name is a kind do without the key ``kind``."""
-    if not isinstance(sensors, dict):
-        return sensors
-    return {
-        name: {"kind": name, **(entry or {})} if name in SENSOR_KINDS and isinstance(entry, dict | None) else entry
-        for name, entry in sensors.items()
-    }
-
-
-Sensors = Annotated[dict[str, SensorConfig], BeforeValidator(with_kinds)]
+Sensors = Annotated[dict[str, SensorConfig], named_by_kind(SensorConfig)]

@@ -92,7 +92,7 @@ def _add_force(builder: DiagramBuilder, ports: StationPorts, name: str, sensor: 
         plant=plant,
         body=shapes_of(station, config, sensor.body),
         other=None if sensor.other is None else shapes_of(station, config, sensor.other),
-        frame=frame_of(station, config, sensor.frame),
+        frame=frame_of(station, sensor.frame),
         normal_only=config.solver.scheme == "cenic",
     )
     builder.AddNamedSystem(f"sensor.{name}", block)

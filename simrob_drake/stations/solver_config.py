@@ -34,6 +34,7 @@ class ContinuousSolver(Strict):
 
     kind: Literal["continuous"]
     scheme: ContinuousScheme = "radau3"
+    """Drake's name of the integrator: radau3 for stiff servos, cenic for contacts, runge_kutta3 for single impacts."""
     accuracy: Positive = 1e-2
     """Relative error that one step may have."""
     max_step: Positive = 0.1
@@ -54,6 +55,7 @@ class DiscreteSolver(Strict):
 
     kind: Literal["discrete"]
     scheme: Literal["sap", "lagged", "similar"] = "sap"
+    """Drake's contact approximation; sap always converges, and does not know dissipation."""
     time_step: Positive = 1e-3
     """Length of a step [s]."""
 

@@ -54,7 +54,7 @@ def shapes_of(station: StationPlant, config: StationConfig, name: str) -> list[G
     return found
 
 
-def frame_of(station: StationPlant, config: StationConfig, name: str) -> Frame:
+def frame_of(station: StationPlant, name: str) -> Frame:
     """Return a frame by one of :func:`frame_names`."""
     if name == WORLD:
         return station.plant.world_frame()

@@ -14,6 +14,7 @@ from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.blocks.monitors import DivergenceMonitor, JointLimitMonitor, SettledMonitor, TorqueLimitMonitor
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.robots.units import SLIDES, TURNS
 
 AddPendulum = Callable[..., MultibodyPlant]
 
@@ -107,6 +108,27 @@ def test_the_excess_port_tells_by_how_much() -> None:
     context = monitor.CreateDefaultContext()
     monitor.GetInputPort("position").FixValue(context, [0.7, -2.2])
     assert monitor.excess_port.Eval(context)[0] == pytest.approx(0.2)
+
+
+def test_what_slides_is_told_in_metres_and_newtons() -> None:
+    both = {"axes": ["belt", "elbow"], "units": [SLIDES, TURNS]}
+    limits = JointLimitMonitor(lower=np.zeros(2), upper=np.ones(2), margin=np.array([0.1, 0.0]), **both)
+    assert "belt reached its upper limit of 0.9 m" in watched(limits, position=line((0, 0.5, 0.5), (2, 2, 0.5)))[2]
+    torque = TorqueLimitMonitor(limit=np.array([500.0, 10.0]), hold=0.1, **both)
+    assert (
+        "belt stayed at its torque limit of 500 N for 0.1 s"
+        in watched(torque, torque=line((0, 500, 0), (9, 500, 0)))[2]
+    )
+    fast = DivergenceMonitor(speed_limit=10.0, **both)
+    assert "belt ran away: 20 m/s, above 10 m/s" in watched(fast, velocity=line((0, 20, 0), (9, 20, 0)))[2]
+
+
+@pytest.mark.parametrize(("velocity", "settled"), [((0.0009, 0.09), True), ((0.0011, 0), False), ((0, 0.11), False)])
+def test_each_joint_may_have_its_own_bounds(velocity: tuple[float, float], settled: bool) -> None:
+    monitor = SettledMonitor(size=2, speed=np.array([1e-3, 0.1]), units=[SLIDES, TURNS], hold=0.2)
+    found, _, message = watched(monitor, velocity=line((0, *velocity), (9, *velocity)))
+    assert found is settled
+    assert not settled or "below 0.001 m/s and 5.72958 deg/s" in message
 
 
 def torque_limit(hold: float) -> TorqueLimitMonitor:

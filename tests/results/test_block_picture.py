@@ -241,6 +241,19 @@ def test_references_say_what_they_do(reference: dict, text: str) -> None:
     assert label_of(graph, "reference_source") == text
 
 
+def test_axes_that_slide_have_their_own_units() -> None:
+    dynamic = {"mode": "dynamic", "reference": {"kind": "move", "target_deg": {"belt": 1, "joint_2": 20}}}
+    each, _ = graph_of(load_station("irb120_on_belt", dynamic))
+    assert label_of(each, "belt.saturation") == "Saturation\n±500 N"
+    assert label_of(each, "joint_1.saturation") == "Saturation\n±150 N·m"
+    assert label_of(each, "stops.force") == "Joint stops\n573000 N/m, N·m/rad\n573 N·s/m, N·m·s/rad"
+    assert label_of(each, "reference_source") == "move to belt 1 m, joint_2\n20 deg in 1 s"
+    together, _ = graph_of(load_station("irb120_on_belt", {**dynamic, "servo.realization": "vector"}))
+    assert label_of(together, "servo.saturation") == "Saturation\n±500 N, ±150, 150, 100, 30, 30, 15 N·m"
+    inside, _ = graph_of(load_station("irb120_on_belt", {**dynamic, "servo.realization": "implicit"}))
+    assert "belt: kp 4e+04, kd 4000, ±500 N\njoint_1: kp 1000, kd 10, ±150 N·m" in label_of(inside, "plant")
+
+
 @pytest.mark.parametrize("suffix", [".dot", ".mmd"])
 def test_texts_are_written_without_graphviz(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))

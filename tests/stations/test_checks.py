@@ -59,6 +59,12 @@ def test_the_step_limit_is_where_an_explicit_damper_becomes_unstable():
     assert 2 * 0.001 / 10 < limit < 2 * 0.003 / 10
 
 
+def test_the_damping_of_an_axis_that_slides_is_told_in_its_units():
+    heavy = {"mode": "dynamic", "servo.kd": {"belt": 1e6}, "solver": {"kind": "discrete", "time_step": 0.01}}
+    finding = text_of(findings(heavy, "irb120_on_belt"), "steps")
+    assert "the damping of belt (kd 1e+06 N·s/m)" in finding.text
+
+
 def test_a_reference_beyond_a_limit_is_an_error():
     with pytest.raises(SimrobError, match=r"reference of joint_3 is 7\d\.\d* deg at .* -110 to 70 deg"):
         findings({"reference.target_deg": {"joint_3": 80}})

@@ -3,6 +3,8 @@
 import json
 
 from simrob_drake.paths import diagrams_root
+from simrob_drake.stations.kinds import models_by_kind
+from simrob_drake.stations.monitor_config import Fall, MonitorConfig
 from simrob_drake.stations.schema import SCHEMA_FILE, station_schema
 
 
@@ -10,6 +12,17 @@ def test_the_schema_file_is_up_to_date():
     assert json.loads((diagrams_root() / SCHEMA_FILE).read_text()) == station_schema(), "renew it: make pictures"
 
 
+def test_the_kinds_are_those_of_the_union():
+    models = models_by_kind(MonitorConfig)
+    assert models["fall"] is Fall
+    kinds = station_schema()["properties"]["monitors"]["additionalProperties"]["discriminator"]["mapping"]
+    assert set(models) == set(kinds)
+
+
 def test_every_key_of_the_schema_is_explained():
-    servo = station_schema()["$defs"]["ServoConfig"]["properties"]
-    assert all("description" in entry for entry in servo.values())
+    schema = station_schema()
+    sections = {"": schema, **schema["$defs"]}
+    keys = {
+        f"{name}.{key}": entry for name, section in sections.items() for key, entry in section["properties"].items()
+    }
+    assert [key for key, entry in keys.items() if "description" not in entry and not key.endswith(".kind")] == []
