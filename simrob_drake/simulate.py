@@ -19,7 +19,7 @@ from simrob_drake.progress import progress_bar
 from simrob_drake.results.computed import contacts_at, with_computed
 from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import DIVERGED, INTERRUPTED, Ending, SimulationResult
-from simrob_drake.results.signals import Sampler, signals_of
+from simrob_drake.results.signals import Sampler, sampled
 from simrob_drake.results.state import State
 from simrob_drake.results.stop_time import cut_at_stop
 from simrob_drake.stations.checks import likely_cause, step_findings
@@ -224,11 +224,7 @@ def _evaluated(
     if outcome.ending == "monitor":
         cut_at_stop(sampler, run.ports.monitors[str(outcome.stopped_by)], run.config)
     times = _sample_times(sampler.history.end, run.config.sample_rate)
-    signals = signals_of(run.ports)
-    values = sampler.sample([part.port for part in signals], times)
-    names = [name for part in signals for name in part.names]
-    columns = np.hstack([part.of(rows) for part, rows in zip(signals, values, strict=True)])
-    names, columns = with_computed(sampler, run.ports, names, times, columns)
+    names, values = with_computed(sampler, run.ports, times, *sampled(sampler, run.ports, times))
     positions = run.ports.plant.plant.num_positions()
     return SimulationResult(
         config=run.config,
@@ -238,7 +234,7 @@ def _evaluated(
         message=outcome.message,
         names=names,
         times=times,
-        values=columns,
+        values=values,
         step_times=sampler.history.times,
         positions_at=lambda at: sampler.sample([run.ports.state], at)[0][:, :positions],
         stepping_time=stepping_time,

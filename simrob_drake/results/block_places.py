@@ -29,6 +29,7 @@ from pydrake.systems.primitives import (
 )
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
+from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.distance_sensor import DistanceSensor
 from simrob_drake.blocks.events import EventTimes, SteadySteps
 from simrob_drake.blocks.force_sensor import ForceSensor
@@ -58,7 +59,14 @@ _SENSORS = {
     MomentumObserver: "Momentum observer",
     ZeroOrderHold: "sampled",
 }
-_SILENT = (PassThrough, Demultiplexer, EventTimes, SteadySteps, ExternallyAppliedSpatialForceMultiplexer)
+_SILENT = (
+    PassThrough,
+    Demultiplexer,
+    EventTimes,
+    SteadySteps,
+    ExternallyAppliedSpatialForceMultiplexer,
+    ContactReader,
+)
 
 
 @dataclass(frozen=True)

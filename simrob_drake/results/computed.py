@@ -15,7 +15,7 @@ from pydrake.multibody.plant import ContactResults
 
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.frames import Vector
-from simrob_drake.results.momentum_balance import MomentumBalance
+from simrob_drake.results.momentum_balance import frictions
 from simrob_drake.results.signals import Sampler, sensor_columns
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.robots import StationRobot
@@ -24,15 +24,15 @@ from simrob_drake.stations.sensors import tangential_source
 
 
 def with_computed(
-    sampler: Sampler, ports: StationPorts, names: list[str], times: Vector, values: Vector
+    sampler: Sampler, ports: StationPorts, times: Vector, names: list[str], values: Vector
 ) -> tuple[list[str], Vector]:
     """Return the signals of a run with those that are computed from its states.
 
     Args:
         sampler: of the run.
         ports: the station's.
-        names: of the signals so far, k of them.
         times: of the samples, shape (m,) [s].
+        names: of the signals so far, k of them.
         values: of the signals so far, shape (m, k).
     """
     columns = [values]
@@ -46,10 +46,15 @@ def with_computed(
                 names = names + sensor_columns(ports, "external_force", name)
                 columns.append(forces)
     full = np.hstack(columns)
-    for name, sensor in ports.config.sensors.items():
-        if isinstance(sensor, Force) and tangential_source(ports.plant, ports.config, sensor) == "momentum balance":
-            place = names.index(f"force.{name}.x")
-            full[:, place : place + 3] += MomentumBalance(sampler, ports, sensor).friction(times)
+    felt = {name: sensor for name, sensor in ports.config.sensors.items() if isinstance(sensor, Force)}
+    balanced = {
+        name: sensor
+        for name, sensor in felt.items()
+        if tangential_source(ports.plant, ports.config, sensor) == "momentum balance"
+    }
+    for name, friction in frictions(sampler, ports, balanced, times).items():
+        place = names.index(f"force.{name}.x")
+        full[:, place : place + 3] += friction
     return names, full
 
 

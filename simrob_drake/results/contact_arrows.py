@@ -10,7 +10,7 @@ from pydrake.geometry import Meshcat
 from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
 from pydrake.multibody.plant import ContactResults
 
-from simrob_drake.blocks.force_sensor import contacts_of
+from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import SimulationResult
 
@@ -33,12 +33,9 @@ def draw_contact_forces(meshcat: Meshcat, result: SimulationResult, times: Vecto
     """
     if result.contacts_at is None:
         return
-    sizes = [
-        float(np.linalg.norm(contact.force))
-        for results in result.contacts_at(times)
-        for contact in contacts_of(results)
-    ]
-    if not sizes:
+    forces = np.vstack([Contacts.of(results).forces for results in result.contacts_at(times)])
+    sizes = np.linalg.norm(forces, axis=1)
+    if not sizes.size:
         return
     large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
     params = ContactVisualizerParams(

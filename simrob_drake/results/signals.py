@@ -201,3 +201,11 @@ class Sampler:
             plant.SetPositions(context, state[where.positions])
             rates[row] = plant.MapVelocityToQDot(context, state[where.velocities])
         return rates
+
+
+def sampled(sampler: Sampler, ports: StationPorts, times: Vector) -> tuple[list[str], Vector]:
+    """Return the names of a station's signals, k of them, and their values at times of a run (m,), shape (m, k)."""
+    signals = signals_of(ports)
+    rows = sampler.sample([part.port for part in signals], times)
+    names = [name for part in signals for name in part.names]
+    return names, np.hstack([part.of(values) for part, values in zip(signals, rows, strict=True)])

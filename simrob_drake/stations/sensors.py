@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, ZeroOrderHold
 
+from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.distance_sensor import DistanceSensor
 from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.blocks.joint_torque_sensor import JointTorqueSensor
@@ -22,6 +24,8 @@ from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.sensor_checks import watched_sensor
 from simrob_drake.stations.sensor_config import Distance, ExternalTorque, Force, JointTorque, SensorConfig
 from simrob_drake.stations.targets import frame_of, shapes_of
+
+_CONTACTS = "contacts"
 
 
 def add_sensors(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -96,12 +100,20 @@ def _add_force(builder: DiagramBuilder, ports: StationPorts, name: str, sensor: 
         normal_only=config.solver.scheme == "cenic",
     )
     builder.AddNamedSystem(f"sensor.{name}", block)
-    builder.Connect(plant.get_contact_results_output_port(), block.GetInputPort("contact_results"))
+    builder.Connect(_contacts(builder, plant), block.GetInputPort("contacts"))
     builder.Connect(plant.get_body_poses_output_port(), block.GetInputPort("body_poses"))
     wrench = _sampled(builder, f"sensor.{name}.hold", block.get_output_port(), sensor.rate)
     split = builder.AddNamedSystem(f"sensor.{name}.split", Demultiplexer([3, 3]))
     builder.Connect(wrench, split.get_input_port())
     ports.outputs[f"force.{name}"], ports.outputs[f"moment.{name}"] = (split.get_output_port(k) for k in (0, 1))
+
+
+def _contacts(builder: DiagramBuilder, plant: MultibodyPlant) -> OutputPort:
+    """Return the port of the block that reads the plant's contacts for all sensors; the first one adds it."""
+    if not builder.HasSubsystemNamed(_CONTACTS):
+        reader = builder.AddNamedSystem(_CONTACTS, ContactReader())
+        builder.Connect(plant.get_contact_results_output_port(), reader.get_input_port())
+    return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
 
 def _add_distance(builder: DiagramBuilder, ports: StationPorts, name: str, sensor: Distance) -> None:

@@ -19,6 +19,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, C
 from pydrake.multibody.tree import FixedOffsetFrame, RotationalInertia, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake import load_station, simulate
+from simrob_drake.blocks.contacts import ContactReader, Contacts
 from simrob_drake.blocks.distance_sensor import DistanceSensor, lowest_point
 from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
@@ -65,7 +67,9 @@ class Bench:
         if "frame" in options:
             options["frame"] = self.plant.GetFrameByName(options["frame"])
         sensor = self.builder.AddSystem(ForceSensor(plant=self.plant, body=body, **options))
-        self.builder.Connect(self.plant.get_contact_results_output_port(), sensor.GetInputPort("contact_results"))
+        reader = self.builder.AddSystem(ContactReader())
+        self.builder.Connect(self.plant.get_contact_results_output_port(), reader.get_input_port())
+        self.builder.Connect(reader.get_output_port(), sensor.GetInputPort("contacts"))
         self.builder.Connect(self.plant.get_body_poses_output_port(), sensor.GetInputPort("body_poses"))
         diagram = self.builder.Build()
         context = diagram.CreateDefaultContext()
@@ -107,6 +111,16 @@ def test_the_axes_are_those_of_the_frame(cube):
 def test_action_is_reaction(cube):
     force, _ = cube.wrench(body=[cube.floor], other=cube.shapes[:2])
     np.testing.assert_allclose(force, [0, 0, -2 * STIFFNESS * DEPTH], atol=1e-9)
+
+
+def test_several_sensors_read_the_contacts_once(monkeypatch):
+    read, of = [], Contacts.of
+    monkeypatch.setattr(Contacts, "of", lambda results: read.append(None) or of(results))
+    sensors = {name: {"kind": "force", "body": "ball", "other": "floor"} for name in ("first", "second", "third")}
+    result = simulate(load_station("bouncing_ball", {"sensors": sensors}), duration=0.3)
+    assert len(read) == len(result.times)
+    assert result.vector("force.first").max() > 0
+    np.testing.assert_array_equal(result.vector("force.first"), result.vector("force.third"))
 
 
 def test_what_is_asked_of_another_body_is_left_out(cube):

@@ -15,6 +15,7 @@ from pydrake.systems.primitives import (
     Selector,
 )
 
+from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.events import EventTimes, SteadySteps
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.paths import diagrams_root
@@ -28,7 +29,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
 from simrob_drake.stations.station import build_station
 
-PLUMBING = (Selector, Multiplexer, Demultiplexer, PassThrough, MatrixGain, EventTimes, SteadySteps)
+PLUMBING = (Selector, Multiplexer, Demultiplexer, PassThrough, MatrixGain, EventTimes, SteadySteps, ContactReader)
 EVERYTHING = {
     "servo.ki": 50,
     "inputs": ["feedforward", "reference_velocity", "external_force"],

@@ -1,0 +1,101 @@
+"""The contacts of a plant as arrays, made once for all that look at them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.geometry import GeometryId
+from pydrake.multibody.plant import ContactResults
+from pydrake.systems.framework import Context, LeafSystem
+
+from simrob_drake.frames import Vector
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """What touches what at one moment: k points and surfaces, in the world.
+
+    Attributes:
+        pairs: the first and the second shape of each.
+        points: where the forces act, shape (k, 3) [m].
+        forces: on the first shapes, shape (k, 3) [N].
+        moments: on the first shapes about the points, shape (k, 3) [N·m]; zero for points.
+        normals: of the surfaces, out of the second shapes, shape (k, 3).
+    """
+
+    pairs: list[tuple[GeometryId, GeometryId]]
+    points: Vector
+    forces: Vector
+    moments: Vector
+    normals: Vector
+
+    @classmethod
+    def of(cls, results: ContactResults) -> Contacts:
+        """Return the contacts of Drake's contact results."""
+        pairs, rows = [], []
+        for index in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(index)
+            pair = info.point_pair()
+            pairs.append((pair.id_B, pair.id_A))
+            rows.append((info.contact_point(), info.contact_force(), _NOTHING, -pair.nhat_BA_W))
+        for index in range(results.num_hydroelastic_contacts()):
+            info = results.hydroelastic_contact_info(index)
+            surface, wrench = info.contact_surface(), info.F_Ac_W()
+            areas = np.array([surface.area(face) for face in range(surface.num_faces())])
+            normals = np.array([surface.face_normal(face) for face in range(surface.num_faces())])
+            normal = areas @ normals  # normals of the faces point out of N, into M
+            if not normal.any():  # bodies that only just touch: a surface without area, and without force
+                continue
+            pairs.append((surface.id_M(), surface.id_N()))
+            unit = normal / np.linalg.norm(normal)
+            rows.append((surface.centroid(), wrench.translational(), wrench.rotational(), unit))
+        return cls(pairs, *np.array(rows).reshape(-1, 4, 3).transpose(1, 0, 2))
+
+    @classmethod
+    def together(cls, moments: Sequence[Contacts]) -> Contacts:
+        """Return the contacts of several moments, one behind the other."""
+        arrays = ([getattr(each, name) for each in moments] for name in ("points", "forces", "moments", "normals"))
+        return cls([pair for each in moments for pair in each.pairs], *map(np.vstack, arrays))
+
+    @cached_property
+    def normal_forces(self) -> Vector:
+        """The parts of the forces along the normals, shape (k, 3) [N]."""
+        return np.asarray((self.forces * self.normals).sum(axis=1, keepdims=True) * self.normals)
+
+    def senses(self, body: Collection[GeometryId], other: Collection[GeometryId] | None = None) -> Vector:
+        """Return 1 where a body's shape is a contact's first, -1 where it is the second, shape (k,).
+
+        Zero where the body has no part in it, or touches something else than ``other``; unless given that is all but
+        the body itself.
+        """
+
+        def between(shape: GeometryId, presses: GeometryId) -> bool:
+            return shape in body and (presses not in body if other is None else presses in other)
+
+        known = {(a, b): between(a, b) or -1.0 * between(b, a) for a, b in set(self.pairs)}
+        return np.array([known[pair] for pair in self.pairs], dtype=float)
+
+
+_NOTHING = np.zeros(3)
+
+
+class ContactReader(LeafSystem):
+    """Hand on a plant's contact results as :class:`Contacts`, read once for all blocks that need them.
+
+    Ports:
+        in  ``contact_results``: of the plant.
+        out ``contacts``.
+    """
+
+    def __init__(self) -> None:
+        """Make the block."""
+        super().__init__()
+        self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
+        self.DeclareAbstractOutputPort("contacts", Value[object], self._read)
+
+    def _read(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(Contacts.of(self._results.Eval(context)))
