@@ -153,7 +153,7 @@ def shoulder() -> Parts:
     return {
         "graphite": [
             block((-0.0178, -0.0175, -0.0089), (0.0254, 0.0175, 0.0089), 0.004),
-            drum(0.0089, (-0.019, 0.019), "y", (0.0172, 0, 0)),
+            drum(0.0089, (-0.0203, 0.0203), "y", (0.0172, 0, 0)),  # its ends stand out of the arm, which is 38 mm thick
         ]
     }
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.robots.feet import FootContact
+from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.robots import StationRobot
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def locomotion(result: SimulationResult, robot: str | None = None) -> dict[str, 
     own = result.plant.robots[name]
     base = result.pose("base", name)
     way = base[-1, :2] - base[0, :2]
-    heading = headings(result, own, base)
+    heading = headings(result.plant, own, base)
     ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
     left = np.array([-ahead[1], ahead[0]])
     distance = float(np.linalg.norm(way))
@@ -79,18 +80,18 @@ def locomotion(result: SimulationResult, robot: str | None = None) -> dict[str, 
     }
 
 
-def headings(result: SimulationResult, robot: StationRobot, base: Vector) -> Vector:
+def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector:
     """Return where a robot faces, counterclockwise from the world's x, without jumps, shape (m,) [rad].
 
     It faces across the line from its right to its left feet, as its tools are called, in the posture of zero angles;
     along its root's x where they do not tell left from right.
 
     Args:
-        result: the run.
+        station: the plant that the robot is in.
         robot: who.
         base: poses of its root, shape (m, 7).
     """
-    context = result.plant.plant.CreateDefaultContext()
+    context = station.plant.CreateDefaultContext()
     for joint in robot.joints:
         joint.set_angle(context, 0.0)
     sides = {
