@@ -10,6 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.frames import Vector
+from simrob_drake.results.camera import Way
 from simrob_drake.results.rendering import Image, Studio
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.scene import frame_times
@@ -45,12 +47,7 @@ def save_film_strip(result: SimulationResult, file: Path, *, frames: int = 7, he
         raise InvalidParameter("height", height, "at least 16 [pixels]")
     times = np.linspace(0.0, result.stop_time, frames)
     studio = Studio(result, height=height, oversampling=2)
-    captions = [f"{time:.2f} s" for time in times]
-    if studio.way is not None:
-        captions = [
-            f"{text}, {np.linalg.norm(gone):.2f} m" for text, gone in zip(captions, studio.way(times), strict=True)
-        ]
-    figure = _strip(list(studio.images(times)), captions)
+    figure = _strip(list(studio.images(times)), _captions(times, studio.way))
     try:
         figure.savefig(file, dpi=_DPI, format="png")
     except OSError as problem:
@@ -106,6 +103,14 @@ def frame_writer() -> Callable[..., Any]:
         raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
     return writer
+
+
+def _captions(times: Vector, way: Way | None) -> list[str]:
+    """Return what stands under the frames: the time, and how far from its start a robot is that walks."""
+    if way is None:
+        return [f"{time:.2f} s" for time in times]
+    distances = np.linalg.norm(way(times) - way(times[:1]), axis=1)
+    return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
 
 
 def _strip(images: list[Image], captions: list[str]) -> Figure:

@@ -41,11 +41,15 @@ _INK = 25.0  # curves that go up and down more often than this per panel are dra
 
 @dataclass(frozen=True)
 class Curve:
-    """A signal over the time of a run: its values, shape (m,), what the legend calls it, and its looks."""
+    """A signal over the time of a run: its values, shape (m,), what the legend calls it, and its looks.
+
+    Its weight is the width of its line, as a part of the usual.
+    """
 
     values: Vector
     label: str
     colour: str
+    weight: float = 1.0
     dashed: bool = False
 
 
@@ -181,7 +185,7 @@ class _Grid:
         times = self._result.times[within]
         marker = "o" if len(times) == 1 else None  # a run that was stopped at its start
         for curve in panel.curves:
-            looks: dict[str, Any] = {"color": curve.colour, "linewidth": (0.75 if curve.dashed else 1.0) * width}
+            looks: dict[str, Any] = {"color": curve.colour, "linewidth": curve.weight * width}
             shape = "--" if curve.dashed else "-"
             axes.plot(times, curve.values[within], shape, label=curve.label, marker=marker, **looks)
         fit(axes, trusted(self._result, np.array([curve.values[within] for curve in panel.curves])), panel.smallest)

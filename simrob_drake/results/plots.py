@@ -19,6 +19,7 @@ from simrob_drake.stations.robots import StationRobot
 
 _DPI = 110
 _VALUE, _REFERENCE, _ERROR = "#1f6fb4", "#e08214", "#8c2d7a"
+_DASHED = 0.75  # weight of dashed lines
 _NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one further away would flatten the curve
 _QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
 _SMALLEST_SPAN = {"deg": 0.1, "N·m": 0.01, "N": 0.01, "m": 0.001}
@@ -93,7 +94,9 @@ def _position_cells(result: SimulationResult, robot: StationRobot) -> list[Cell]
         unit = robot.model.unit_names[group.first]
         smallest = _SMALLEST_SPAN[unit]
         curves = group.curves(reached, "position", _VALUE)
-        curves += [Curve(wanted[:, place], "reference", _REFERENCE, dashed=True) for place in group.places.values()]
+        curves += [
+            Curve(wanted[:, place], "reference", _REFERENCE, _DASHED, dashed=True) for place in group.places.values()
+        ]
         panels = [Panel(f"{_QUANTITIES[unit]} [{unit}]", curves, smallest)]
         if result.config.mode == "dynamic":
             errors = group.curves(error, "error: reference - position", _ERROR)
@@ -111,7 +114,9 @@ def _torque_cells(result: SimulationResult, robot: StationRobot) -> list[Cell]:
         for limit in np.unique(limits[places]):
             for sign in (-1, 1):
                 if _NEAR * (sign * torques[:, places]).max() >= limit:
-                    curves.append(Curve(np.full(len(torques), sign * limit), "torque limit", NOTE, dashed=True))
+                    curves.append(
+                        Curve(np.full(len(torques), sign * limit), "torque limit", NOTE, _DASHED, dashed=True)
+                    )
         said = " / ".join(f"±{limit:g} {unit}" if np.isfinite(limit) else "none" for limit in np.unique(limits[places]))
         note = f"limit {said}" if np.isfinite(limits[places]).any() else "no limit"
         panel = Panel(f"{_QUANTITIES[unit]} [{unit}]", curves, _SMALLEST_SPAN[unit], note=note)
