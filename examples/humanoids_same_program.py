@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -49,9 +51,11 @@ def main() -> None:
     for row in panels:
         row[0].legend(fontsize=7)
     figure.tight_layout()
-    figure.savefig("humanoids_same_program.png", dpi=120)
+    file = Path("runs/humanoids_same_program.png")
+    file.parent.mkdir(exist_ok=True)
+    figure.savefig(file, dpi=120)
     plt.close(figure)
-    print("plot in humanoids_same_program.png, files in", result.save())
+    print(f"plot in {file}, files in {result.save()}")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
@@ -75,9 +77,11 @@ def main() -> None:
     figure, axes = plt.subplots(figsize=(7, 4))
     axes.plot(*(1e3 * np.where(on_paper[:, np.newaxis], tip, np.nan)[:, :2].T), linewidth=2)
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", title="drawn on the inclined table")
-    figure.savefig("irb120_draw.png", dpi=120)
+    file = Path("runs/irb120_draw.png")
+    file.parent.mkdir(exist_ok=True)
+    figure.savefig(file, dpi=120)
     plt.close(figure)
-    print(f"{len(moves)} moves in {sum(move.stop_time for move in moves):.1f} s, drawn in irb120_draw.png")
+    print(f"{len(moves)} moves in {sum(move.stop_time for move in moves):.1f} s, drawn in {file}")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -43,10 +45,12 @@ def main() -> None:
     side.set(xlabel="sample", ylabel="height [mm]")
     top.legend()
     figure.tight_layout()
-    figure.savefig("irb120_same_program.png", dpi=120)
+    file = Path("runs/irb120_same_program.png")
+    file.parent.mkdir(exist_ok=True)
+    figure.savefig(file, dpi=120)
     plt.close(figure)
     print(f"the dynamic arm is {1e3 * deviation.mean():.1f} mm off on average, {1e3 * deviation.max():.1f} mm at most:")
-    print("its servos know neither weight nor speed; both ways in irb120_same_program.png")
+    print(f"its servos know neither weight nor speed; both ways in {file}")
 
 
 if __name__ == "__main__":

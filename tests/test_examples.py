@@ -23,6 +23,7 @@ def test_an_example_runs(file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     loaded(file).main()
     assert capsys.readouterr().out.strip()
+    assert {path.name for path in tmp_path.iterdir()} <= {"runs"}
 
 
 def example(name):

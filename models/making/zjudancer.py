@@ -139,7 +139,7 @@ def hand() -> Parts:
 def leg_yaw() -> Parts:
     """Bracket that turns under the pelvis."""
     plate = drum(0.026, (-0.012, 0.0), "z", fillet=0.003)
-    arch = [block((-0.0205, y, -0.066), (0.0205, y + 0.005, -0.006), 0.002) for y in (-0.031, 0.030)]
+    arch = [block((-0.0215, y, -0.066), (0.0215, y + 0.005, -0.006), 0.002) for y in (-0.031, 0.030)]
     bar = block((-0.0205, -0.031, -0.016), (0.0205, 0.035, -0.009), 0.003)
     return {"aluminium": [plate, *arch, bar]}
 

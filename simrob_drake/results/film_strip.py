@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.frames import Vector
+from simrob_drake.results.camera import Way
 from simrob_drake.results.rendering import Image, Studio
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.scene import frame_times
@@ -23,6 +24,9 @@ _VIDEO_SIZE = 960, 540  # pixels; even, as H.264 needs them
 
 def save_film_strip(result: SimulationResult, file: Path, *, frames: int = 7, height: int = 360) -> Path:
     """Write frames at even times, side by side, with the time under each.
+
+    The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
+    every 0.1 m.
 
     Args:
         result: the run.
@@ -42,7 +46,8 @@ def save_film_strip(result: SimulationResult, file: Path, *, frames: int = 7, he
     if height < 16:
         raise InvalidParameter("height", height, "at least 16 [pixels]")
     times = np.linspace(0.0, result.stop_time, frames)
-    figure = _strip(list(Studio(result, height=height, oversampling=2).images(times)), times)
+    studio = Studio(result, height=height, oversampling=2)
+    figure = _strip(list(studio.images(times)), _captions(times, studio.way))
     try:
         figure.savefig(file, dpi=_DPI, format="png")
     except OSError as problem:
@@ -100,15 +105,23 @@ def frame_writer() -> Callable[..., Any]:
     return writer
 
 
-def _strip(images: list[Image], times: Vector) -> Figure:
+def _captions(times: Vector, way: Way | None) -> list[str]:
+    """Return what stands under the frames: the time, and how far from its start a robot is that walks."""
+    if way is None:
+        return [f"{time:.2f} s" for time in times]
+    distances = np.linalg.norm(way(times) - way(times[:1]), axis=1)
+    return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
+
+
+def _strip(images: list[Image], captions: list[str]) -> Figure:
     height, width = images[0].shape[:2]
     caption = max(round(_CAPTION * height), 14)
     total = len(images) * (width + _GAP) - _GAP, height + caption
     figure = Figure(figsize=(total[0] / _DPI, total[1] / _DPI), dpi=_DPI)
-    for column, (image, time) in enumerate(zip(images, times, strict=True)):
+    for column, (image, text) in enumerate(zip(images, captions, strict=True)):
         left = column * (width + _GAP)
         figure.figimage(image, left, caption)
         middle = (left + width / 2) / total[0], caption / 2 / total[1]
         points = 0.6 * caption * 72 / _DPI
-        figure.text(*middle, f"{time:.2f} s", ha="center", va="center", fontsize=points, color="0.25")
+        figure.text(*middle, text, ha="center", va="center", fontsize=points, color="0.25")
     return figure

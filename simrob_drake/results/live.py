@@ -9,8 +9,9 @@ import numpy as np
 from pydrake.geometry import Meshcat
 
 from simrob_drake.frames import Vector
+from simrob_drake.results.camera import side, view_of
 from simrob_drake.results.recording import ASPECT, look, open_meshcat
-from simrob_drake.results.scene import Scene, view_of
+from simrob_drake.results.scene import Scene
 from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
 
@@ -41,7 +42,8 @@ class LiveView:
         self.url: str = meshcat.web_url()
         self._scene: Scene | None = Scene(config, meshcat=meshcat)
         self._scene.draw(self._scene.initial)
-        look(meshcat, view_of(self._scene.extents(self._scene.initial[np.newaxis]), aspect=ASPECT))
+        points, azimuth = self._scene.extents(self._scene.initial[np.newaxis]), side(self._scene.station)
+        look(meshcat, view_of(points, aspect=ASPECT, azimuth=azimuth))
         self._last: tuple[float, Vector] | None = None
         self._next_frame = 0.0
         self._clock_at_zero = 0.0

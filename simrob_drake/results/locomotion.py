@@ -17,6 +17,7 @@ import numpy as np
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.stations.names import named
+from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.robots import StationRobot
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def locomotion(result: SimulationResult, robot: str | None = None) -> Locomotion
     own = result.plant.robots[name]
     base = result.pose("base", name)
     way = base[-1, :2] - base[0, :2]
-    heading = headings(result, own, base)
+    heading = headings(result.plant, own, base)
     ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
     distance = float(np.linalg.norm(way))
     work = mechanical_work(result, name)
@@ -117,19 +118,19 @@ def _tilt(base: Vector) -> float:
     return float(np.arccos(np.clip(1.0 - 2.0 * (qx**2 + qy**2), -1.0, 1.0)).max())
 
 
-def headings(result: SimulationResult, robot: StationRobot, base: Vector) -> Vector:
+def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector:
     """Return where a robot faces, counterclockwise from the world's x, without jumps, shape (m,) [rad].
 
     It faces across the line from its right to its left feet, as its tools are called, in the posture of zero angles;
     along its root's x where they do not tell left from right.
 
     Args:
-        result: the run.
+        station: the plant that the robot is in.
         robot: who.
         base: poses of its root, shape (m, 7).
     """
-    context = result.plant.plant.CreateDefaultContext()
-    result.plant.set_axes(context, robot, np.zeros(len(robot.axes)))
+    context = station.plant.CreateDefaultContext()
+    station.set_axes(context, robot, np.zeros(len(robot.axes)))
     sides = {
         side: [frame.CalcPose(context, robot.root).translation() for name, frame in robot.tools.items() if side in name]
         for side in ("left", "right")

@@ -11,9 +11,10 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.frames import Vector
+from simrob_drake.results.camera import FIELD_OF_VIEW, View, side, view_of
 from simrob_drake.results.contact_arrows import draw_contact_forces
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.scene import FIELD_OF_VIEW, Scene, View, frame_times, view_of
+from simrob_drake.results.scene import Scene, frame_times
 
 ASPECT = 1.4
 """Width over height of a browser window that still shows all: most are wider."""
@@ -87,7 +88,7 @@ def _page(result: SimulationResult, frames_per_second: float) -> str:
     scene = Scene(result.config, meshcat=meshcat)
     _record(meshcat, scene, result, frames_per_second)
     draw_tool_paths(meshcat, result)
-    look(meshcat, view_of(scene.extents_of_run(result), aspect=ASPECT))
+    look(meshcat, view_of(scene.extents_of_run(result), aspect=ASPECT, azimuth=side(scene.station)))
     page: str = meshcat.StaticHtml()
     return page
 

@@ -18,8 +18,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
 from simrob_drake.frames import Vector
+from simrob_drake.results.camera import FIELD_OF_VIEW, View, aspect_of, side, view_of, walked_way
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.scene import FIELD_OF_VIEW, RENDERER, Scene, View, aspect_of, view_of
+from simrob_drake.results.scene import RENDERER, Scene
 
 Image = npt.NDArray[np.uint8]
 
@@ -29,7 +30,13 @@ _SHADOW_MAP = 1024  # pixels a side
 
 
 class Studio:
-    """A station before a camera that stands still and has the whole motion of a run in its picture."""
+    """A station before a camera that has the whole motion of a run in its picture.
+
+    It stands still, but for a robot that walks: beside that it goes, and lines on the floor show the way.
+
+    Attributes:
+        way: of the camera; None where it stands still.
+    """
 
     def __init__(
         self, result: SimulationResult, *, height: int, width: int | None = None, oversampling: int = 1
@@ -46,22 +53,25 @@ class Studio:
             InvalidModel: a robot that cannot be built.
         """
         self._result = result
-        self._scene = Scene(result.config, engine=MakeRenderEngineVtk(_engine_params()))
-        points = self._scene.extents_of_run(result)
-        width = width or round(height * np.clip(aspect_of(points), *_ASPECTS))
-        view = view_of(points, aspect=width / height)
+        self.way = walked_way(result)
+        engine = MakeRenderEngineVtk(_engine_params())
+        self._scene = Scene(result.config, engine=engine, way=None if self.way is None else self.way(result.times))
+        azimuth = side(self._scene.station)
+        points = self._scene.extents_of_run(result, self.way)
+        width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))
+        self._view = view_of(points, aspect=width / height, azimuth=azimuth)
         self._shape = height, oversampling, width, oversampling, 3
-        self._pose = _camera_pose(view)
         self._camera = _camera(
-            width * oversampling, height * oversampling, float(np.linalg.norm(view.target - view.eye))
+            width * oversampling, height * oversampling, float(np.linalg.norm(self._view.target - self._view.eye))
         )
 
     def images(self, times: Vector) -> Iterator[Image]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
-        for positions in self._result.positions_at(times):
+        ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
+        for positions, way in zip(self._result.positions_at(times), ways, strict=True):
             self._scene.place(positions)
-            query = self._scene.query()
-            rendered = query.RenderColorImage(self._camera, query.inspector().world_frame_id(), self._pose)
+            query, pose = self._scene.query(), _camera_pose(self._view.moved(way))
+            rendered = query.RenderColorImage(self._camera, query.inspector().world_frame_id(), pose)
             colours = rendered.data[:, :, :3]
             yield (
                 colours.reshape(self._shape).mean(axis=(1, 3)).astype(np.uint8)

@@ -11,8 +11,8 @@ from pydrake.geometry import MeshcatVisualizer, MeshcatVisualizerParams, Role
 from pydrake.multibody.meshcat import JointSliders
 from pydrake.visualization import AddFrameTriadIllustration
 
+from simrob_drake.results.camera import view_of
 from simrob_drake.results.recording import ASPECT, look, open_meshcat
-from simrob_drake.results.scene import view_of
 from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
 

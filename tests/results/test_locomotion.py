@@ -80,7 +80,7 @@ def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
     result = simulate(load_station("irb120_on_belt", {"robot.base": [0, 0, 0.14, 0.4, 0, 0]}), duration=0.02)
     robot = result.plant.robots["robot"]
     assert any(robot.model.slides)
-    np.testing.assert_allclose(headings(result, robot, result.pose("base")), 0.4)
+    np.testing.assert_allclose(headings(result.plant, robot, result.pose("base")), 0.4)
 
 
 def test_feet_that_are_dragged_slip_and_those_in_the_air_do_not():

@@ -7,15 +7,31 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import OutputError
 from simrob_drake.results.plots import save_plots
+from simrob_drake.results.side_groups import side_groups
+from simrob_drake.stations.plant import add_plant
 
 
 @pytest.fixture(scope="module")
 def result():
     return simulate(load_station("irb120_dynamic"), duration=0.6, progress=False)
+
+
+@pytest.fixture(scope="module")
+def standing():
+    return simulate(load_station("humanoid_dynamic"), duration=0.2, progress=False)
+
+
+def changed(result, **columns):
+    """Return a run whose signals of these names, with __ for a dot, are others."""
+    values = result.values.copy()
+    for name, column in columns.items():
+        values[:, result.names.index(name.replace("__", "."))] = column
+    return replace(result, values=values)
 
 
 @pytest.fixture
@@ -116,3 +132,88 @@ def test_a_folder_that_cannot_be_made_is_one_clear_error(result, tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(OutputError, match="taken"):
         save_plots(result, tmp_path / "taken")
+
+
+def test_right_and_left_joints_share_a_panel_and_none_is_lost(standing, drawn):
+    figure = drawn(standing)["torque"]
+    panels = {panel.get_title(loc="left"): panel for panel in figure.axes}
+    assert list(panels)[:3] == ["shoulder_pitch", "shoulder_roll", "elbow"]
+    assert labels(panels["knee"]) == ["right", "left"]
+    for side in ("right", "left"):
+        np.testing.assert_array_equal(curve(panels["knee"], side).get_ydata(), standing[f"tau.{side}_knee"])
+    np.testing.assert_array_equal(curve(panels["neck_yaw"], "middle").get_ydata(), standing["tau.neck_yaw"])
+    groups = side_groups(standing.plant.robots["robot"])
+    assert sorted(place for group in groups for place in group.places.values()) == list(range(18))
+
+
+def test_the_sides_of_a_quadruped_are_told_apart_in_front_and_behind():
+    robot = next(iter(add_plant(DiagramBuilder(), load_station("yobotics_dynamic")).robots.values()))
+    found = {group.name: [robot.axes[place] for place in group.places.values()] for group in side_groups(robot)}
+    assert found["rear_knee"] == ["rear_right_knee", "rear_left_knee"]
+    assert found["front_knee"] == ["front_right_knee", "front_left_knee"]
+    assert len(found) == 6
+
+
+def test_only_a_free_base_with_feet_has_a_plot(standing, result, drawn):
+    assert "base" in drawn(standing)
+    assert "base" not in drawn(result)
+    assert "base" not in drawn(simulate(load_station("humanoid_fixed"), duration=0.02, progress=False))
+
+
+def test_the_plot_of_the_base_tells_its_way_tilt_and_yaw(standing, drawn):
+    """The base goes 3 m to x and 1 m to y while it turns by 200 degrees, then tilted by 20 degrees about x."""
+    part = standing.times / standing.stop_time
+    half, lean = np.deg2rad(200) * part / 2, np.deg2rad(20) / 2
+    turned = {"qw": np.cos(half), "qz": np.sin(half)}
+    pose = {"x": 3 * part, "y": part, "z": 0.3, "qw": turned["qw"] * np.cos(lean), "qz": turned["qz"] * np.cos(lean)}
+    pose |= {"qx": turned["qw"] * np.sin(lean), "qy": turned["qz"] * np.sin(lean)}
+    walked = changed(standing, **{f"base__{name}": values for name, values in pose.items()})
+    way, height, tilt, yaw, above = drawn(walked)["base"].axes
+    np.testing.assert_allclose(curve(way, "x").get_ydata(), 3 * part)
+    np.testing.assert_allclose(curve(way, "y").get_ydata(), part)
+    np.testing.assert_allclose(curve(height, "z").get_ydata(), 0.3)
+    np.testing.assert_allclose(curve(tilt, "tilt").get_ydata(), 20.0)
+    np.testing.assert_allclose(curve(yaw, "yaw").get_ydata(), 200 * part, atol=1e-9)
+    assert [panel.get_ylabel() for panel in (way, height, tilt, yaw)] == [
+        "x, y [m]",
+        "height z [m]",
+        "tilt [deg]",
+        "yaw [deg]",
+    ]
+    np.testing.assert_allclose(above.get_lines()[0].get_xydata(), np.column_stack([3 * part, part]))
+    origin, along_x, along_y = above.transData.transform([(0, 0), (1, 0), (0, 1)])
+    assert along_x[0] - origin[0] == pytest.approx(along_y[1] - origin[1])  # equal axes
+
+
+@pytest.mark.parametrize("name", ["position", "torque", "tcp", "base"])
+def test_numbers_and_labels_keep_clear_of_each_other_and_of_the_edge(standing, name, drawn):
+    far = changed(
+        standing,
+        tcp__x=-0.0832 + 1e-5 * standing.times,
+        tau__left_knee=-1234.5678 * standing.times,
+        base__z=0.2 + 1e-4 * standing.times,
+    )
+    figure = drawn(far)[name]
+    figure.draw_without_rendering()
+    edge = figure.bbox.padded(0.1)
+    for panel in figure.axes:
+        numbers = [text.get_window_extent() for text in panel.get_yticklabels() if text.get_text()]
+        assert all(edge.x0 <= box.x0 for box in numbers)
+        if panel.get_ylabel():
+            label = panel.yaxis.get_label().get_window_extent()
+            assert label.x0 >= edge.x0
+            assert all(label.x1 <= box.x0 for box in numbers)
+        others = [other.get_window_extent() for other in figure.axes if other is not panel]
+        assert not any(box.overlaps(other) for box in numbers for other in others)
+
+
+def test_a_long_run_that_moves_all_the_time_is_shown_in_detail_too(result, drawn):
+    times = np.linspace(0.0, 30.0, len(result.times))
+    busy = changed(replace(result, times=times), tau__joint_2=(-1.0) ** np.arange(len(times)))
+    figures = drawn(busy)
+    assert set(figures) == {"position", "torque", "torque_detail", "tcp"}
+    detail = curve(figures["torque_detail"].axes[1], "torque")
+    assert detail.get_xdata()[[0, -1]] == pytest.approx([13.5, 16.5], abs=0.51)
+    whole = curve(figures["torque"].axes[1], "torque")
+    assert whole.get_linewidth() < detail.get_linewidth()
+    assert set(drawn(replace(result, times=times))) == {"position", "torque", "tcp"}  # long, but calm

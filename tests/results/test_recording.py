@@ -11,9 +11,10 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.results import recording
+from simrob_drake.results.camera import FIELD_OF_VIEW, view_of
 from simrob_drake.results.live import LiveView
 from simrob_drake.results.recording import open_meshcat, save_recording
-from simrob_drake.results.scene import FIELD_OF_VIEW, Scene, frame_times, view_of
+from simrob_drake.results.scene import Scene, frame_times
 
 
 @pytest.fixture(scope="module")
