@@ -18,7 +18,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.results.computed import contacts_at, with_computed
 from simrob_drake.results.history import Recorder
-from simrob_drake.results.result import DIVERGED, INTERRUPTED, Ending, SimulationResult
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.signals import Sampler, sampled
 from simrob_drake.results.state import State
 from simrob_drake.results.stop_time import cut_at_stop

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from simrob_drake.frames import Vector
 from simrob_drake.results.locomotion import headings
 from simrob_drake.results.panels import fit, head_height, mark_stop, style, trusted, write_head
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.stations.robots import StationRobot
 
 _SIZE = 10.5, 6.0  # inches, without the head
@@ -21,7 +21,7 @@ _ARROWS = 8  # along the path
 _ARROW = 0.07  # of the picture's width
 
 
-def base_figure(result: SimulationResult, robot: StationRobot, title: str) -> Figure:
+def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
     """Draw x, y and z of a robot's base [m], its tilt and yaw [deg], and its path seen from above.
 
     The tilt is the angle of the root's z axis from the vertical, and the yaw how far it turned to the left.

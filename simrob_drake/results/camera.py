@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.results.locomotion import headings, legged_robots
-from simrob_drake.results.result import DIVERGED, SimulationResult
+from simrob_drake.results.run import DIVERGED, RecordedRun
 from simrob_drake.stations.plant import StationPlant
 
 FIELD_OF_VIEW = np.deg2rad(35.0)
@@ -54,12 +54,12 @@ def side(station: StationPlant) -> float:
     return _ASIDE
 
 
-def framed_time(result: SimulationResult) -> float:
+def framed_time(result: RecordedRun) -> float:
     """Return up to when a run is to be in the picture [s]."""
     return result.stop_time * (_TRUSTED if result.stopped_by == DIVERGED else 1.0)
 
 
-def walked_way(result: SimulationResult) -> Way | None:
+def walked_way(result: RecordedRun) -> Way | None:
     """Return how far a camera beside a walking robot goes: the robot's way over the floor, without the sway of steps.
 
     None where the camera stands still: with no walking robot, with several, or for a way that is short for its size.

@@ -12,7 +12,7 @@ from pydrake.multibody.plant import ContactResults
 
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 
 _LENGTH = 0.12  # m, of the arrow of a typical large force
 _LARGE = 95  # percentile of the forces that is drawn at that length: a blow may be longer
@@ -20,7 +20,7 @@ _SMALLEST = 0.01  # part of that force that is still drawn
 _RADIUS = 0.003  # m
 
 
-def draw_contact_forces(meshcat: Meshcat, result: SimulationResult, times: Vector, shown: Sequence[float]) -> None:
+def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, shown: Sequence[float]) -> None:
     """Draw the contact forces of a run into a Meshcat window that records.
 
     They are computed from the recorded states; nothing is drawn in a station without contact.

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from simrob_drake.folders import filled_at_once
 from simrob_drake.results.reference_tables import with_tables, write_table
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
+from simrob_drake.results.summary import summary_of
 from simrob_drake.stations.load import station_yaml
 
 RUNS = Path("runs")
@@ -24,7 +25,7 @@ def default_folder(station: str) -> Path:
 
 
 def save_result(
-    result: SimulationResult, folder: Path, *, force: bool = False, recording: bool = True, video: bool = False
+    result: RecordedRun, folder: Path, *, force: bool = False, recording: bool = True, video: bool = False
 ) -> Path:
     """Write summary, signals, plots, film strip, recording and the resolved station.
 
@@ -67,9 +68,9 @@ def save_result(
     return folder
 
 
-def _write_summary(result: SimulationResult, file: Path) -> None:
-    file.write_text(json.dumps(result.summary(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+def _write_summary(result: RecordedRun, file: Path) -> None:
+    file.write_text(json.dumps(summary_of(result), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
-def _write_signals(result: SimulationResult, file: Path) -> None:
+def _write_signals(result: RecordedRun, file: Path) -> None:
     write_table(file, result.names, result.times, result.values)

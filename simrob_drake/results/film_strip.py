@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.results.camera import Way
 from simrob_drake.results.rendering import Image, Studio
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.results.scene import frame_times
 
 _DPI = 100
@@ -22,7 +22,7 @@ _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
 _VIDEO_SIZE = 960, 540  # pixels; even, as H.264 needs them
 
 
-def save_film_strip(result: SimulationResult, file: Path, *, frames: int = 7, height: int = 360) -> Path:
+def save_film_strip(result: RecordedRun, file: Path, *, frames: int = 7, height: int = 360) -> Path:
     """Write frames at even times, side by side, with the time under each.
 
     The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
@@ -55,7 +55,7 @@ def save_film_strip(result: SimulationResult, file: Path, *, frames: int = 7, he
     return file
 
 
-def save_video(result: SimulationResult, file: Path, *, frames_per_second: float = 30.0) -> Path:
+def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30.0) -> Path:
     """Write the motion of a run as a video at the pace of the clock (H.264 in ``.mp4``).
 
     Args:

@@ -10,25 +10,23 @@ peaks and work of walks come out a little low: by a tenth with steps of 10 ms.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.stations.names import named
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.robots import StationRobot
-
-if TYPE_CHECKING:
-    from simrob_drake.results.result import SimulationResult
 
 _SHORTEST_WAY = 0.01
 """Way below which a cost of transport means nothing [m]."""
 _AT_LIMIT = 0.999  # share of a torque limit
 
 
-def legged_robots(result: SimulationResult) -> list[str]:
+def legged_robots(result: RecordedRun) -> list[str]:
     """Return the robots of a run that could walk: with feet, a free base and joints that are moved by torque."""
     if result.config.mode != "dynamic":
         return []
@@ -75,7 +73,7 @@ class Locomotion:
         return self.fall_time is None
 
 
-def locomotion(result: SimulationResult, robot: str | None = None) -> Locomotion:
+def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     """Return the measures of a legged robot's run.
 
     Args:
@@ -144,7 +142,7 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
     return np.asarray(np.unwrap(np.arctan2(seen[:, 1], seen[:, 0])))
 
 
-def fall_time(result: SimulationResult, robot: str) -> float | None:
+def fall_time(result: RecordedRun, robot: str) -> float | None:
     """Return when a fall monitor that watches a robot ended the run [s]; None if none did."""
     monitor = result.config.monitors.get(result.stopped_by or "")
     if monitor is None or monitor.kind != "fall" or getattr(monitor, "piece", None):
@@ -152,13 +150,13 @@ def fall_time(result: SimulationResult, robot: str) -> float | None:
     return result.stop_time if (monitor.robot or result.config.only_robot) == robot else None
 
 
-def mechanical_work(result: SimulationResult, robot: str) -> float:
+def mechanical_work(result: RecordedRun, robot: str) -> float:
     r"""Return :math:`\int \sum_i |\tau_i \dot q_i| \, dt` over a run [J]: joints that brake give nothing back."""
     power = np.abs(result.axes("tau", robot) * result.axes("v", robot)).sum(axis=1)
     return float(np.trapezoid(power, result.times))
 
 
-def foot_slip(result: SimulationResult, robot: str) -> dict[str, float]:
+def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
     """Return how far each foot slid over the floor, by its link [m].
 
     A foot touches with those lowest points of its contact shapes that lie below the floor's surface, z = 0. From one
@@ -178,7 +176,7 @@ def foot_slip(result: SimulationResult, robot: str) -> dict[str, float]:
     return slips
 
 
-def _link_poses(result: SimulationResult, robot: StationRobot) -> dict[str, tuple[Vector, Vector]]:
+def _link_poses(result: RecordedRun, robot: StationRobot) -> dict[str, tuple[Vector, Vector]]:
     """Return rotations (m, 3, 3) and positions (m, 3) of the feet's links in the world at the samples of a run."""
     plant = result.plant.plant
     assert robot.feet is not None  # checked by the caller
@@ -201,7 +199,7 @@ def _lowest(feet: FootContact, link: str, turns: Vector, places: Vector) -> Vect
     return np.asarray(points - (0.0, 0.0, feet.radius if spheres else 0.0))
 
 
-def _peak_torque(result: SimulationResult, robot: StationRobot) -> dict[str, Any]:
+def _peak_torque(result: RecordedRun, robot: StationRobot) -> dict[str, Any]:
     torque, limit = np.abs(result.axes("tau", robot.name)).max(axis=0), robot.gains.torque_limit
     axis = int(np.argmax(torque / limit))
     return {
@@ -212,7 +210,7 @@ def _peak_torque(result: SimulationResult, robot: StationRobot) -> dict[str, Any
     }
 
 
-def _weight(result: SimulationResult, robot: StationRobot) -> float:
+def _weight(result: RecordedRun, robot: StationRobot) -> float:
     """Return the weight of a robot with what it carries [N]."""
     plant = result.plant.plant
     return float(plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance]) * abs(result.config.gravity))

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from simrob_drake.frames import Vector
-from simrob_drake.results.result import DIVERGED, SimulationResult
+from simrob_drake.results.run import DIVERGED, RecordedRun
 
 STOP = "#d7301f"
 """The colour of a run's stop and its reason."""
@@ -80,7 +80,7 @@ class Cell:
     panels: Sequence[Panel]
 
 
-def grid_figure(result: SimulationResult, title: str, cells: Sequence[Cell], *, span: Span | None = None) -> Figure:
+def grid_figure(result: RecordedRun, title: str, cells: Sequence[Cell], *, span: Span | None = None) -> Figure:
     """Draw cells side by side in rows, under a title and one legend.
 
     Args:
@@ -117,12 +117,12 @@ def style(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def trusted(result: SimulationResult, values: Vector) -> Vector:
+def trusted(result: RecordedRun, values: Vector) -> Vector:
     """Return the samples, along the last axis, that set a scale: not those that a run diverges with."""
     return values[..., : max(int(_TRUSTED * values.shape[-1]), 1)] if result.stopped_by == DIVERGED else values
 
 
-def write_head(figure: Figure, result: SimulationResult, title: str, lines: dict[str, Any]) -> None:
+def write_head(figure: Figure, result: RecordedRun, title: str, lines: dict[str, Any]) -> None:
     """Write the title of a figure, the legend of its curves by label, and why the run was stopped if it was."""
     width, height = figure.get_size_inches()
 
@@ -138,12 +138,12 @@ def write_head(figure: Figure, result: SimulationResult, title: str, lines: dict
         write(textwrap.shorten(text, int(14 * width), placeholder=" ..."), 0.8, fontsize=9, color=STOP)
 
 
-def head_height(result: SimulationResult) -> float:
+def head_height(result: RecordedRun) -> float:
     """Return how much room the head of a figure takes [inches]."""
     return 1.0 if result.stopped_by else 0.75
 
 
-def mark_stop(axes: Axes, result: SimulationResult) -> None:
+def mark_stop(axes: Axes, result: RecordedRun) -> None:
     """Mark the end of a run that was stopped."""
     if result.stopped_by:
         axes.axvline(result.stop_time, color=STOP, linewidth=1.4, linestyle=":", label="stop")
@@ -152,7 +152,7 @@ def mark_stop(axes: Axes, result: SimulationResult) -> None:
 class _Grid:
     """A figure with cells; its width is that of the panels and of the numbers left of them."""
 
-    def __init__(self, result: SimulationResult, cells: Sequence[Cell], span: Span) -> None:
+    def __init__(self, result: RecordedRun, cells: Sequence[Cell], span: Span) -> None:
         self._result, self._cells, self._span = result, cells, span
         self._columns = len(cells) if len(cells) <= 3 else int(np.ceil(np.sqrt(len(cells))))
         self._rows = -(-len(cells) // self._columns)
@@ -252,7 +252,7 @@ class _Grid:
         return {str(line.get_label()): line for axes in frames for line in axes.get_lines()}
 
 
-def _whole(result: SimulationResult) -> Span:
+def _whole(result: RecordedRun) -> Span:
     return 0.0, result.stop_time
 
 

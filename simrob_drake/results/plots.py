@@ -12,7 +12,7 @@ from simrob_drake.errors import OutputError
 from simrob_drake.results.base_plot import base_figure
 from simrob_drake.results.locomotion import legged_robots
 from simrob_drake.results.panels import NOTE, Cell, Curve, Panel, Span, grid_figure, is_dense
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.results.sensor_plots import sensor_figures
 from simrob_drake.results.side_groups import side_groups
 from simrob_drake.stations.robots import StationRobot
@@ -28,7 +28,7 @@ _LONG = 10.0  # a run of more than so many seconds whose curves run together is 
 _DETAIL = 3.0  # seconds of that part
 
 
-def save_plots(result: SimulationResult, folder: Path) -> list[Path]:
+def save_plots(result: RecordedRun, folder: Path) -> list[Path]:
     """Write the plots of a run as PNG files: ``position.png``, ``torque.png`` and, with a tool, ``tcp.png``.
 
     Robots that walk have ``base.png`` too. With several robots each has its own, ``<robot>_position.png`` and so on.
@@ -60,10 +60,10 @@ def save_plots(result: SimulationResult, folder: Path) -> list[Path]:
     return written
 
 
-def _figures(result: SimulationResult, robot: StationRobot) -> Iterator[tuple[str, Figure]]:
+def _figures(result: RecordedRun, robot: StationRobot) -> Iterator[tuple[str, Figure]]:
     of_robot = "" if result.config.only_robot else f", {robot.name}"
     tool = f"position of the tool '{robot.tcp}' in the world"
-    contents: dict[str, tuple[str, Callable[[SimulationResult, StationRobot], list[Cell]]]] = {
+    contents: dict[str, tuple[str, Callable[[RecordedRun, StationRobot], list[Cell]]]] = {
         "position": (f"joint positions{of_robot}", _position_cells),
         "torque": (f"joint torques{of_robot}", _torque_cells),
     }
@@ -79,12 +79,12 @@ def _figures(result: SimulationResult, robot: StationRobot) -> Iterator[tuple[st
         yield "base", base_figure(result, robot, f"way of the base{of_robot}")
 
 
-def _middle(result: SimulationResult) -> Span:
+def _middle(result: RecordedRun) -> Span:
     middle = result.stop_time / 2
     return middle - _DETAIL / 2, middle + _DETAIL / 2
 
 
-def _position_cells(result: SimulationResult, robot: StationRobot) -> list[Cell]:
+def _position_cells(result: RecordedRun, robot: StationRobot) -> list[Cell]:
     """Draw each axis against its reference and, where there can be one, the error below."""
     wanted, reached = (result.axes(signal, robot.name) / robot.model.user_units for signal in ("q_ref", "q"))
     with np.errstate(invalid="ignore"):  # a diverging run may end with infinite positions
@@ -105,7 +105,7 @@ def _position_cells(result: SimulationResult, robot: StationRobot) -> list[Cell]
     return cells
 
 
-def _torque_cells(result: SimulationResult, robot: StationRobot) -> list[Cell]:
+def _torque_cells(result: RecordedRun, robot: StationRobot) -> list[Cell]:
     torques, limits = result.axes("tau", robot.name), robot.gains.torque_limit
     cells = []
     for group in side_groups(robot):
@@ -124,7 +124,7 @@ def _torque_cells(result: SimulationResult, robot: StationRobot) -> list[Cell]:
     return cells
 
 
-def _tcp_cells(result: SimulationResult, robot: StationRobot) -> list[Cell]:
+def _tcp_cells(result: RecordedRun, robot: StationRobot) -> list[Cell]:
     places = dict(zip("xyz", result.pose("tcp", robot.name)[:, :3].T, strict=True))
     label, smallest = "position [m]", _SMALLEST_SPAN["m"]
     return [Cell(x, [Panel(label, [Curve(way, "tool centre point", _VALUE)], smallest)]) for x, way in places.items()]

@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.frames import Vector
 from simrob_drake.results.camera import FIELD_OF_VIEW, View, side, view_of
 from simrob_drake.results.contact_arrows import draw_contact_forces
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.results.scene import Scene, frame_times
 
 ASPECT = 1.4
@@ -25,7 +25,7 @@ _PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(
 _AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
 
 
-def save_recording(result: SimulationResult, file: Path, *, frames_per_second: float = 32.0) -> Path:
+def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float = 32.0) -> Path:
     """Write the motion of a run, with the paths of the tools, as a self-contained page that plays and loops.
 
     Args:
@@ -68,7 +68,7 @@ def open_meshcat() -> Meshcat:
     return meshcat
 
 
-def draw_tool_paths(meshcat: Meshcat, result: SimulationResult, number: int = 0) -> None:
+def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
     """Draw the ways of the tools in a run as lines; ``number`` keeps those of other runs."""
     for index, robot in enumerate(result.plant.robots.values()):
         if robot.tcp:
@@ -83,7 +83,7 @@ def look(meshcat: Meshcat, view: View) -> None:
     meshcat.SetCameraPose(view.eye, view.target)
 
 
-def _page(result: SimulationResult, frames_per_second: float) -> str:
+def _page(result: RecordedRun, frames_per_second: float) -> str:
     meshcat = open_meshcat()
     scene = Scene(result.config, meshcat=meshcat)
     _record(meshcat, scene, result, frames_per_second)
@@ -93,7 +93,7 @@ def _page(result: SimulationResult, frames_per_second: float) -> str:
     return page
 
 
-def _record(meshcat: Meshcat, scene: Scene, result: SimulationResult, frames_per_second: float) -> None:
+def _record(meshcat: Meshcat, scene: Scene, result: RecordedRun, frames_per_second: float) -> None:
     visualizer = scene.visualizer
     assert visualizer is not None
     animation = visualizer.StartRecording(set_transforms_while_recording=False)

@@ -11,7 +11,7 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import hermite_samples
 from simrob_drake.frames import Vector
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.reference_config import Table
 from simrob_drake.stations.references import TIME_COLUMN, Samples, read_table, speed_columns
@@ -30,7 +30,7 @@ def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> 
         writer.writerows(np.column_stack([times, values]).tolist())
 
 
-def with_tables(result: SimulationResult, folder: Path) -> StationConfig:
+def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     """Write the references that are no part of the configuration as tables, and return one that names them."""
     config = result.config
     for robot in config.robots:

@@ -19,7 +19,7 @@ from pydrake.systems.sensors import CameraInfo
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.camera import FIELD_OF_VIEW, View, aspect_of, side, view_of, walked_way
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.results.scene import RENDERER, Scene
 
 Image = npt.NDArray[np.uint8]
@@ -38,9 +38,7 @@ class Studio:
         way: of the camera; None where it stands still.
     """
 
-    def __init__(
-        self, result: SimulationResult, *, height: int, width: int | None = None, oversampling: int = 1
-    ) -> None:
+    def __init__(self, result: RecordedRun, *, height: int, width: int | None = None, oversampling: int = 1) -> None:
         """Set the camera up.
 
         Args:

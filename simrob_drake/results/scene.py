@@ -18,7 +18,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.frames import Vector
 from simrob_drake.results.camera import Way, framed_time
 from simrob_drake.results.floor_grid import add_floor_grid
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import StationPlant, add_plant
 
@@ -102,7 +102,7 @@ class Scene:
         """
         return self._corners(positions, None).reshape(-1, 3)
 
-    def extents_of_run(self, result: SimulationResult, way: Way | None = None) -> Vector:
+    def extents_of_run(self, result: RecordedRun, way: Way | None = None) -> Vector:
         """Return points, shape (m, 3) [m], around the motion of a run; of its robot alone if a way is taken from it."""
         times = np.linspace(0.0, framed_time(result), _LOOKS)
         positions = result.positions_at(times)

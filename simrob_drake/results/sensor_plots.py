@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from matplotlib.figure import Figure
 
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.run import RecordedRun
 from simrob_drake.stations.names import named
 from simrob_drake.stations.sensor_config import Distance, ExternalTorque, Force
 from simrob_drake.stations.sensors import tangential_source
@@ -19,7 +19,7 @@ Panel = tuple[str, str, Sequence[str]]
 """Title, label of the axis, and the signals that are drawn."""
 
 
-def sensor_figures(result: SimulationResult) -> Iterator[tuple[str, Figure]]:
+def sensor_figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
     """Yield the figures of a run with their names: ``piece_<piece>`` for each free piece, and ``sensors``."""
     for piece in result.config.free_pieces:
         own = f"piece.{piece}"
@@ -33,7 +33,7 @@ def sensor_figures(result: SimulationResult) -> Iterator[tuple[str, Figure]]:
         yield "sensors", _figure(result, "sensors", measured)
 
 
-def _sensor_panels(result: SimulationResult) -> Iterator[Panel]:
+def _sensor_panels(result: RecordedRun) -> Iterator[Panel]:
     for name, sensor in result.config.sensors.items():
         match sensor:
             case Force():
@@ -52,7 +52,7 @@ def _sensor_panels(result: SimulationResult) -> Iterator[Panel]:
                 yield f"{sensor.kind.replace('_', ' ')} '{name}'", f"[{', '.join(units)}]", signals
 
 
-def _figure(result: SimulationResult, title: str, panels: Sequence[Panel]) -> Figure:
+def _figure(result: RecordedRun, title: str, panels: Sequence[Panel]) -> Figure:
     figure = Figure(figsize=(_WIDTH, _PANEL_HEIGHT * len(panels) + 0.8), layout="constrained")
     figure.suptitle(f"{result.config.name}: {title}", fontsize=12, fontweight="bold")
     for axes, (name, unit, signals) in zip(figure.subplots(len(panels), squeeze=False)[:, 0], panels, strict=True):
