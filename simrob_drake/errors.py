@@ -61,8 +61,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; known: {', '.join(names)}" if names else ""
 
 
-def _located(*parts: object) -> str:
-    return ": ".join(str(part) for part in parts if str(part))
+def _located(where: Path | str, what: str, problem: str) -> str:
+    what = "" if str(where).endswith(f" {what}") else what  # an override or option is named with its key
+    return ": ".join(part for part in (str(where), what, problem) if part)
 
 
 def shortened(value: str, length: int = 80) -> str:
