@@ -185,8 +185,8 @@ class _Grid:
         result = self._result
         for panel in (panel for panels in self.cells for panel in panels):
             panel.axvline(result.stop_time, color=_STOP, linewidth=1.4, linestyle=":", label="stop")
-        reason = f"stopped by {result.stopped_by} at {result.stop_time:.4g} s: {result.message}"
-        text = result.message if result.stopped_by == DIVERGED else reason
+        by_monitor = result.ending == "monitor"
+        text = f"stopped by {result.stopped_by}: {result.message}" if by_monitor else result.message
         self._write(textwrap.shorten(text, int(14 * self._size[0]), placeholder=" ..."), 0.8, fontsize=9, color=_STOP)
 
     def _add_legend(self) -> None:
