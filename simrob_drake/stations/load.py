@@ -60,22 +60,23 @@ def load_station(
         raise InvalidParameter("overrides", shortened(repr(overrides)), "a mapping of keys to values")
     try:
         return _loaded(path, overrides, path)
-    except SimrobError:
-        culprits = _culprits(path, overrides)
+    except SimrobError as problem:
+        culprits = _culprits(path, overrides, getattr(problem, "key", ""))
         if not culprits:
             raise
     names = {key: f"override {key}" for key in culprits} | dict(called or {})
     return _loaded(path, overrides, ", ".join(names[key] for key in culprits))
 
 
-def _culprits(path: Path, overrides: Mapping[str, Any]) -> list[str]:
-    """Return the keys of the overrides that spoil a station: the first that does so alone, else all.
+def _culprits(path: Path, overrides: Mapping[str, Any], wrong: str) -> list[str]:
+    """Return the keys of the overrides that spoil a station; none where its file is to blame.
 
-    None where the file is to blame.
+    That is the one to which the ``wrong`` key belongs, else the first that spoils it alone, else all together.
     """
     if not _loads(path, {}):
         return []
-    return next(([key] for key in overrides if not _loads(path, {key: overrides[key]})), list(overrides))
+    named = [key for key in overrides if re.match(rf"{re.escape(key)}(\W|$)", wrong)]
+    return named[-1:] or next(([key] for key in overrides if not _loads(path, {key: overrides[key]})), list(overrides))
 
 
 def _loads(path: Path, overrides: Mapping[str, Any]) -> bool:
@@ -96,13 +97,13 @@ def _loaded(path: Path, overrides: Mapping[str, Any], where: Path | str) -> Stat
     try:
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
-        raise InvalidConfig("", "", _as_written(problem)) from problem
+        raise InvalidConfig(where, _as_written(problem.key), _as_written(problem.problem)) from problem
     try:
         check_names(config)
         check_sensors(config)
         check_monitors(config)
     except SimrobError as problem:
-        raise InvalidConfig(where, "", _as_written(problem)) from problem
+        raise InvalidConfig(where, "", _as_written(str(problem))) from problem
     return config
 
 
@@ -192,9 +193,9 @@ def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any
     return result
 
 
-def _as_written(problem: SimrobError) -> str:
-    """Return a message with the keys as the user wrote them."""
-    return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, str(problem))
+def _as_written(text: str) -> str:
+    """Return a key or a message with the keys as the user wrote them."""
+    return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, text)
 
 
 def _without_sugar(content: dict[str, Any], where: Path | str) -> dict[str, Any]:
