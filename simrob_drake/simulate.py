@@ -15,7 +15,7 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import InvalidParameter, UnknownName, shortened
 from simrob_drake.frames import Vector
-from simrob_drake.progress import progress_bar
+from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.computed import contacts_at, with_computed
 from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import DIVERGED, INTERRUPTED, Ending, SimulationResult
@@ -86,7 +86,8 @@ def simulate(
         stepping_time = perf_counter() - began
     try:
         return _evaluated(run, recorder, outcome, stepping_time, given, start)
-    except KeyboardInterrupt:  # the run is not to be lost; who insists interrupts again
+    except KeyboardInterrupt:  # the run is not to be lost
+        note("interrupted; the signals are computed first, interrupt again to abandon them", shown=progress)
         return _evaluated(run, recorder, _interrupted(recorder), stepping_time, given, start)
 
 
