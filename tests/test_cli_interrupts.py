@@ -38,7 +38,7 @@ def start(folder: Path, arguments: list[str]) -> subprocess.Popen[str]:
 
 def wait_for_writing(folder: Path, command: subprocess.Popen[str]) -> None:
     """Wait until files lie in the folder that will take the result's name."""
-    while command.poll() is None and not list(folder.glob(".x-*/signals.csv")):
+    while command.poll() is None and not list(folder.glob(".x-*/**/signals.csv")):
         time.sleep(0.01)
     assert command.poll() is None
 

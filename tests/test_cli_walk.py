@@ -1,4 +1,4 @@
-"""Legged robots from the command line: walk."""
+"""Legged robots from the command line: walk, act."""
 
 import json
 import re
@@ -39,14 +39,14 @@ def test_a_walk_is_that_of_the_program_and_its_way_is_told(tmp_path, capsys):
 MISTAKES = {
     "an unknown gait": (["roid1_dynamic", "--gait", "wlak"], "there is no gait of roid1 'wlak'; did you mean 'walk'?"),
     "a gait that names all": (["roid1_dynamic", "--gait", "x"], "known: .*turn.*walk"),
-    "no legs": (["irb120_dynamic"], "robot is irb120; it must be one with feet"),
+    "no legs": (["irb120_dynamic"], "robot irb120 is one without gaits"),
     "no step": (["roid1_dynamic", "--steps", "0"], "steps"),
     "no number": (["roid1_dynamic", "--amplitude", "nan"], "amplitude"),
     "a duration": (
         ["roid1_dynamic", "--set", "duration=3"],
-        "--set duration=3 is given; it must be left out: the gait",
+        "--set duration=3 is given; it must be left out: the gait or act",
     ),
-    "a reference": (["roid1_dynamic", "--set", "reference.kind=hold"], "the gait says how the robot moves"),
+    "a reference": (["roid1_dynamic", "--set", "reference.kind=hold"], "the gait or act says how the robot moves"),
     "an unknown robot": (["roid1_dynamic", "--robot", "roid"], "roid"),
     "one of several": (["three_humanoids"], "one of humanoid, roid1, zjudancer"),
     "an unknown station": (["roid1_dynamc"], "did you mean 'roid1_dynamic'?"),
@@ -61,6 +61,20 @@ def test_what_cannot_be_walked_is_one_line_and_leaves_nothing(tmp_path, capfd, a
     assert len(captured.err.splitlines()) == 1
     assert re.search(message, captured.err) or message in captured.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_act_is_that_of_the_program(tmp_path, capsys):
+    assert run_command(["act", "humanoid_fixed", "wave", "--out", "r", "--no-recording"]) == 0
+    expected = LeggedRobot("humanoid_fixed").act("wave")
+    header, *rows = (tmp_path / "r" / "signals.csv").read_text().splitlines()
+    saved = np.array([row.split(",") for row in rows], dtype=float)
+    np.testing.assert_array_equal(saved[:, header.split(",").index("q.left_elbow")], expected["q.left_elbow"])
+    assert "came" not in capsys.readouterr().out  # its trunk is held
+
+
+def test_an_unknown_act_is_answered_with_those_that_there_are(capsys):
+    assert run_command(["act", "humanoid_dynamic", "walk"]) == ExitCode.BAD_INPUT
+    assert "there is no act of humanoid 'walk'; known: bow, crouch" in capsys.readouterr().err
 
 
 def test_a_walk_can_be_watched(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""The command about legged robots: walk."""
+"""The commands about legged robots: walk, act."""
 
 from __future__ import annotations
 
@@ -53,15 +53,42 @@ def walk(
     _refuse_timing(set_ or [])
     config = given_station(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
-    result, name = _performed(config, robot, live, lambda who: who.walk(steps, amplitude, gait))
-    more = _way(result, name)
+    result, more = _performed(config, robot, live, lambda who: who.walk(steps, amplitude, gait))
+    return saved(result, folder, force=force, recording=not no_recording, video=video, more=more)
+
+
+def act(
+    station: StationArgument,
+    name: Annotated[str, typer.Argument(metavar="ACT", help="An act of the robot, such as `bow` or `three_legs`.")],
+    robot: RobotOption = None,
+    set_: Settings = None,
+    out: ResultFolder = None,
+    force: Force = False,
+    live: Live = False,
+    no_recording: NoRecording = False,
+    video: Video = False,
+) -> int:
+    """Let a legged robot go through postures or stand on three legs, and save what `simrob run` saves.
+
+    An act that the robot does not have is answered with those that it has.
+
+    For example:
+
+        simrob act humanoid_dynamic bow
+
+        simrob act yobotics_dynamic three_legs --live
+    """
+    _refuse_timing(set_ or [])
+    config = given_station(station, set_)
+    folder = prepared_folder(config, out, force=force, video=video)
+    result, more = _performed(config, robot, live, lambda who: who.act(name))
     return saved(result, folder, force=force, recording=not no_recording, video=video, more=more)
 
 
 def _performed(
     config: StationConfig, robot: str | None, live: bool, perform: Callable[[LeggedRobot], SimulationResult]
 ) -> tuple[SimulationResult, str]:
-    """Let a robot of a station do something; return the run and the robot's name."""
+    """Let a robot of a station do something; return the run, and the robot's way in words."""
     from simrob_drake.programs.legged_robot import LeggedRobot  # few commands need programs, which load scipy
     from simrob_drake.programs.workcell import Workcell
 
@@ -71,7 +98,8 @@ def _performed(
     if live:
         wait_for_watcher(cell.show())
     try:
-        return perform(who), who.name
+        result = perform(who)
+        return result, _way(result, who.name)
     finally:
         cell.close()
 
@@ -81,7 +109,7 @@ def _refuse_timing(settings: list[str]) -> None:
     for setting in settings:
         if setting.split("=")[0].split(".")[0].strip() in ("duration", "reference"):
             raise InvalidParameter(
-                f"--set {setting}", "given", "left out: the gait says how the robot moves, and how long"
+                f"--set {setting}", "given", "left out: the gait or act says how the robot moves, and how long"
             )
 
 
@@ -90,10 +118,10 @@ def _way(result: SimulationResult, robot: str) -> str:
     if result.ending == "diverged" or robot not in legged_robots(result):
         return ""
     found = locomotion(result, robot)
-    turn = np.rad2deg(found["yaw"])
-    way = f"{found['distance']:.3f} m at {found['speed']:.3f} m/s on average, {found['ahead']:.3f} m ahead"
-    side = f"{abs(found['drift']):.3f} m to the {'left' if found['drift'] >= 0 else 'right'}"
+    turn = np.rad2deg(found.yaw)
+    way = f"{found.distance:.3f} m at {found.speed:.3f} m/s on average, {found.ahead:.3f} m ahead"
+    side = f"{abs(found.drift):.3f} m to the {'left' if found.drift >= 0 else 'right'}"
     return f"{robot} came {way} and {side}, and turned by {abs(turn):.1f} deg to the {'left' if turn >= 0 else 'right'}"
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"walk": walk}
+COMMANDS: dict[str, Callable[..., Any]] = {"walk": walk, "act": act}
