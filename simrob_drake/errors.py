@@ -29,10 +29,16 @@ class UnknownName(SimrobError):
 
 
 class InvalidConfig(SimrobError):
-    """A station's or a robot's configuration with an entry that cannot be."""
+    """A station's or a robot's configuration with an entry that cannot be.
+
+    Attributes:
+        key: under which the problem lies; empty if that is not told apart.
+        problem: what it is, and what would be right.
+    """
 
     def __init__(self, where: Path | str, key: str, problem: str) -> None:
         """Say in which file (or override) and under which key the problem lies."""
+        self.key, self.problem = key, problem
         super().__init__(_located(where, key, problem))
 
 
@@ -61,8 +67,10 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; known: {', '.join(names)}" if names else ""
 
 
-def _located(*parts: object) -> str:
-    return ": ".join(str(part) for part in parts if str(part))
+def _located(where: Path | str, what: str, problem: str) -> str:
+    place = str(where)
+    told = place.split(" ", 1)[-1].lstrip("-") == what  # by what an override or an option is called
+    return ": ".join(part for part in (place, "" if told else what, problem) if part)
 
 
 def shortened(value: str, length: int = 80) -> str:

@@ -1,4 +1,4 @@
-"""A progress bar for long work, on the error stream and only where somebody watches."""
+"""What long work says of itself, on the error stream and only where somebody watches: a bar, and notes."""
 
 from __future__ import annotations
 
@@ -11,6 +11,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 REFRESH = 0.1
 """Time between two movements of a bar [s]."""
+
+
+def note(text: str, *, shown: bool) -> None:
+    """Say something in a line, where somebody watches; ``shown`` False keeps silent."""
+    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    if shown and console.is_terminal:
+        console.print(text, soft_wrap=True)
 
 
 @contextmanager

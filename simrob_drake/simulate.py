@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, TypeAlias
 
@@ -15,7 +15,7 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import InvalidParameter, UnknownName, shortened
 from simrob_drake.frames import Vector
-from simrob_drake.progress import progress_bar
+from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.computed import contacts_at, with_computed
 from simrob_drake.results.history import Recorder
 from simrob_drake.results.result import SimulationResult
@@ -25,7 +25,7 @@ from simrob_drake.results.state import State
 from simrob_drake.results.stop_time import cut_at_stop
 from simrob_drake.stations.checks import likely_cause, step_findings
 from simrob_drake.stations.closed import add_closed_station, check_references
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import StationConfig, check_samples
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.references import Samples
 from simrob_drake.stations.sensors import with_sensors_in_loop
@@ -70,6 +70,7 @@ def simulate(
     config = config_of(config_or_station)
     if duration is not None:
         config = config.model_copy(update={"duration": _checked_duration(duration)})
+        check_samples(config.duration, config.sample_rate)
     if start is None:
         start = State.at_start_of(config)
     elif not isinstance(start, State):
@@ -84,7 +85,11 @@ def simulate(
         began = perf_counter()
         outcome = _advance(run, recorder)
         stepping_time = perf_counter() - began
-    return _evaluated(run, recorder, outcome, stepping_time, given, start)
+    try:
+        return _evaluated(run, recorder, outcome, stepping_time, given, start)
+    except KeyboardInterrupt:  # the run is not to be lost
+        note("interrupted; the signals are computed first, interrupt again to abandon them", shown=progress)
+        return _evaluated(run, recorder, _interrupted(recorder), stepping_time, given, start)
 
 
 @dataclass(frozen=True)
@@ -192,7 +197,7 @@ def _advance(run: _Run, recorder: Recorder) -> _Outcome:
         if status.reason() != ended:
             status = run.simulator.AdvanceTo(duration)
     except KeyboardInterrupt:
-        return _Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
+        return _interrupted(recorder)
     except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
         if recorder.failure is not None:
             raise
@@ -202,6 +207,10 @@ def _advance(run: _Run, recorder: Recorder) -> _Outcome:
     if status.reason() == ended:
         return _Outcome("monitor", status.system().get_name().removeprefix("monitor."), status.message())
     return _Outcome("completed", None, f"ran to its end at {duration:g} s")
+
+
+def _interrupted(recorder: Recorder) -> _Outcome:
+    return _Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
 
 
 def _diverged(run: _Run, recorder: Recorder, problem: str) -> _Outcome:
@@ -224,6 +233,7 @@ def _evaluated(
     sampler = Sampler(run.diagram, run.ports.plant.plant, recorder.history(), held=_held_ports(run))
     if outcome.ending == "monitor":
         cut_at_stop(sampler, run.ports.monitors[str(outcome.stopped_by)], run.config)
+        outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
     times = _sample_times(sampler.history.end, run.config.sample_rate)
     names, values = with_computed(sampler, run.ports, times, *sampled(sampler, run.ports, times))
     positions = run.ports.plant.plant.num_positions()

@@ -6,6 +6,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.frames import Vector
 from simrob_drake.importer.report import KINDS, ImportReport, Kind
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
@@ -41,7 +42,10 @@ def _piece_table(result: SimulationResult) -> Table:
 
 
 def convergence_table(result: SimulationResult, tight: SimulationResult) -> Table:
-    """Return the largest difference of every joint between a run and a tighter one, over their common time."""
+    """Return the largest differences between a run and a tighter one over their common time.
+
+    They are those of every joint, and in place and attitude those of every base and piece that is free.
+    """
     common = min(len(result.times), len(tight.times))
     table = _numbers("joint", "largest difference", "unit", "at [s]", "in torque at the end", "unit")
     table.title = "against a run ten times tighter"
@@ -54,12 +58,24 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
             end = abs(result[torque][common - 1] - tight[torque][common - 1])
             moved = f"{difference[worst]:.2e}", unit.si, f"{result.times[worst]:.2f}"
             table.add_row(f"{robot.prefix}{axis}", *moved, f"{end:.2e}", unit.effort)
-    for piece in result.config.free_pieces:
-        ways = result.piece_pose(piece)[:common, :3] - tight.piece_pose(piece)[:common, :3]
-        distance = np.linalg.norm(ways, axis=1)
-        worst = int(np.argmax(distance))
-        table.add_row(piece, f"{distance[worst]:.2e}", "m", f"{result.times[worst]:.2f}", "–", "")
+    free = {
+        f"{robot.prefix}base": robot.name for robot in result.plant.robots.values() if robot.model.base == "floating"
+    }
+    poses = {name: (result.pose("base", robot), tight.pose("base", robot)) for name, robot in free.items()}
+    poses |= {piece: (result.piece_pose(piece), tight.piece_pose(piece)) for piece in result.config.free_pieces}
+    for name, (loose, exact) in poses.items():
+        for what, apart, of in _pose_differences(loose[:common], exact[:common]):
+            worst = int(np.argmax(apart))
+            table.add_row(f"{what} of {name}", f"{apart[worst]:.2e}", of, f"{result.times[worst]:.2f}", "–", "")
     return table
+
+
+def _pose_differences(poses: Vector, others: Vector) -> list[tuple[str, Vector, str]]:
+    """Return by how much poses x y z qw qx qy qz, shape (m, 7), differ: in place [mm] and attitude [deg], (m,) each."""
+    ways = 1e3 * np.linalg.norm(poses[:, :3] - others[:, :3], axis=1)
+    chords = [np.linalg.norm(poses[:, 3:] - sign * others[:, 3:], axis=1) for sign in (1, -1)]  # q and -q are the same
+    angles = np.rad2deg(4 * np.arcsin(np.minimum(*chords) / 2))
+    return [("place", ways, "mm"), ("attitude", angles, "deg")]
 
 
 def findings_table(findings: list[Finding]) -> Table:

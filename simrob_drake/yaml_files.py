@@ -87,7 +87,16 @@ def parse_yaml(text: str, where: Path | str) -> Any:
     try:
         return deepcopy(_parsed(text))
     except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as problem:  # of yaml too: !!int x, 2001-99-99
-        raise InvalidConfig(where, "", f"is not YAML: {' '.join(str(problem).split())}") from problem
+        raise InvalidConfig(where, "", f"is not YAML: {_yaml_problem(problem)}") from problem
+
+
+def _yaml_problem(problem: Exception) -> str:
+    """Return what is wrong with a YAML text and where, without what yaml calls a text that it was handed."""
+    if not isinstance(problem, yaml.MarkedYAMLError):
+        return " ".join(str(problem).replace('in "<unicode string>", ', "at ").split())
+    mark = problem.problem_mark or problem.context_mark
+    text = ", ".join(part for part in (problem.context, problem.problem) if part)
+    return f"{text} (line {mark.line + 1}, column {mark.column + 1})" if mark else text
 
 
 @lru_cache(maxsize=200)
@@ -117,23 +126,37 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
     context, given = finding.get("ctx", {}), finding["input"]
     match finding["type"]:
         case "extra_forbidden":
-            return InvalidConfig(where, key, f"unknown key{nearest(path[-1], known)}")
+            text = f"unknown key{nearest(path[-1], known)}"
         case "missing" if isinstance(finding["loc"][-1], int):
             sizes = [node["maxItems"] for node in nodes if "maxItems" in node]
-            return InvalidConfig(where, key, f"needs {sizes[0] if sizes else 'more'} values, not {list(given)!r}")
-        case "missing" | "union_tag_not_found":
-            return InvalidConfig(where, key if finding["type"] == "missing" else f"{key}.kind", "this key is needed")
+            text = f"needs {sizes[0] if sizes else 'more'} values, not {list(given)!r}"
+        case "missing":
+            text = "this key is needed"
+        case "union_tag_not_found":
+            kinds = [node["properties"]["kind"]["const"] for node in nodes]
+            key, text = f"{key}.kind", f"this key is needed; known: {', '.join(kinds)}"
         case "union_tag_invalid":
-            return _no_such(where, f"{key}.kind", str(context["tag"]), context["expected_tags"])
+            key, text = f"{key}.kind", _no_such(str(context["tag"]), context["expected_tags"])
         case "literal_error":
-            return _no_such(where, key, str(given), context["expected"])
-    message = finding["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list")
-    return InvalidConfig(where, key, f"{message[:1].lower()}{message[1:]} (it is {shortened(repr(given))})")
+            text = _no_such(str(given), context["expected"])
+        case "model_type" | "model_attributes_type" | "dict_type":
+            text = f"must be {_section(nodes)} (it is {shortened(repr(given))})"
+        case _:
+            message = finding["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list")
+            value = f" (it is {shortened(repr(given))})" if key else ""  # else it is the whole file
+            text = f"{message[:1].lower()}{message[1:]}{value}"
+    return InvalidConfig(where, key, text)
 
 
-def _no_such(where: Path | str, key: str, given: str, expected: str) -> InvalidConfig:
+def _no_such(given: str, expected: str) -> str:
     """Say that a value is none of those that pydantic expected, listed in quotes."""
-    return InvalidConfig(where, key, f"there is no '{given}'{nearest(given, _QUOTED.findall(expected))}")
+    return f"there is no '{given}'{nearest(given, _QUOTED.findall(expected))}"
+
+
+def _section(nodes: list[dict[str, Any]]) -> str:
+    """Say what the schema nodes of a section may hold."""
+    keys = list(dict.fromkeys(key for node in nodes for key in node.get("properties", {})))
+    return f"a section with keys of: {', '.join(keys)}" if keys else "a section of names and their entries"
 
 
 def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str], list[dict[str, Any]]]:

@@ -7,8 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from simrob_drake.cli import run_command
+from simrob_drake.cli.app import run_command
 from simrob_drake.cli.exit_codes import ExitCode
+from simrob_drake.tables import _pose_differences
 
 
 @pytest.fixture(autouse=True)
@@ -61,6 +62,23 @@ def test_converge_prints_the_difference(capsys):
     assert row.split()[2::3] == ["rad", "N·m"]
 
 
+def test_converge_compares_the_base_of_a_legged_robot(capsys):
+    command = ["run", "humanoid_dynamic", "--duration", "0.3", "--no-recording", "--set", "robot.base=[0,0,0.46,0,0,0]"]
+    assert run_command([*command, "--converge"]) == 0
+    rows = {" ".join(line.split()[:3]): line.split()[3:5] for line in capsys.readouterr().out.splitlines()}
+    place, attitude = rows["place of base"], rows["attitude of base"]
+    assert (place[1], attitude[1]) == ("mm", "deg")
+    assert 1e-3 < float(place[0]) < 10  # it drops by 14 mm
+    assert 0 < float(attitude[0]) < 5
+
+
+def test_attitudes_differ_by_the_angle_between_them():
+    turned = np.array([[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, -1, 0, 0, 0], [1, 2, 2, np.cos(0.1), 0, np.sin(0.1), 0.0]])
+    (_, ways, _), (_, angles, _) = _pose_differences(turned, np.array([[0, 0, 0, 1.0, 0, 0, 0]]))
+    np.testing.assert_allclose(ways, [0, 0, 3000])
+    np.testing.assert_allclose(angles, [0, 0, np.rad2deg(0.2)], atol=1e-9)
+
+
 def test_the_default_folder_is_under_runs(tmp_path):
     run_command(["run", "double_pendulum", "--duration", "0.1", "--no-recording"])
     (folder,) = (tmp_path / "runs").iterdir()
@@ -70,14 +88,15 @@ def test_the_default_folder_is_under_runs(tmp_path):
 @pytest.mark.parametrize("name", ["[a]", "[/a]", ":x:"])
 def test_brackets_are_the_users_and_no_markup(tmp_path, capsys, name):
     """Of rich's markup [a] would be swallowed, [/a] an error after the run, and :x: another sign."""
-    text = f"name: '{name}'\nrobot: {{model: double_pendulum, initial_deg: 40}}\nreference: {{kind: hold}}\n"
+    station = name.replace("/", "")  # which no station's name has, but folders have
+    text = f"name: '{station}'\nrobot: {{model: double_pendulum, initial_deg: 40}}\nreference: {{kind: hold}}\n"
     (tmp_path / "mine.yaml").write_text(text)
     settings = ["--set", "servo.torque_limit=0.001", "--set", "servo.kp=1"]  # warnings, before the run
     command = ["run", "mine.yaml", "--duration", "0.1", "--out", f"runs/{name}/x", "--no-recording", *settings]
     assert run_command(command) == 0
     captured = capsys.readouterr()
     assert f"result    runs/{name}/x" in captured.out
-    assert f"{name}: ran to its end" in captured.out
+    assert f"{station}: ran to its end" in captured.out
     assert "warning torque of joint_1" in captured.err
 
 
@@ -109,6 +128,29 @@ def test_diagram_writes_what_the_suffix_says(tmp_path, capsys):
     assert (tmp_path / "picture.mmd").read_text().count("flowchart LR") == 1
 
 
+def test_a_picture_is_replaced_by_force_only(tmp_path, capsys):
+    (tmp_path / "mine.svg").write_text("dear to me")
+    assert run_command(["diagram", "double_pendulum", "--out", "mine.svg"]) == ExitCode.BAD_INPUT
+    assert "replace it with --force" in capsys.readouterr().err
+    assert (tmp_path / "mine.svg").read_text() == "dear to me"
+    assert run_command(["diagram", "double_pendulum", "--out", "mine.svg", "--force"]) == 0
+    assert "<svg" in (tmp_path / "mine.svg").read_text()
+
+
+@pytest.mark.parametrize(
+    ("command", "unit"), [("run", "time [s]"), ("station", "estimated [kg/m³]"), ("walk", "--gait")]
+)
+def test_help_keeps_its_units(capsys, command, unit):
+    assert run_command([command, "--help"]) == 0
+    assert unit in " ".join(capsys.readouterr().out.replace("│", " ").split())
+
+
+def test_check_says_that_a_robot_starts_below_the_floor(capsys):
+    assert run_command(["check", "humanoid_dynamic", "--set", "robot.base=[0,0,0.3,0,0,0]"]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "warning base the feet's lowest point is 146.00 mm below the floor at the start" in lines
+
+
 MISTAKES = {
     "an unknown station": (["run", "irb120_dinamic"], "did you mean 'irb120_dynamic'?"),
     "an unknown key": (["run", "irb120_dynamic", "--set", "servo.kpp=1"], "servo.kpp: unknown key"),
@@ -131,6 +173,31 @@ MISTAKES = {
     "an unknown command": (["rum"], "No such command 'rum'. Did you mean 'run'?"),
     "no station": (["run"], "Missing"),
     "a folder that cannot be": (["run", "irb120_dynamic", "--out", "/proc/nowhere/x"], "cannot be written"),
+    "two durations": (
+        ["run", "irb120_dynamic", "--duration", "0.2", "--set", "duration=1e9"],
+        "--set duration=1e9 is given beside --duration; it must be left out, or the only one",
+    ),
+    "two values of one key": (
+        ["run", "irb120_dynamic", "--set", "servo.kp=1", "--set", "servo.kp=2"],
+        "beside --set servo.kp",
+    ),
+    "a bad duration": (
+        ["run", "double_pendulum", "--duration", "-1"],
+        "simrob: --duration: input should be greater than 0",
+    ),
+    "a bad setting": (
+        ["run", "double_pendulum", "--set", "duration=-1"],
+        "simrob: --set duration: input should be greater",
+    ),
+    "bad YAML": (
+        ["run", "double_pendulum", "--set", "servo.kp=[1"],
+        "simrob: --set servo.kp=[1: is not YAML: while parsing",
+    ),
+    "endless samples": (["run", "double_pendulum", "--set", "sample_rate=1e9"], "less than or equal to 10000"),
+    "an endless run": (["run", "double_pendulum", "--duration", "1e9"], "at most 10000 s at a sample_rate of 100 Hz"),
+    "a folder as station": (["run", "/"], "simrob: /: is a folder"),
+    "a setting of a URDF": (["check", "a.urdf", "--set", "duration=1"], "--set is given; it must be left out"),
+    "inertia of a station": (["check", "irb120_dynamic", "--estimate-inertia"], "--estimate-inertia is given"),
     "an unknown picture format": (["diagram", "irb120_dynamic", "--out", "x.gif2"], ".svg"),
 }
 

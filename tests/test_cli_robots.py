@@ -1,6 +1,8 @@
 """The commands about robots, from the outside: import, view, station, and check of a file."""
 
 import json
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -8,7 +10,7 @@ import urllib.request
 
 import pytest
 
-from simrob_drake.cli import run_command
+from simrob_drake.cli.app import run_command
 from simrob_drake.cli.exit_codes import ExitCode
 from simrob_drake.folders import CACHE_VARIABLE
 
@@ -87,6 +89,17 @@ def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
     assert "model: irb120" not in text
 
 
+def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tmp_path, capsys):
+    file = tmp_path / "arm and hand.urdf"
+    file.write_text(re.sub("<inertial>.*</inertial>", "", RAW))
+    assert run_command(["station", str(file), "--out", "a.yaml"]) == 0
+    text = (tmp_path / "work" / "a.yaml").read_text()
+    assert "mode: kinematic" in text
+    proposed = next(line for line in text.splitlines() if "begin anew: " in line).partition("begin anew: simrob ")[2]
+    assert run_command([*shlex.split(proposed), "--out", "b.yaml"]) == 0
+    assert "mode: dynamic" in (tmp_path / "work" / "b.yaml").read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -95,6 +108,12 @@ def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
         (["import", "{raw}", "--collision", "sphere"], "sphere"),
         (["import", "{raw}", "--density", "-1", "--estimate-inertia"], "density"),
         (["station", "{raw}", "--out", "station.txt"], ".yaml"),
+        (
+            ["import", "{raw}", "--mesh-path", "/no/where"],
+            "Invalid value for '--mesh-path': dir '/no/where' does not exist",
+        ),
+        (["import", "{raw}", "--mesh-path", "{raw}"], "is a file"),
+        (["view", "irb120", "--collision", "box"], "--collision is given; it must be left out"),
         (["view", "irb121"], "did you mean 'irb120'"),
         (["view", "none.urdf"], "none.urdf"),
         (["check", "none.urdf"], "none.urdf"),
@@ -118,4 +137,4 @@ def test_view_shows_the_robot_until_it_is_interrupted(raw):
             assert page.status == 200
         window.send_signal(signal.SIGINT)
         assert window.wait(timeout=20) == 130
-        assert "Traceback" not in window.stderr.read()
+        assert window.stderr.read().splitlines()[-1] == "simrob: interrupted"

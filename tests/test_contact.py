@@ -198,7 +198,7 @@ def touched():
 class TestForceStop:
     def test_the_run_ends_where_the_ball_touches(self, touched, tmp_path):
         assert (touched.ending, touched.stopped_by) == ("monitor", "stop")
-        assert touched.message == "tip and floor touch"
+        assert touched.message == f"tip and floor touch, at {touched.stop_time:.4g} s"
         speed = np.gradient(touched.pose("tcp")[:, 2], touched.times)[-2]
         assert abs(touched["distance.gap"][-1]) < 1e-3 * abs(speed) + 1e-6  # within 1 ms of contact
         assert touched.pose("tcp")[-1, 2] == pytest.approx(0.01, abs=1e-3)  # the middle of a ball of 10 mm
@@ -210,7 +210,7 @@ class TestForceStop:
     def test_by_force_it_ends_a_little_later(self, touched):
         by_force = {"monitors.stop.kind": "force_limit", "monitors.stop.limit": 20}
         result = simulate(load_station("irb120_force_stop", by_force))
-        assert result.message == "the force on tip reached the limit of 20 N"
+        assert result.message == f"the force on tip reached the limit of 20 N, at {result.stop_time:.4g} s"
         size = np.linalg.norm(result.vector("force.touch")[-1])
         assert 20 <= size < 20 + 1e-3 * 1e5 * 0.3  # 1 ms of the ball's way into a floor of 1e5 N/m
         assert touched.stop_time < result.stop_time < touched.stop_time + 0.01
@@ -229,7 +229,8 @@ class TestForceStop:
     def test_the_tool_leaves_its_workspace(self, touched):
         box = {"kind": "workspace", "lower": [0, -1, 0.1], "upper": [1, 1, 1]}
         result = simulate(load_station("irb120_force_stop", {"monitors.box": box}))
-        assert (result.stopped_by, result.message) == ("box", "the tool left its workspace: z below 0.1 m")
+        assert result.stopped_by == "box"
+        assert result.message == f"the tool left its workspace: z below 0.1 m, at {result.stop_time:.4g} s"
         height = touched.pose("tcp")[:, 2]
         assert result.stop_time == pytest.approx(float(np.interp(-0.1, -height, touched.times)), abs=2e-3)
 

@@ -14,8 +14,7 @@ import pytest
 from typer.main import get_command
 
 from simrob_drake import Program, load_station, station_names
-from simrob_drake.cli import run_command
-from simrob_drake.cli.app import app
+from simrob_drake.cli.app import app, run_command
 from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.results.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
@@ -60,7 +59,7 @@ SHOWN = {
     '"right_hand", [-0.1, -0.1, -0.15]': r"\[-0\.1 +-0\.1 +-0\.15 ",
     "for force in (10, 20)": r"10 N .* ran to its end at 5 s\n20 N .* (fell|fallen|low|lean)",
     "again.values == second.values": r"True",
-    "monitors.stop": r"the force on tip reached the limit of 20 N at 1\.2\d* s\n.* 20\.[0-4]\d* N",
+    "monitors.stop": r"the force on tip reached the limit of 20 N, at 1\.2\d* s\n.* 20\.[0-4]\d* N",
     "joint 5 nods": r"joint 5 nods by (29\.9|30)",
 }
 """What a script with these words in it prints, as far as a page says it."""
@@ -107,12 +106,14 @@ def different_commands():
     return [case for shown, case in blocks.items() if shown != "[]"]
 
 
+SHORTER = {"run": ["--duration", "0.1", "--no-recording"], "walk": ["--no-recording"]}
+
+
 @pytest.mark.parametrize("block", different_commands())
 def test_commands_do_their_work(block, folder, monkeypatch):
     monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
     for command in commands(block):
-        short = ["--duration", "0.1", "--no-recording"] if command[0] == "run" else []
-        assert run_command([*command, *short]) == 0, command
+        assert run_command([*command, *SHORTER.get(command[0], [])]) == 0, command
 
 
 @each_page

@@ -202,7 +202,7 @@ class TestMonitors:
         config = load_station("irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}})
         result = simulate(config)
         assert (result.ending, result.stopped_by) == ("monitor", "joint_limit")
-        assert result.message == "joint_2 reached its upper limit of 110.0 deg"
+        assert result.message == f"joint_2 reached its upper limit of 110.0 deg, at {result.stop_time:.4g} s"
         assert result.stop_time == pytest.approx(first_time(overloaded, 110.0), abs=1.5e-3)  # sampled at 1 kHz
         assert result["q.joint_2"][-1] == pytest.approx(np.deg2rad(110), abs=1e-3)
         assert result.step_times[-1] == result.stop_time

@@ -106,7 +106,7 @@ def test_a_finding_in_a_union_is_of_the_branch_that_was_meant() -> None:
     ("text", "expected"),
     [
         ("drive: {kind: fats}", "m.yaml: drive.kind: there is no 'fats'; did you mean 'fast'?"),
-        ("drive: {rate: 1}", "m.yaml: drive.kind: this key is needed"),
+        ("drive: {rate: 1}", "m.yaml: drive.kind: this key is needed; known: slow, fast"),
         ("colour: reed", "m.yaml: colour: there is no 'reed'; did you mean 'red'?"),
         ("colour: 7", "m.yaml: colour: there is no '7'; known: green, red"),
     ],

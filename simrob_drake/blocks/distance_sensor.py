@@ -73,7 +73,7 @@ class DistanceSensor(LeafSystem):
             first, second = second, first
         stands = inspector.GetFrameId(second) == inspector.world_frame_id()
         plane = inspector.GetPoseInFrame(second).inverse() if stands else second
-        return first, inspector.GetShape(first).Clone(), _corners(inspector, first), plane
+        return first, inspector.GetShape(first).Clone(), shape_corners(inspector, first), plane
 
     def _calc_distance(self, context: Context, output: BasicVector) -> None:
         query = self._query.Eval(context)
@@ -107,7 +107,8 @@ def lowest_point(shape: Shape, pose: RigidTransform, corners: Vector) -> float:
             return height + float((corners @ up).min())
 
 
-def _corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:
+def shape_corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:
+    """Return the corners of a box or a mesh's convex hull in the shape's frame, (m, 3) [m]; none of other shapes."""
     shape = inspector.GetShape(shape_id)
     if isinstance(shape, Box):
         return np.asarray(_SIGNS * shape.size() / 2)

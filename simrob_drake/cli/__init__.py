@@ -1,11 +1,31 @@
-"""The command line: ``simrob list | run | check | diagram | import | view | station``.
+"""The command line: ``simrob list | run | walk | act | check | diagram | import | view | station``.
 
 Exit codes: 0 done, a monitor's stop included; 2 bad input, with one line on the error stream that says what, where and
-what would be right; 3 the simulation diverged, 130 the user interrupted it, both with the partial result saved.
+what would be right; 3 the simulation diverged, with the partial result saved; 130 the user interrupted it. What was
+simulated until then is saved; what was being written is finished, unless the user interrupts again.
 """
 
 from __future__ import annotations
 
-from simrob_drake.cli.app import main, run_command
+import os
+import signal
+import sys
 
-__all__ = ["main", "run_command"]
+from simrob_drake.cli.exit_codes import ExitCode
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else the caller wants it ignored
+    if interruptible:
+        signal.signal(signal.SIGINT, _leave)
+    from simrob_drake.cli.app import run_command  # loads Drake, inside of which an interrupt may come as any error
+
+    if interruptible:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.exit(run_command(sys.argv[1:]))
+
+
+def _leave(*_: object) -> None:
+    print("simrob: interrupted", file=sys.stderr, flush=True)
+    os._exit(ExitCode.INTERRUPTED)

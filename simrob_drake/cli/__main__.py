@@ -1,5 +1,5 @@
 """``python -m simrob_drake.cli`` does what ``simrob`` does."""
 
-from simrob_drake.cli.app import main
+from simrob_drake.cli import main
 
 main()

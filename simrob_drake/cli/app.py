@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
-import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
 import simrob_drake
-from simrob_drake.cli import robots, stations
+from simrob_drake.cli import legged, robots, stations
 from simrob_drake.cli.exit_codes import ExitCode
-from simrob_drake.cli.screen import console
+from simrob_drake.cli.interrupts import Interrupted
+from simrob_drake.cli.screen import console, tell
 from simrob_drake.errors import SimrobError
 
+
+class _Commands(TyperGroup):
+    """The commands; typer alone would leave without a word when a user interrupts one."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Interrupted("interrupted") from None
+
+
 app = typer.Typer(
+    cls=_Commands,
     help="Build, control, program and watch robot stations.",
     add_completion=False,
     no_args_is_help=True,
+    rich_markup_mode="markdown",  # what stands in brackets is a unit, and no markup
     pretty_exceptions_enable=False,
 )
-for name, command in {**stations.COMMANDS, **robots.COMMANDS}.items():
+for name, command in {**stations.COMMANDS, **legged.COMMANDS, **robots.COMMANDS}.items():
     app.command(name)(command)
-
-
-def main() -> None:
-    """Run the command line and leave with its exit code."""
-    sys.exit(run_command(sys.argv[1:]))
 
 
 def run_command(arguments: list[str]) -> int:
@@ -34,11 +43,10 @@ def run_command(arguments: list[str]) -> int:
     try:
         code = app(arguments, standalone_mode=False)
     except (SimrobError, TyperException) as problem:
-        tell = getattr(problem, "format_message", problem.__str__)  # usage errors name the option there
-        print(f"simrob: {' '.join(tell().split())}", file=sys.stderr)
+        tell(getattr(problem, "format_message", problem.__str__)())  # usage errors name the option there
         return ExitCode.BAD_INPUT
-    except KeyboardInterrupt:
-        print("simrob: interrupted", file=sys.stderr)
+    except Interrupted as interrupt:
+        tell(str(interrupt))
         return ExitCode.INTERRUPTED
     return code if isinstance(code, int) else ExitCode.DONE
 

@@ -51,6 +51,7 @@ class Workcell:
         config: the station, with its pieces where they hang now.
         state: where it is; None before the first run.
         tape: what was recorded.
+        progress: show a bar on a terminal while it runs; off at first.
     """
 
     def __init__(self, station: StationLike, overrides: dict[str, Any] | None = None) -> None:
@@ -71,6 +72,7 @@ class Workcell:
             self.config = config_of(station)
         self.state = State.at_start_of(self.config)
         self.tape = Tape()
+        self.progress = False
         self._window: Window | None = None
         self._model = StationModel(self.config)
 
@@ -179,7 +181,7 @@ class Workcell:
             reference={**held, **references},
             duration=duration,
             start=self.state,
-            progress=False,
+            progress=self.progress,
             on_step=self._window.on_step if self._window else None,
         )
         if result.ending in GOES_ON:

@@ -133,8 +133,8 @@ def write_head(figure: Figure, result: RecordedRun, title: str, lines: dict[str,
     at, looks = (0.1 / width, 1 - 0.54 / height), {"ncols": len(lines), "frameon": False, "fontsize": 9}
     figure.legend(list(lines.values()), list(lines), loc="center left", bbox_to_anchor=at, **looks)
     if result.stopped_by:
-        reason = f"stopped by {result.stopped_by} at {result.stop_time:.4g} s: {result.message}"
-        text = result.message if result.stopped_by == DIVERGED else reason
+        by_monitor = result.ending == "monitor"
+        text = f"stopped by {result.stopped_by}: {result.message}" if by_monitor else result.message
         write(textwrap.shorten(text, int(14 * width), placeholder=" ..."), 0.8, fontsize=9, color=STOP)
 
 

@@ -129,20 +129,22 @@ def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot
 def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding]:
     """Say how a robot with a free base begins: on what it stands, whether it tips over, what its joints hold."""
     config, subject = ports.config, f"{robot.prefix}base"
-    if config.floor is None or config.contact is None or robot.feet is None:
-        missing = "feet" if robot.feet is None else "contact" if config.floor else "floor"
-        return [Finding("warning", subject, f"the base is free and the robot has no {missing} to stand on: it falls")]
     found = standing(ports.plant, robot)
+    if config.floor is None or config.contact is None or found is None:
+        missing = "floor" if config.floor is None else "contact" if config.contact is None else "collision shapes"
+        return [Finding("warning", subject, f"the base is free and the robot has no {missing} to stand on: it falls")]
     findings = []
-    place = f"the feet's lowest point is {found.gap * 1e3:.2f} mm over the floor at the start"
-    findings.append(Finding("warning" if found.gap > _DROP else "ok", subject, place))
+    parts = "feet's" if robot.feet else "collision shapes'"
+    side = "over" if found.gap >= 0 else "below"
+    place = f"the {parts} lowest point is {abs(found.gap) * 1e3:.2f} mm {side} the floor at the start"
+    findings.append(Finding("ok" if -_DEEP <= found.gap <= _DROP else "warning", subject, place))
     inside = "inside" if found.margin >= 0 else "outside"
     area = (
         f"{found.mass:.3f} kg on {found.contacts} points, the centre of mass {abs(found.margin) * 1e3:.0f} mm {inside}"
     )
     tips = "" if found.margin > 0 else ": it tips over, unless it moves"
     findings.append(Finding("ok" if found.margin > 0 else "warning", subject, f"{area} of the support area{tips}"))
-    if robot.feet.boxes and config.contact.model == "point":
+    if robot.feet and robot.feet.boxes and config.contact.model == "point":
         text = "box soles rock in point contact, which pushes at one point a box; set contact.model to "
         findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
     held = zip(found.torque, robot.gains.torque_limit, robot.gains.kp, strict=True)

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from simrob_drake.constants import STANDARD_GRAVITY
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import (
@@ -34,6 +35,9 @@ from simrob_drake.yaml_files import FileName, Number, Strict
 
 Input = Literal["feedforward", "reference_velocity", "external_force"]
 Realization = Literal["per_joint", "vector", "implicit"]
+FASTEST_RATE = 1e4  # Hz; ten samples in a step of 1 ms
+MOST_SAMPLES = 1_000_000
+"""Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
 
 
 class ServoConfig(Strict):
@@ -216,8 +220,13 @@ class StationConfig(Strict):
     station's file."""
     duration: Positive = 3.0
     """Simulated time [s]."""
-    sample_rate: Positive = 100.0
-    """Samples a second of the signals [Hz]."""
+    sample_rate: Positive = Field(default=100.0, le=FASTEST_RATE)
+    """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
+
+    @model_validator(mode="after")
+    def _not_too_many_samples(self) -> StationConfig:
+        check_samples(self.duration, self.sample_rate)
+        return self
 
     @model_validator(mode="after")
     def _forces_need_dynamics(self) -> StationConfig:
@@ -254,6 +263,21 @@ class StationConfig(Strict):
     def reference_of(self, robot: str) -> ReferenceConfig:
         """Return a robot's own reference section, or the station's."""
         return self.robots[robot].reference or self.reference
+
+
+def check_samples(duration: float, rate: float) -> None:
+    """Check that a run has not more samples than a computer can keep.
+
+    Args:
+        duration: of the run [s].
+        rate: samples a second [Hz].
+
+    Raises:
+        InvalidParameter: too many.
+    """
+    if duration * rate > MOST_SAMPLES:
+        longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
+        raise InvalidParameter("duration", f"{duration:g} s", longest)
 
 
 def _each(values: AxisValues | None, accepts: Any, meaning: str) -> AxisValues | None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 from pydrake.geometry import Role
-from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.cache import robot_from_file
@@ -16,10 +16,10 @@ from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.stations.support import points_of_shape
 
 _STEP = 20.0, 0.05  # how far the first move goes: deg, and m for an axis that slides
 _ROOM = 0.4  # and at most this part of the way to the joint's limit
-_BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
 _ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e-3}
@@ -57,17 +57,17 @@ def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: P
     if not kinematic:
         content["solver"] = _ON_FEET if floating else _ARM
     content["duration"] = 3.0
-    return _header(robot, kinematic) + yaml.safe_dump(
+    return _header(robot, urdf, kinematic) + yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
     )
 
 
-def _header(robot: RobotModel, kinematic: bool) -> str:
+def _header(robot: RobotModel, urdf: Path, kinematic: bool) -> str:
     text = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"
     if kinematic:
         missing = ", ".join(robot.links_without_inertia)
         text += f"# Kinematic, since these links have no inertia: {missing}.\n"
-        text += "# For motion by torque set robot.import_options to {estimate_inertia: true} and mode to dynamic.\n"
+        text += f"# For motion by torque begin anew: simrob station {shlex.quote(str(urdf))} --estimate-inertia\n"
     return text
 
 
@@ -112,11 +112,9 @@ def _height(robot: RobotModel) -> float:
     lowest = 0.0
     for role in (Role.kProximity, Role.kIllustration):
         for geometry in inspector.GetAllGeometryIds(role):
-            box = inspector.GetObbInGeometryFrame(geometry)
             body = lone.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
-            pose: RigidTransform = lone.plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry)
-            corners = pose @ box.pose() @ (_BOX_SIGNS * box.half_width()).T
-            lowest = min(lowest, float(corners[2].min()))
+            pose = lone.plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry)
+            lowest = min(lowest, float(points_of_shape(inspector, geometry, pose)[:, 2].min()))
         if lowest < 0:
             break  # what collides is what stands
     return round(-lowest, 6)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 import yaml
@@ -37,36 +37,73 @@ def station_names() -> list[str]:
     return sorted(file.stem for file in diagrams_root().glob("*.yaml"))
 
 
-def load_station(name_or_path: str | Path, overrides: Mapping[str, Any] | None = None) -> StationConfig:
+def load_station(
+    name_or_path: str | Path,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    called: Mapping[str, str] | None = None,
+) -> StationConfig:
     """Return the configuration of a station.
 
     Args:
         name_or_path: a name of :func:`station_names`, or a YAML file.
         overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. Changing
             a ``kind`` keeps those keys of the file that the new kind knows.
+        called: what errors call an override by its key; ``override KEY`` unless given.
 
     Raises:
         UnknownName: no such station, robot or piece.
-        InvalidConfig: an entry that cannot be; the message names file, key and what would be right.
+        InvalidConfig: an entry that cannot be; the message names file or override, key and what would be right.
     """
-    path = _station_file(name_or_path)
-    if not isinstance(overrides, (Mapping, NoneType)):
+    path, overrides = _station_file(name_or_path), {} if overrides is None else overrides
+    if not isinstance(overrides, Mapping):
         raise InvalidParameter("overrides", shortened(repr(overrides)), "a mapping of keys to values")
-    content = _with_absolute_paths(read_yaml(path), path.parent)
-    for key, value in sorted((overrides or {}).items(), key=lambda entry: not entry[0].endswith(".kind")):
-        _override(content, key.split("."), value, path)
-    content = _with_absolute_paths(content, Path.cwd())
-    content = {"name": path.stem, **_without_sugar(content, path)}
     try:
-        config = validated(StationConfig, content, path)
+        return _loaded(path, overrides, path)
+    except SimrobError as problem:
+        culprits = _culprits(path, overrides, getattr(problem, "key", ""))
+        if not culprits:
+            raise
+    names = {key: f"override {key}" for key in culprits} | dict(called or {})
+    return _loaded(path, overrides, ", ".join(names[key] for key in culprits))
+
+
+def _culprits(path: Path, overrides: Mapping[str, Any], wrong: str) -> list[str]:
+    """Return the keys of the overrides that spoil a station; none where its file is to blame.
+
+    That is the one to which the ``wrong`` key belongs, else the first that spoils it alone, else all together.
+    """
+    if not _loads(path, {}):
+        return []
+    named = [key for key in overrides if re.match(rf"{re.escape(key)}(\W|$)", wrong)]
+    return named[-1:] or next(([key] for key in overrides if not _loads(path, {key: overrides[key]})), list(overrides))
+
+
+def _loads(path: Path, overrides: Mapping[str, Any]) -> bool:
+    try:
+        _loaded(path, overrides, path)
+    except SimrobError:
+        return False
+    return True
+
+
+def _loaded(path: Path, overrides: Mapping[str, Any], where: Path | str) -> StationConfig:
+    """Return the configuration of a station's file; ``where`` is to blame for what is wrong with it."""
+    content = _with_absolute_paths(read_yaml(path), path.parent)
+    for key, value in sorted(overrides.items(), key=lambda entry: not entry[0].endswith(".kind")):
+        _override(content, key.split("."), value, where)
+    content = _with_absolute_paths(content, Path.cwd())
+    content = {"name": path.stem, **_without_sugar(content, where)}
+    try:
+        config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
-        raise InvalidConfig("", "", _as_written(problem)) from problem
+        raise InvalidConfig(where, _as_written(problem.key), _as_written(problem.problem)) from problem
     try:
         check_names(config)
         check_sensors(config)
         check_monitors(config)
     except SimrobError as problem:
-        raise InvalidConfig(path, "", _as_written(problem)) from problem
+        raise InvalidConfig(where, "", _as_written(str(problem))) from problem
     return config
 
 
@@ -82,16 +119,20 @@ def _station_file(name_or_path: str | Path) -> Path:
     if not isinstance(name_or_path, (str, Path)):
         raise InvalidParameter("station", shortened(repr(name_or_path)), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)
-    if path.suffix in YAML_SUFFIXES:
-        if not path.is_file():
-            raise InvalidConfig(path, "", "there is no such file")
-        return path.resolve()
-    if str(name_or_path) not in station_names():
+    if str(name_or_path) in station_names():
+        return diagrams_root() / f"{name_or_path}.yaml"
+    if path.is_dir():
+        inside = path / "station.yaml"
+        hint = f"; did you mean {inside}?" if inside.is_file() else ""
+        raise InvalidConfig(path, "", f"is a folder, and a station is a name or a YAML file{hint}")
+    if path.suffix not in YAML_SUFFIXES:
         raise UnknownName("station", str(name_or_path), station_names())
-    return diagrams_root() / f"{name_or_path}.yaml"
+    if not path.is_file():
+        raise InvalidConfig(path, "", "there is no such file")
+    return path.resolve()
 
 
-def _override(content: dict[str, Any], key: list[str], value: Any, path: Path) -> None:
+def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
     """Set the value under a dotted key, making sections on the way."""
     node = content
     for depth, part in enumerate(key[:-1]):
@@ -99,7 +140,7 @@ def _override(content: dict[str, Any], key: list[str], value: Any, path: Path) -
         if child is None:
             child = node[part] = {}
         if not isinstance(child, dict):
-            raise InvalidConfig(path, ".".join(key[: depth + 1]), f"is {child!r}, so it has no key '{key[depth + 1]}'")
+            raise InvalidConfig(where, ".".join(key[: depth + 1]), f"is {child!r}, so it has no key '{key[depth + 1]}'")
         node = child
     section = key[-2] if len(key) > 1 else ""
     if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:
@@ -109,7 +150,7 @@ def _override(content: dict[str, Any], key: list[str], value: Any, path: Path) -
         _change_kind(node, _KINDS[section], value)
     if isinstance(value, Mapping) and value and isinstance(node.get(key[-1]), dict):
         for inner in sorted(value, key=lambda name: name != "kind"):  # what else is set belongs to the new kind
-            _override(content, [*key, inner], value[inner], path)
+            _override(content, [*key, inner], value[inner], where)
     else:
         node[key[-1]] = deepcopy(value)
 
@@ -152,15 +193,15 @@ def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any
     return result
 
 
-def _as_written(problem: SimrobError) -> str:
-    """Return a message with the keys as the user wrote them."""
-    return str(problem).replace(f"robots.{ONLY_ROBOT}.", "robot.")
+def _as_written(text: str) -> str:
+    """Return a key or a message with the keys as the user wrote them."""
+    return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, text)
 
 
-def _without_sugar(content: dict[str, Any], path: Path) -> dict[str, Any]:
+def _without_sugar(content: dict[str, Any], where: Path | str) -> dict[str, Any]:
     """Write ``robot:`` as ``robots:`` with one entry."""
     if "robot" not in content:
         return content
     if "robots" in content:
-        raise InvalidConfig(path, "robot", "a station has either robot: or robots:")
+        raise InvalidConfig(where, "robot", "a station has either robot: or robots:")
     return {"robots" if key == "robot" else key: {ONLY_ROBOT: v} if key == "robot" else v for key, v in content.items()}

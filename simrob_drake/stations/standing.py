@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from simrob_drake.frames import Vector
 from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.robots import StationRobot
+from simrob_drake.stations.support import support_points
 
 _TOUCHING = 1e-3  # what lies less above the lowest point carries, too: contacts and servos give way by as much [m]
 _EVEN = 1e-4  # weight of sharing the load evenly, where there are more contacts than equations
@@ -22,7 +24,7 @@ class Standing:
 
     Attributes:
         mass: of the robot with what it carries [kg].
-        gap: height of the feet's lowest point over the floor [m]; negative if it lies deeper.
+        gap: height of the lowest point over the floor [m]; negative if it lies deeper.
         contacts: how many points carry.
         margin: distance of the centre of mass, seen from above, from the border of the support area [m]; negative
             outside of it, and zero where the points span no area.
@@ -36,19 +38,24 @@ class Standing:
     torque: Vector
 
 
-def standing(station: StationPlant, robot: StationRobot) -> Standing:
-    """Return how a robot stands in its initial posture.
+def standing(station: StationPlant, robot: StationRobot) -> Standing | None:
+    """Return how a robot stands in its initial posture; None if it has nothing to stand on.
 
     Args:
         station: with the robot.
-        robot: with feet.
+        robot: any; without feet it stands on its collision shapes.
     """
     plant = station.plant
     context = plant.CreateDefaultContext()
-    points, jacobians = _support_points(station, robot, context)
+    supports = support_points(station, robot, context)
+    if not supports:
+        return None
+    points = np.vstack([on_body for _, on_body in supports])
     gap = float(points[:, 2].min())
     carrying = points[:, 2] <= gap + _TOUCHING
-    points, jacobians = points[carrying], jacobians[carrying]
+    frames = [frame for frame, on_body in supports for _ in on_body]
+    points, frames = points[carrying], [frame for frame, carries in zip(frames, carrying, strict=True) if carries]
+    jacobians = np.array([_lift(plant, context, frame, point) for frame, point in zip(frames, points, strict=True)])
     mass = plant.CalcTotalMass(context, [robot.instance])
     com = plant.CalcCenterOfMassPositionInWorld(context, [robot.instance])
     weight = mass * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
@@ -58,30 +65,12 @@ def standing(station: StationPlant, robot: StationRobot) -> Standing:
     return Standing(mass, gap, len(points), _margin(points[:, :2], com[:2]), torque)
 
 
-def _support_points(station: StationPlant, robot: StationRobot, context: Context) -> tuple[Vector, Vector]:
-    """Return the feet's lowest points (k, 3) and what lifting forces there do to the plant's velocities (k, nv)."""
-    plant, feet = station.plant, robot.feet
-    assert feet is not None  # the caller asks for robots with feet only
-    points, jacobians = [], []
-    for link in feet.links:
-        frame = plant.GetFrameByName(link, robot.instance)
-        pose = frame.CalcPoseInWorld(context)
-        if link in feet.boxes:
-            found = [pose @ corner for corner in feet.support_points(link)]
-        else:
-            found = [pose @ np.array(centre) - (0.0, 0.0, feet.radius) for centre in feet.points[link]]
-        for point in found:
-            jacobian = plant.CalcJacobianTranslationalVelocity(
-                context,
-                JacobianWrtVariable.kV,
-                frame,
-                pose.inverse() @ point,
-                plant.world_frame(),
-                plant.world_frame(),
-            )
-            points.append(point)
-            jacobians.append(jacobian[2])
-    return np.array(points), np.array(jacobians)
+def _lift(plant: MultibodyPlant, context: Context, frame: Frame, point: Vector) -> Vector:
+    """Return what a lifting force at a point of a body does to the plant's velocities, shape (nv,)."""
+    own = frame.CalcPoseInWorld(context).inverse() @ point
+    world = plant.world_frame()
+    jacobian = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, frame, own, world, world)
+    return np.asarray(jacobian[2])
 
 
 def _vertical_forces(points: Vector, com: Vector, weight: float) -> Vector:

@@ -106,15 +106,70 @@ WRONG = [
 def test_wrong_entries_are_named_with_what_would_be_right(overrides, message):
     with pytest.raises(SimrobError, match=message) as caught:
         load_station("irb120_dynamic", overrides)
-    assert "irb120_dynamic.yaml" in str(caught.value)
+    assert str(caught.value).startswith(tuple(f"override {key}" for key in overrides))  # nobody touched the file
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400
+
+
+BLAMED = [
+    ({"duration": 2, "servo.kp": -1}, "override servo.kp: a gain must not"),
+    ({"reference.kind": "sequence", "reference.targets": 3}, "override reference.targets: input should be"),
+    ({"servo": {"kp": 1, "kpp": 1}}, "override servo: servo.kpp: unknown key"),
+    ({"robot.base": [0, 0]}, "override robot.base: needs 6 values"),
+    ({"contact": {}, "contact.friction": 0.01}, "override contact.friction: must be .* keys of: static, dynamic"),
+    ({"servo": 3}, "override servo: must be a section with keys of: realization, kp, .*it is 3"),
+    ({"pieces": 3}, "override pieces: must be a section of names and their entries"),
+    ({"monitors.fal": {}}, "override monitors.fal: .*fal.kind: this key is needed; known: joint_limit, .*, fall"),
+    (
+        {"mode": "kinematic", "robot.pushes": [{"start": 0, "force": [1, 0, 0]}]},
+        "override mode, override robot.pushes: a kinematic",
+    ),
+]
+
+
+@pytest.mark.parametrize(("overrides", "message"), BLAMED)
+def test_the_override_that_is_wrong_is_blamed(overrides, message):
+    with pytest.raises(SimrobError, match=f"^{message}"):
+        load_station("irb120_dynamic", overrides)
+
+
+def test_overrides_are_called_what_the_caller_calls_them():
+    with pytest.raises(SimrobError, match=r"^--duration: input should be greater than 0"):
+        load_station("irb120_dynamic", {"duration": -1}, called={"duration": "--duration"})
+
+
+def test_a_bad_file_is_to_blame_whatever_is_overridden(tmp_path):
+    file = tmp_path / "bad.yaml"
+    file.write_text("robot: {model: irb120}\nservo: {kp: -1}\n")
+    with pytest.raises(SimrobError, match=r"bad.yaml: servo.kp: a gain"):
+        load_station(file, {"duration": 2})
+
+
+def test_a_folder_is_no_station_but_may_hold_one(tmp_path):
+    with pytest.raises(SimrobError, match=r"is a folder, and a station is a name or a YAML file$"):
+        load_station(tmp_path)
+    (tmp_path / "station.yaml").write_text("robot: {model: irb120}")
+    with pytest.raises(SimrobError, match=r"did you mean .*/station.yaml?"):
+        load_station(tmp_path)
+    (tmp_path / "k.yaml").mkdir()
+    with pytest.raises(SimrobError, match=r"k.yaml: is a folder"):
+        load_station(tmp_path / "k.yaml")
+
+
+def test_samples_are_not_more_than_fit():
+    with pytest.raises(SimrobError, match=r"^override sample_rate: input should be less than or equal to 10000"):
+        load_station("irb120_dynamic", {"sample_rate": 1e9})
+    with pytest.raises(
+        SimrobError, match=r"duration is 1e.09 s; it must be at most 10000 s at a sample_rate of 100 Hz"
+    ):
+        load_station("irb120_dynamic", {"duration": 1e9})
+    assert load_station("irb120_dynamic", {"duration": 100, "sample_rate": 1e4}).sample_rate == 1e4
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("robot: [", "is not YAML"),
+        ("robot: [", r"is not YAML: while parsing a flow .* \(line 1, column \d+\)$"),
         ("- a\n- b", "must hold a mapping"),
         ("robot: {model: irb120}\nduration: 1\nduration: 2", "'duration' stands twice"),
         ("description: nothing else", "robots is empty; .*something that moves"),

@@ -1,5 +1,7 @@
 """What is foretold of robots that stand on their own feet, against statics by hand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
@@ -16,7 +18,9 @@ LEGGED = ("humanoid_dynamic", "roid1_dynamic", "zjudancer_dynamic", "yobotics_dy
 def stands(name: str, overrides: dict[str, object] | None = None) -> Standing:
     builder = DiagramBuilder()
     plant = add_plant(builder, load_station(name, overrides))
-    return standing(plant, plant.robots["robot"])
+    found = standing(plant, plant.robots["robot"])
+    assert found is not None
+    return found
 
 
 def findings(name: str, overrides: dict[str, object] | None = None) -> list[Finding]:
@@ -63,6 +67,7 @@ def test_a_drop_and_a_penetration_are_foretold() -> None:
     assert any(f.level == "warning" and "54.00 mm over the floor" in f.text for f in high)
     low = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.44, 0, 0, 0]})
     assert any(f.level == "warning" and "penetrate by 6.0 mm" in f.text for f in low)  # facts: the original's start
+    assert any(f.level == "warning" and "feet's lowest point is 6.00 mm below the floor" in f.text for f in low)
 
 
 @pytest.mark.parametrize("missing", ["floor", "contact"])
@@ -88,3 +93,61 @@ def test_too_weak_a_knee_is_foretold() -> None:
 def test_a_kinematic_station_takes_no_pushes() -> None:
     with pytest.raises(SimrobError, match="kinematic station knows no forces"):
         load_station("humanoid_fixed", {"robot.pushes": [{"start": 1, "force": [1, 0, 0]}]})
+
+
+LEG = """<robot name="leg">
+  <link name="trunk">
+    <inertial>
+      <origin xyz="0 0 0.1"/><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>
+    </inertial>
+  </link>
+  <link name="foot">
+    <inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+    <collision><origin xyz="0.02 0 -0.01" rpy="{turn}"/><geometry>{shape}</geometry></collision>
+  </link>
+  <joint name="knee" type="revolute">
+    <origin xyz="0 0 -0.2"/><parent link="trunk"/><child link="foot"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="10" velocity="5"/>
+  </joint>
+</robot>
+"""
+SHAPES = {  # how far it reaches below its middle, how many points it stands on, and how far they go back from there
+    '<box size="0.2 0.1 0.04"/>': ("0 0 0", 0.02, 4, 0.1),
+    '<cylinder radius="0.1" length="0.06"/>': ("0 0 0", 0.03, 16, 0.1),
+    '<cylinder radius="0.1" length="0.08"/>': ("1.5707963267948966 0 0", 0.1, 2, None),
+    '<sphere radius="0.05"/>': ("0 0 0", 0.05, 1, None),
+    '<capsule radius="0.03" length="0.1"/>': ("0 1.5707963267948966 0", 0.03, 2, None),
+    '<ellipsoid a="0.1" b="0.1" c="0.05"/>': ("0.5 0 0", np.hypot(0.1 * np.sin(0.5), 0.05 * np.cos(0.5)), 1, None),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_robot_without_feet_stands_on_its_collision_shapes(shape: str, tmp_path: Path) -> None:
+    turn, reach, points, back = SHAPES[shape]
+    text = (
+        LEG.format(shape=shape, turn=turn)
+        .replace("<ellipsoid", "<drake:ellipsoid")
+        .replace("<capsule", "<drake:capsule")
+    )
+    (tmp_path / "leg.urdf").write_text(text.replace("<robot ", '<robot xmlns:drake="http://drake.mit.edu" '))
+    (tmp_path / "leg.yaml").write_text(
+        "robot: {urdf: leg.urdf, base: [0, 0, 0.5, 0, 0, 0], import_options: {base: floating}}\n"
+        "servo: {realization: implicit, kp: 10, kd: 1}\nfloor: {}\ncontact: {}\n"
+        "solver: {kind: discrete, scheme: sap, time_step: 0.002}\n"
+    )
+    found = stands(str(tmp_path / "leg.yaml"))
+    assert found.gap == pytest.approx(0.5 - 0.21 - reach, abs=1e-9)
+    assert found.contacts == points
+    assert found.margin == pytest.approx(
+        0.0 if back is None else min(back - 0.02, 0.05 if points == 4 else 1), abs=2e-3
+    )
+
+
+def test_without_feet_and_collision_shapes_it_falls(tmp_path: Path) -> None:
+    (tmp_path / "leg.urdf").write_text(LEG.format(turn="0 0 0", shape='<sphere radius="0.05"/>'))
+    (tmp_path / "leg.yaml").write_text(
+        "robot: {urdf: leg.urdf, import_options: {base: floating, collision: none}}\n"
+        "servo: {kp: 10, kd: 1}\nfloor: {}\ncontact: {}\n"
+    )
+    texts = [finding.text for finding in findings(str(tmp_path / "leg.yaml")) if finding.level == "warning"]
+    assert texts == ["the base is free and the robot has no collision shapes to stand on: it falls"]

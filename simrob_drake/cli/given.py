@@ -1,0 +1,81 @@
+"""What the options of a command ask for: a station, or how a robot is imported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station
+from simrob_drake.yaml_files import parse_yaml
+
+ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml")
+
+
+def given_station(station: str, settings: list[str] | None, **options: Any) -> StationConfig:
+    """Return a station with what the user wants changed.
+
+    Args:
+        station: a name or a file.
+        settings: texts of the form ``key.path=value``.
+        options: values of the options that mean a key of the station and are called like it; None if not given.
+
+    Raises:
+        SimrobError: a station or a change that cannot be; names the option.
+    """
+    overrides = {key: value for key, value in options.items() if value is not None}
+    called = {key: f"--{key}" for key in overrides}
+    for setting in settings or []:
+        key, equals, value = setting.partition("=")
+        key = key.strip()
+        if not (key and equals):
+            raise InvalidParameter("--set", setting, "of the form key.path=value")
+        if key in overrides:
+            raise InvalidParameter(f"--set {setting}", f"given beside {called[key]}", "left out, or the only one")
+        overrides[key] = parse_yaml(value, f"--set {setting}")
+        called[key] = f"--set {key}"
+    return load_station(station, overrides, called=called)
+
+
+def import_options(mesh_path: list[Path] | None = None, **others: Any) -> ImportOptions:
+    """Return the options of an import, by their names there."""
+    if not 0 < others.get("density", 1.0) < float("inf"):
+        raise InvalidParameter("--density", others["density"], "a positive number [kg/m³]")
+    return ImportOptions(mesh_path=tuple(mesh_path or ()), **others)
+
+
+def asked(options: ImportOptions) -> ImportOptions | None:
+    """Return options if they ask for anything."""
+    return None if options == ImportOptions() else options
+
+
+def is_robot_file(text: str) -> bool:
+    """Tell whether an argument is the file of a robot, and not the name of a robot or a station."""
+    return Path(text).suffix in ROBOT_SUFFIXES
+
+
+def refuse(why: str, **options: Any) -> None:
+    """Refuse options that would do nothing.
+
+    Args:
+        why: when they may be given.
+        options: their values, by name.
+
+    Raises:
+        InvalidParameter: one is given.
+    """
+    for name, value in options.items():
+        if value:
+            raise InvalidParameter(f"--{name.replace('_', '-')}", "given", why)
+
+
+def check_file(file: Path, *, force: bool) -> None:
+    """Check that a file may be written.
+
+    Raises:
+        OutputError: it exists and is not to be replaced.
+    """
+    if file.exists() and not force:
+        raise OutputError(f"{file} exists already; choose another file or replace it with --force")

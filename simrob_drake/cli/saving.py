@@ -1,0 +1,78 @@
+"""From a run to its folder, and to what the screen says of it; one way for all commands that simulate."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.text import Text
+
+from simrob_drake.cli.exit_codes import ExitCode
+from simrob_drake.cli.interrupts import finished_first
+from simrob_drake.cli.screen import console, errors
+from simrob_drake.folders import check_folder
+from simrob_drake.results.files import SUMMARY, default_folder
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.tables import result_table
+
+
+def prepared_folder(config: StationConfig, out: Path | None, *, force: bool, video: bool = False) -> Path:
+    """Return where the result will be saved, after looking at all that would keep it from that; say what will go wrong.
+
+    Raises:
+        SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
+    """
+    folder = out or default_folder(config.name)
+    check_folder(folder, marker=SUMMARY, force=force)
+    if video:
+        from simrob_drake.results.film_strip import frame_writer
+
+        frame_writer()
+    for finding in check_station(config):
+        if finding.level == "warning":
+            errors.print(Text.assemble(("warning", "yellow"), f" {finding.subject}: {finding.text}"))
+    return folder
+
+
+def wait_for_watcher(url: str) -> None:
+    """Say where the motion is shown, and let a user at a terminal open that."""
+    console.print(f"watch it at {url}", highlight=False)
+    if sys.stdin.isatty():
+        console.input("open it in a browser, then press Enter to start ")
+
+
+def saved(
+    result: SimulationResult, folder: Path, *, force: bool, recording: bool, video: bool = False, more: str = ""
+) -> ExitCode:
+    """Save a result, show it, and return the exit code.
+
+    Args:
+        result: the run.
+        folder: where to.
+        force: replace a result that is there.
+        recording: with recording and film strip.
+        video: with an MP4.
+        more: a line about the run.
+
+    Raises:
+        Interrupted: the user insisted; nothing was saved.
+    """
+    with finished_first(f"the files of {folder}") as interrupted:
+        result.save(folder, force=force, recording=recording, video=video)
+    console.print(result_table(result))
+    console.print(f"{result.config.name}: {result.message}", highlight=False)
+    if more:
+        console.print(more, highlight=False)
+    console.print(f"{result.realtime_rate:.0f} × real time, {len(result.step_times) - 1} steps", highlight=False)
+    console.print(f"result    {folder}", soft_wrap=True, highlight=False)
+    if recording:
+        console.print(f"recording {(folder / 'recording.html').resolve().as_uri()}", soft_wrap=True, highlight=False)
+    return ExitCode.INTERRUPTED if interrupted() else exit_code(result)
+
+
+def exit_code(result: SimulationResult) -> ExitCode:
+    """Return what a run's end means to a shell."""
+    codes = {"diverged": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
+    return codes.get(result.ending, ExitCode.DONE)

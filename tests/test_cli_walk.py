@@ -1,0 +1,84 @@
+"""Legged robots from the command line: walk, act."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from simrob_drake import LeggedRobot, Workcell
+from simrob_drake.cli.app import run_command
+from simrob_drake.cli.exit_codes import ExitCode
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_walk_is_that_of_the_program_and_its_way_is_told(tmp_path, capsys):
+    arguments = ["walk", "roid1_dynamic", "--steps", "2", "--amplitude", "0.5", "--gait", "walk", "--out", "r"]
+    assert run_command([*arguments, "--no-recording", "--set", "sample_rate=50"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    way = json.loads((tmp_path / "r" / "summary.json").read_text())["locomotion"]
+    told = re.search(r"robot came ([\d.]+) m at ([\d.]+) m/s .* turned by ([\d.]+) deg to the (left|right)", out)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(way["distance"], abs=6e-4)
+    assert float(told[2]) == pytest.approx(way["speed"], abs=6e-4)
+    assert float(told[3]) == pytest.approx(abs(np.rad2deg(way["yaw"])), abs=0.06)
+    assert told[4] == ("left" if way["yaw"] >= 0 else "right")
+    robot = LeggedRobot(Workcell("roid1_dynamic", {"sample_rate": 50}))
+    expected = robot.walk(2, 0.5, "walk")
+    header, *rows = (tmp_path / "r" / "signals.csv").read_text().splitlines()
+    saved = np.array([row.split(",") for row in rows], dtype=float)
+    np.testing.assert_array_equal(saved[:, header.split(",").index("base.x")], expected["base.x"])
+    assert "ran to its end" in out
+    assert "result r" in out
+
+
+MISTAKES = {
+    "an unknown gait": (["roid1_dynamic", "--gait", "wlak"], "there is no gait of roid1 'wlak'; did you mean 'walk'?"),
+    "a gait that names all": (["roid1_dynamic", "--gait", "x"], "known: .*turn.*walk"),
+    "no legs": (["irb120_dynamic"], "robot irb120 is one without gaits"),
+    "no step": (["roid1_dynamic", "--steps", "0"], "steps"),
+    "no number": (["roid1_dynamic", "--amplitude", "nan"], "amplitude"),
+    "a duration": (
+        ["roid1_dynamic", "--set", "duration=3"],
+        "--set duration=3 is given; it must be left out: the gait or act",
+    ),
+    "a reference": (["roid1_dynamic", "--set", "reference.kind=hold"], "the gait or act says how the robot moves"),
+    "an unknown robot": (["roid1_dynamic", "--robot", "roid"], "roid"),
+    "one of several": (["three_humanoids"], "one of humanoid, roid1, zjudancer"),
+    "an unknown station": (["roid1_dynamc"], "did you mean 'roid1_dynamic'?"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), MISTAKES.values(), ids=MISTAKES)
+def test_what_cannot_be_walked_is_one_line_and_leaves_nothing(tmp_path, capfd, arguments, message):
+    assert run_command(["walk", *arguments]) == ExitCode.BAD_INPUT
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    assert len(captured.err.splitlines()) == 1
+    assert re.search(message, captured.err) or message in captured.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_act_is_that_of_the_program(tmp_path, capsys):
+    assert run_command(["act", "humanoid_fixed", "wave", "--out", "r", "--no-recording"]) == 0
+    expected = LeggedRobot("humanoid_fixed").act("wave")
+    header, *rows = (tmp_path / "r" / "signals.csv").read_text().splitlines()
+    saved = np.array([row.split(",") for row in rows], dtype=float)
+    np.testing.assert_array_equal(saved[:, header.split(",").index("q.left_elbow")], expected["q.left_elbow"])
+    assert "came" not in capsys.readouterr().out  # its trunk is held
+
+
+def test_an_unknown_act_is_answered_with_those_that_there_are(capsys):
+    assert run_command(["act", "humanoid_dynamic", "walk"]) == ExitCode.BAD_INPUT
+    assert "there is no act of humanoid 'walk'; known: bow, crouch" in capsys.readouterr().err
+
+
+def test_a_walk_can_be_watched(tmp_path, capsys):
+    arguments = ["walk", "roid1_dynamic", "--steps", "2", "--live", "--no-recording", "--out", "r"]
+    assert run_command(arguments) == 0
+    assert "watch it at http://127.0.0.1:" in capsys.readouterr().out
+    assert (tmp_path / "r" / "summary.json").is_file()
