@@ -12,6 +12,7 @@ from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import check_limits
+from simrob_drake.programs.gaits.choice import carries, first_gait, made_for
 from simrob_drake.programs.gaits.motion import MAX_STEP, JointMotion
 from simrob_drake.programs.gaits.registry import Kind, gaits_of
 from simrob_drake.programs.legged_geometry import LeggedGeometry
@@ -50,9 +51,8 @@ def planned_gait(
     model = robot.model
     what = "act" if steps is None else "gait"
     known = gaits_of(model, steps=steps is not None)
-    default = model.feet.default if model.feet else None
-    worn = robot.cell.config.robots[robot.name].feet or default
-    name = _first_for(worn, default, known, model.name) if name is None else name
+    worn = robot.worn_feet
+    name = first_gait(model, worn, known) if name is None else name
     if name not in known:
         raise UnknownName(f"{what} of {model.name}", name, known)
     kind, figures = known[name]
@@ -60,12 +60,13 @@ def planned_gait(
         if key not in type(figures).model_fields:
             raise UnknownName(f"figure of the {what} {name}", key, type(figures).model_fields)
     _check_station(robot, kind, name, held=getattr(figures, "held", False))
+    made = changes.get("feet") or made_for(model, figures)
+    if kind.on_feet and not carries(model, worn, made):
+        raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made}, for {name}: set robot.feet to {made}")
     if steps is None:
         motion = kind.plan(model, name, **changes)
     else:
         motion = kind.plan(model, steps, name, amplitude=amplitude, **changes)
-    if kind.on_feet and (made_for := motion.feet or default) != worn:
-        raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made_for}, for which {name} is made")
     check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
     return motion
 
@@ -80,14 +81,6 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     result = cell.follow({robot.name: trajectory}, float(times[-1]))
     cell.change(own.model_copy(update={"floor": adapted.floor}))
     return result
-
-
-def _first_for(feet: str | None, default: str | None, known: Mapping[str, tuple[Kind, Any]], model: str) -> str:
-    """Return the name of the first gait that is made for a kind of feet; those that name none are for the default."""
-    for name, (_, figures) in known.items():
-        if (getattr(figures, "feet", None) or default) == feet:
-            return name
-    raise InvalidParameter(f"gait of {model}", "none", f"one for the feet {feet}")
 
 
 def _check_station(robot: LeggedGeometry, kind: Kind, name: str, *, held: bool) -> None:

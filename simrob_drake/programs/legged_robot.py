@@ -10,6 +10,7 @@ from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.programs.given_moves import checked, move_of
 from simrob_drake.programs.legged_parts import check_some, joint_reference, parts_of
 from simrob_drake.programs.legged_program import Programmed
+from simrob_drake.programs.legged_step import step_moves
 from simrob_drake.programs.moves import (
     MOVE_TIME,
     Act,
@@ -27,14 +28,6 @@ from simrob_drake.programs.workcell import GOES_ON
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulate import Reference
 from simrob_drake.stations.names import WORLD
-
-STEP: tuple[Mapping[str, float], ...] = (
-    {"left_hip_pitch": 60, "left_knee": 60},
-    {"right_knee": 30, "right_ankle_pitch": -30},
-    {"left_hip_pitch": 0, "left_knee": 0},
-    {"right_knee": 0, "right_ankle_pitch": 0, "right_shoulder_pitch": 0},
-)
-"""The step of the thesis (p. 94, "Paso") [deg]."""
 
 
 class LeggedRobot(Programmed):
@@ -71,17 +64,22 @@ class LeggedRobot(Programmed):
         """
         return self._do([move_of(target_deg, duration)], store=True)[-1]
 
-    def step(self, move_time: float = MOVE_TIME) -> SimulationResult:
-        """Take the step of the thesis with the left leg, four moves, and store them (Paso).
+    def step(self, move_time: float | None = None) -> SimulationResult:
+        """Go one step ahead, and store it (Paso).
+
+        A robot whose ``gaits.yaml`` has a sequence ``step``, as the humanoid of MATLAB, goes through its postures by
+        moves of joints: the step of the thesis with the left leg, four moves (p. 94), made for its large feet. The
+        others take one step of the first gait for their feet, of full length, and bring their feet together.
 
         Args:
-            move_time: of each of the moves [s].
+            move_time: of each of the moves [s], 1 in the thesis; or of each step of the gait. Their own unless given.
 
         Raises:
-            UnknownName: a robot without the joints of a humanoid.
-            InvalidParameter: a time that is not positive.
+            InvalidParameter: a robot without legs or gaits, without a gait for its feet, or a time that is not
+                positive.
+            SimrobError: as :meth:`walk`.
         """
-        return self._do([move_of(targets, move_time) for targets in STEP], store=True)[-1]
+        return self._do(step_moves(self, move_time), store=True)[-1]
 
     def walk(
         self,
