@@ -27,6 +27,7 @@ from simrob_drake.programs.program import Program
 from simrob_drake.programs.workcell import GOES_ON
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulate import Reference
+from simrob_drake.stations.monitor_config import Fall
 from simrob_drake.stations.names import WORLD
 
 
@@ -36,7 +37,9 @@ class LeggedRobot(Programmed):
     Axes go by name or alias, angles are absolute and in degrees, and the axes of a move go together, at constant speed
     on a dynamic station and with continuous acceleration on a kinematic one; axes that a move does not name stay where
     their references are. Every run goes on from the state that the last one left: joints, velocities, pose of the
-    trunk. What cannot be done raises an error before anything moves, and leaves robot and program as they were.
+    trunk. What cannot be done raises an error before anything moves, and leaves robot and program as they were. So does
+    a run that diverges, is interrupted, or is ended by a monitor of a fall: nothing of it is stored, and there is
+    nothing to undo; ``message`` of the result tells what happened. What another monitor stops counts as done.
 
     Attributes of :class:`LeggedGeometry`, and:
         program: the moves and cells that are stored.
@@ -60,7 +63,8 @@ class LeggedRobot(Programmed):
     def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
         """Move from the last state, and store the move at the end of the program (AddMove).
 
-        A run that diverges is not stored. Arguments and errors are those of :meth:`test_move`.
+        A run that diverges or in which the robot falls is not stored. Arguments and errors are those of
+        :meth:`test_move`.
         """
         return self._do([move_of(target_deg, duration)], store=True)[-1]
 
@@ -182,7 +186,8 @@ class LeggedRobot(Programmed):
         """Run all that is stored from the start (Sim); the robot goes on from its end.
 
         Moves of joints that follow each other are one run, and so is each walk and act, which has servos and solver
-        of its own; pieces change hands between runs. A monitor that ends a run ends the program.
+        of its own; pieces change hands between runs. A monitor that ends a run ends the program; if the robot falls,
+        it goes on from where it was before.
 
         Returns:
             the last run; :attr:`runs` has all of them.
@@ -218,7 +223,7 @@ class LeggedRobot(Programmed):
             self._restore(snapshot)
             raise
         self.runs = runs or self.runs
-        if runs and runs[-1].ending not in GOES_ON:
+        if runs and not _goes_on(runs[-1]):
             self._restore(snapshot)
             return runs
         self._remember(snapshot)
@@ -229,3 +234,10 @@ class LeggedRobot(Programmed):
     def _back_to_start(self) -> None:
         self.cell.state = None
         self.cell.change(self._start)
+
+
+def _goes_on(result: SimulationResult) -> bool:
+    """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
+    monitor = result.config.monitors.get(result.stopped_by or "")
+    fell = isinstance(monitor, Fall) and monitor.piece is None
+    return result.ending in GOES_ON and not fell

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simrob_drake import LeggedRobot, Program, SimrobError, Workcell, load_station, simulate
+from simrob_drake import LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
@@ -337,10 +337,10 @@ class TestGaits:
         assert max(map(abs, rise.values())) < 0.005
 
     def test_a_fall_ends_the_act(self, standing):
-        result = standing.act("fall_forward")
+        result = standing.act("fall_forward", store=True)
         assert result.stopped_by == "fall"
-        standing.undo()
-        assert standing.cell.state is None
+        assert standing.cell.state is None  # as before
+        assert standing.program == Program()
 
 
 class TestGeometry:
@@ -496,16 +496,44 @@ class TestErrors:
             LeggedRobot("humanoid_fixed", "left")
 
 
-def test_a_walk_into_nothing_ends_by_the_fall_monitor():
-    """Tipped over by an ankle's turn, the robot falls: the run says so and when, and another one ends at once."""
-    robot = LeggedRobot("humanoid_dynamic")
-    result = robot.test_move({"TobD": -80, "TobI": -80}, 1.0)
-    while result.stopped_by is None and result.stop_time > 0:
-        result = robot.test_move({"TobD": -80}, 2.0)
-    assert result.stopped_by == "fall"
-    assert "robot fell" in result.message
-    assert np.isfinite(result.values).all()
-    assert result.summary()["locomotion"]["fall_time"] == result.stop_time
-    assert robot.test_move(ARM, 1.0).stop_time < 0.05
-    standing = simulate(robot.cell.config, duration=0.2, progress=False)
-    assert standing.ending == "completed"
+TIP = {"TobD": -80, "TobI": -80}  # over, by the ankles' turn
+
+
+class TestFalls:
+    """A robot that falls is back where it was before, and so is its program."""
+
+    def test_nothing_of_a_fall_is_stored(self, standing):
+        standing.add_move(ARM, 0.3)
+        before = snapshot(standing)
+        result = standing.add_move(TIP, 3.0)
+        assert result.stopped_by == "fall"
+        assert "robot fell" in result.message
+        assert np.isfinite(result.values).all()
+        assert result.summary()["locomotion"]["fall_time"] == result.stop_time
+        assert standing.runs == [result]
+        assert snapshot(standing) == before
+        assert standing.add_move(ARM, 1.0).ending == "completed"  # it stands
+        assert len(standing.program.moves) == 2
+        standing.undo()
+        assert snapshot(standing) == before
+        standing.undo()
+        assert standing.program == Program()
+
+    def test_nor_of_several_moves_of_which_one_falls(self, standing):
+        before = snapshot(standing)
+        falls = Program.model_validate({"moves": [{"target_deg": TIP, "duration": 3.0}, {"act": "bow"}]})
+        assert standing.run(falls).stopped_by == "fall"
+        assert snapshot(standing) == before
+        standing.insert(0, TIP, 3.0)
+        assert standing.simulate().stopped_by == "fall"
+        assert standing.cell.state is None
+        assert len(standing.program.moves) == 1  # what was stored stays, to be mended
+
+    def test_another_monitor_ends_a_move_that_counts(self):
+        high = float(LeggedRobot("humanoid_dynamic").pose("right_hand")[2]) + 0.01
+        watch = {"kind": "workspace", "tool": "right_hand", "lower": [-1, -1, -1], "upper": [1, 1, high]}
+        robot = LeggedRobot(load_station("humanoid_dynamic", {"monitors.high": watch}))
+        result = robot.add_move({"HomDF": 90}, 1.0)
+        assert result.stopped_by == "high"
+        assert len(robot.program.moves) == 1
+        np.testing.assert_array_equal(robot.position, result.axes("q")[-1])
