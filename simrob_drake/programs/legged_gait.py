@@ -20,10 +20,13 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import FloorConfig, Input, ServoConfig, StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver
 
-_READY_TIME = 2.0
-"""Time to take the posture in which a gait begins [s]."""
-_SETTLE_TIME = 0.5
-"""Time to stand in it [s]."""
+_READY_TIME, _SETTLE_TIME = 2.0, 0.5
+"""Times to take the posture in which a gait begins, and to stand in it, from far away; nearer ones take less [s]."""
+_FAR = float(np.deg2rad(45.0))
+"""Way of a joint that takes these times; shorter ones take as long as its acceleration then is the same [rad]."""
+_SAME = 1e-9  # rad
+_AT_REST = 0.02
+"""Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
 _SAMPLE = 0.01  # s between the samples of the way into it
 _BESIDE = 1.0  # floor beyond the way [m]
 
@@ -75,7 +78,7 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a gait from where a robot stands, and return the run; the floor stays as large as it had to become."""
     cell, own = robot.cell, robot.cell.config
     adapted = _adapted(robot, motion)
-    times, positions, velocities = _from_here(robot.reference, motion)
+    times, positions, velocities = _from_here(robot, motion)
     trajectory = PiecewisePolynomial.CubicHermite(times, positions.T, velocities.T)
     cell.change(adapted)
     result = cell.follow({robot.name: trajectory}, float(times[-1]))
@@ -93,15 +96,29 @@ def _check_station(robot: LeggedGeometry, kind: Kind, name: str, *, held: bool) 
         raise InvalidParameter("station", config.name, f"a dynamic one with a floor and contact, for {name}")
 
 
-def _from_here(start: Vector, motion: JointMotion) -> tuple[Vector, Vector, Vector]:
-    """Return times, angles and their rates: into the first posture of a motion, a rest, and the motion."""
-    ready = sequence(start, [_READY_TIME], [motion.positions[0]])
-    times = np.arange(0.0, _READY_TIME, _SAMPLE)
-    begun = _READY_TIME + _SETTLE_TIME
+def _from_here(robot: LeggedGeometry, motion: JointMotion) -> tuple[Vector, Vector, Vector]:
+    """Return times, angles and their rates: into the first posture of a motion, a rest, and the motion.
+
+    Way and rest take the less time the nearer the robot is, none if it stands there.
+    """
+    start, first = robot.reference, motion.positions[0]
+    far = float(np.abs(first - start).max())
+    share = float(np.sqrt(min(far / _FAR, 1.0))) if far > _SAME else 0.0
+    still = max(np.abs(robot.velocity).max(), np.abs(robot.position - start).max()) <= _AT_REST
+    count = int(np.ceil(share * _READY_TIME / _SAMPLE))
+    begun = (count + int(np.ceil((share if still else 1.0) * _SETTLE_TIME / _SAMPLE))) * _SAMPLE
+    if not begun:
+        return motion.times, motion.positions, motion.velocities
+    if not count:
+        times, way, rates = np.zeros(1), first[np.newaxis], np.zeros((1, len(first)))
+    else:
+        ready = sequence(start, [count * _SAMPLE], [first])
+        times = np.arange(count + 1) * _SAMPLE
+        way, rates = ready.vector_values(times).T, ready.derivative().vector_values(times).T
     return (
-        np.concatenate([times, [_READY_TIME], begun + motion.times]),
-        np.vstack([ready.vector_values(times).T, motion.positions[0], motion.positions]),
-        np.vstack([ready.derivative().vector_values(times).T, np.zeros_like(start), motion.velocities]),
+        np.concatenate([times, begun + motion.times]),
+        np.vstack([way, motion.positions]),
+        np.vstack([rates, motion.velocities]),
     )
 
 

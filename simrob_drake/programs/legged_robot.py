@@ -96,8 +96,9 @@ class LeggedRobot(Programmed):
     ) -> SimulationResult:
         """Walk from the last state (Marcha).
 
-        The robot first takes the posture in which its gait begins. Servos and floor are those of the gait while it
-        walks, and steps of the solver are 10 ms at most; the floor stays as large as it had to become.
+        The robot first takes the posture in which its gait begins, in up to 2.5 s; if it stands so, it walks at once.
+        Servos and floor are those of the gait while it walks, and steps of the solver are 10 ms at most; the floor
+        stays as large as it had to become.
 
         Args:
             steps: how many; legs in turn for a crawl.
@@ -120,7 +121,7 @@ class LeggedRobot(Programmed):
     def act(self, name: str, *, store: bool = False, **changes: Any) -> SimulationResult:
         """Go through postures from the last state, or stand on three legs.
 
-        The robot first takes the posture in which the act begins.
+        The robot first takes the posture in which the act begins, in up to 2.5 s, or at once if it stands so.
 
         Args:
             name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.

@@ -11,7 +11,9 @@ from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.choice import first_gait
 from simrob_drake.programs.gaits.leg_angles import OutOfReach
+from simrob_drake.programs.gaits.quadruped import three_legs
 from simrob_drake.programs.kinematics import Unreachable
+from simrob_drake.programs.legged_gait import planned_gait
 from simrob_drake.robots.catalog import load_robot
 
 HUMANOIDS = ("humanoid", "roid1", "zjudancer")
@@ -316,22 +318,49 @@ class TestGaits:
     def test_a_sequence_ends_in_its_last_posture(self, held):
         held.test_move(ARM, 0.2)
         result = held.act("wave", rest=0.0)
-        assert result.stop_time == pytest.approx(2.0 + 0.5 + 4.0)  # into its posture, there, and the sequence
-        at = {round(time, 2): row for time, row in zip(result.times, np.rad2deg(result["q.right_elbow"]), strict=True)}
-        assert (at[2.5], at[3.5], at[4.0]) == pytest.approx((0, 20, 60), abs=1e-6)
+        begun = result.stop_time - 4.0  # into its posture, 45 deg away, and there
+        assert begun == pytest.approx(2.0 + 0.5)
+        at = np.interp(begun + np.array([0.0, 1.0, 1.5]), result.times, np.rad2deg(result["q.right_elbow"]))
+        assert at == pytest.approx((0, 20, 60), abs=1e-3)
         assert turned(held, "right_shoulder_pitch") == pytest.approx(0, abs=1e-6)
         assert held.program == Program()
         held.undo()
         assert turned(held, "right_shoulder_pitch") == pytest.approx(40)
 
+    @pytest.mark.parametrize("name", ["humanoid", "yobotics"])
+    def test_who_stands_in_the_posture_of_a_gait_begins_at_once(self, name):
+        robot = LeggedRobot(f"{name}_dynamic")
+        first, second = (robot.walk(4, store=True) for _ in range(2))
+        planned = planned_gait(robot, None, {}, steps=4).duration
+        assert planned <= second.stop_time < planned + 0.2
+        assert second.stop_time < first.stop_time
+        assert second.ending == "completed"
+        ahead = [result.summary()["locomotion"]["ahead"] for result in (first, second)]
+        assert ahead[1] == pytest.approx(ahead[0], rel=0.2)  # it walks as well
+
+    def test_who_is_still_moving_settles_first(self, held):
+        held.act("wave", rest=0.0)
+        assert held.act("wave", rest=0.0).stop_time == pytest.approx(4.0)  # there already
+        held.test_move({"HomDF": 20}, 0.3)
+        assert held.act("wave", rest=0.0).stop_time == pytest.approx(4.0 + 2.5 * np.sqrt(20 / 45), abs=0.02)
+        standing = LeggedRobot("humanoid_dynamic")
+        ready = standing.act("crouch", rest=0.0).stop_time
+        standing.test_move({"HomDF": 40}, 0.1)
+        standing.test_move({"HomDF": 0}, 0.1)  # back in the posture, by its references
+        assert standing.act("crouch", rest=0.0).stop_time == pytest.approx(6.5)
+        assert ready > 6.5
+
     def test_figures_of_an_act_can_be_changed(self, held):
+        held.act("swim")
         once, twice = (held.act("swim", repeat=count).stop_time for count in (1, 2))
         assert twice - once == pytest.approx(2.0)
 
     def test_the_quadruped_lifts_the_foot_that_is_asked_for(self):
         robot = LeggedRobot("yobotics_dynamic")
         result = robot.act("three_legs", foot="rear_right_foot", seconds=0.5, height=0.03)
-        middle = result.axes("q")[np.searchsorted(result.times, 2.5 + 1.5 + 0.6 + 0.25)]
+        planned = three_legs("yobotics", foot="rear_right_foot", seconds=0.5).duration
+        begun = result.stop_time - planned
+        middle = result.axes("q")[np.searchsorted(result.times, begun + 1.5 + 0.6 + 0.25)]
         rise = {foot: robot.pose(foot, middle, "trunk")[2] - robot.pose(foot, frame="trunk")[2] for foot in robot.feet}
         assert rise.pop("rear_right_foot") == pytest.approx(0.03, abs=0.01)
         assert max(map(abs, rise.values())) < 0.005
