@@ -58,7 +58,7 @@ class ArmGeometry(CellRobot):
         self.solver = solver
         model = self.cell.model.robots[self.name].model
         if model.base != "fixed":
-            raise InvalidParameter("robot", self.name, "a robot on a fixed base; legged ones are programmed otherwise")
+            raise InvalidParameter("robot", self.name, "one on a fixed base; LeggedRobot programs those with legs")
         if not self.cell.model.robots[self.name].tcp:
             raise InvalidParameter("robot", self.name, "a robot with a tool frame, under tools: in its robot.yaml")
         if tool is not None:

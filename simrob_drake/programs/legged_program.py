@@ -121,15 +121,15 @@ class Programmed(LeggedGeometry):
 
         Raises:
             InvalidConfig: a damaged file.
-            SimrobError: a program that this robot cannot do.
+            SimrobError: a program that this robot cannot do; names the file and the move.
         """
         program = Program.load(file)
-        for cell in program.references:
-            targets_on(self.model, cell.target_deg, "the reference")
-        self._replace(program)
+        for number, cell in enumerate(program.references):
+            targets_on(self.model, cell.target_deg, f"{file}: references[{number}]")
+        self._replace(program, str(file))
 
-    def _replace(self, program: Program) -> None:
-        parts_of(self, program.moves, self._start)  # the robot can do them
+    def _replace(self, program: Program, file: str = "") -> None:
+        parts_of(self, program.moves, self._start, file)  # the robot can do them
         self._remember()
         self.program = program
 

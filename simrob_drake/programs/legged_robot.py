@@ -146,7 +146,7 @@ class LeggedRobot(Programmed):
         """
         given = program if isinstance(program, Program) else Program.load(program)
         check_some(given.moves)
-        return self._do(given.moves)[-1]
+        return self._do(given.moves, file="" if given is program else str(program))[-1]
 
     def planned(self, program: Program) -> tuple[Reference, float]:
         """Return the reference that a program of joint moves is from where the robot is, and its duration [s].
@@ -207,9 +207,11 @@ class LeggedRobot(Programmed):
         if not keep_program:
             self.program = Program()
 
-    def _do(self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False) -> list[SimulationResult]:
+    def _do(
+        self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False, file: str = ""
+    ) -> list[SimulationResult]:
         """Do moves part by part, and return the runs; what goes wrong leaves robot and program as they were."""
-        parts = parts_of(self, moves, self._start if from_start else self.cell.config)
+        parts = parts_of(self, moves, self._start if from_start else self.cell.config, file)
         snapshot, runs = self._snapshot(), list[SimulationResult]()
         try:
             if from_start:

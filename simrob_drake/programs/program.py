@@ -104,7 +104,9 @@ class Program(Strict):
         place = index + count if index < 0 else index
         if not 0 <= place <= last:
             expected = (
-                f"from {-count} to {last}, the program has {count} moves" if last >= 0 else "of a move; there is none"
+                f"from {-count} to {last}, the program has {count} {'move' if count == 1 else 'moves'}"
+                if last >= 0
+                else "of a move; there is none"
             )
             raise InvalidParameter("index", index, expected)
         return place

@@ -151,7 +151,11 @@ class Workcell:
         """
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
-        end = max((plan.duration for plan in plans), default=0.0) if duration is None else duration
+        if not plans and duration is None:
+            raise InvalidParameter(
+                "plans", "empty", "some, such as arm.plan.move_l(...), or go with a duration to wait"
+            )
+        end = max(plan.duration for plan in plans) if duration is None else duration
         if not (np.isfinite(end) and end > 0):
             raise InvalidParameter("duration", end, "a positive time [s]")
         for plan in plans:

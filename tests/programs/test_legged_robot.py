@@ -1,11 +1,12 @@
 """Legged robots do what joint angles tell them, and go on from where they stand."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from simrob_drake import LeggedRobot, Program, SimrobError, Workcell, load_station
+from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
@@ -516,13 +517,45 @@ class TestErrors:
 
     def test_a_program_that_the_robot_cannot_do_is_not_loaded(self, standing, tmp_path):
         file = Program.model_validate({"moves": [{"target_deg": {"torso_yaw": 10}}]}).save(tmp_path / "turn.yaml")
-        with pytest.raises(UnknownName, match="axis of humanoid"):
+        with pytest.raises(UnknownName, match=r"axis of humanoid \(under .*turn\.yaml: moves\[0\]\) 'torso_yaw'"):
             standing.load(file)
         assert standing.program == Program()
+
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [
+            (
+                {"moves": [{"target_deg": ARM}, {"target_deg": {"HomDF": 200}}]},
+                "moves[1]: right_shoulder_pitch would be",
+            ),
+            ({"moves": [{"target_deg": {"HomDF": 200}}]}, "moves[0]: right_shoulder_pitch would be at 200 deg"),
+            ({"moves": [{"walk": {"steps": 0}}]}, "moves[0]: steps is 0; it must be at least 2"),
+            ({"references": [{"target_deg": {"HomDF": 200}}]}, "references[0]: right_shoulder_pitch would be"),
+        ],
+    )
+    def test_a_file_and_its_move_are_named(self, standing, tmp_path, content, says):
+        file = Program.model_validate(content).save(tmp_path / "program.yaml")
+        with pytest.raises(SimrobError, match=f"^{re.escape(f'{file}: {says}')}"):
+            standing.load(file)
+        if "moves" in content:
+            with pytest.raises(SimrobError, match=f"^{re.escape(f'{file}: {says}')}"):
+                standing.run(file)
 
     def test_a_station_without_that_robot(self):
         with pytest.raises(SimrobError, match="there is no robot 'left'"):
             LeggedRobot("humanoid_fixed", "left")
+        for programmed in (LeggedRobot, Arm):
+            with pytest.raises(InvalidParameter, match="station is bouncing_ball; it must be one with a robot"):
+                programmed("bouncing_ball")
+
+    def test_legs_are_not_for_arms(self):
+        with pytest.raises(InvalidParameter, match="LeggedRobot"):
+            Arm("humanoid_dynamic")
+
+    def test_one_move_is_one(self, held):
+        held.insert(0, ARM)
+        with pytest.raises(InvalidParameter, match=r"the program has 1 move$"):
+            held.remove(3)
 
 
 TIP = {"TobD": -80, "TobI": -80}  # over, by the ankles' turn
