@@ -72,6 +72,10 @@ class ArmGeometry(CellRobot):
         robot = model.robots[self.name]
         return model.chain(self.name, robot.tools[robot.tcp])
 
+    def _described(self) -> list[str]:
+        place = " ".join(f"{value:.4g}" for value in self.pose()[:3].round(6) + 0.0)  # no -0
+        return [*super()._described(), f"tool {self.cell.model.robots[self.name].tcp} at {place} m"]
+
     def tool(self, tool: str | PoseLike) -> None:
         """Change the tool centre point (SimRob's Tool).
 

@@ -40,6 +40,13 @@ class CellRobot:
             raise UnknownName("robot", wanted, robots)
         self.name = wanted
 
+    def __repr__(self) -> str:
+        """Say in one line which robot it is, and how it is."""
+        return f"<{type(self).__name__} {self.name}: {', '.join(self._described())}>"
+
+    def _described(self) -> list[str]:
+        return [f"{self.cell.robot(self.name).model.name} in {self.cell.config.name}", f"{len(self.axes)} axes"]
+
     @property
     def axes(self) -> list[str]:
         """The names of the axes, in order."""

@@ -77,6 +77,12 @@ class Workcell:
         self._model = StationModel(self.config)
         self._initial = {name: robot.initial for name, robot in self._model.robots.items()}
 
+    def __repr__(self) -> str:
+        """Say in one line what stands in it."""
+        robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
+        pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
+        return f"<Workcell {self.config.name}, {self.config.mode}: {robots}{pieces}>"
+
     def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
         """Return one of the station's robots, to be programmed.
 

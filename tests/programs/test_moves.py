@@ -1,10 +1,12 @@
 """Moves on the kinematic station: the way of the tool, its times, and what comes of bad input."""
 
+import re
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from simrob_drake import Arm, SimrobError, Workcell, load_station
+from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.interpolation import Arc, turned_by
 from simrob_drake.programs.errors import BrokenPath, JointLimitExceeded, PathCollision, SpeedLimitExceeded
@@ -164,6 +166,21 @@ def test_the_tool_can_change(kinematic):
     np.testing.assert_allclose(result.pose("tcp")[-1, :3], goal, atol=1e-8)  # the result follows the same point
     kinematic.tool("tool0")
     assert Arm("irb120_kinematic", tool="tool0").pose()[2] == pytest.approx(0.63)  # facts of the arm
+
+
+def test_what_is_printed_fits_a_line():
+    cell = Workcell("two_arms")
+    assert re.fullmatch(r"<Workcell two_arms, \w+: left \(irb120\), right \(irb120\), pieces .*>", repr(cell))
+    assert re.fullmatch(
+        r"<Arm left: irb120 in two_arms, 6 axes, tool left_gripper at \S+ \S+ \S+ m>", str(cell.arm("left"))
+    )
+    robot = LeggedRobot("humanoid_dynamic")
+    robot.insert(0, {"HomDF": 3})
+    assert str(robot) == "<LeggedRobot robot: humanoid in humanoid_dynamic, 18 axes, feet spheres_C, program of 1 move>"
+    robot.insert(1, {"act": "bow"})
+    robot.add_reference({"HomDF": 3})
+    assert str(robot.program) == "<Program of 2 moves: target_deg, act; 1 reference>"
+    assert repr(Program()) == "<Program of 0 moves>"
 
 
 def test_a_station_comes_by_name_file_or_configuration(tmp_path):
