@@ -98,6 +98,10 @@ class ArmGeometry(CellRobot):
         robots = {**config.robots, self.name: entry.model_copy(update=changes)}
         self.cell.change(config.model_copy(update={"robots": robots}))
 
+    def tool_pose(self) -> RigidTransform:
+        """Return where the tool centre point is now, in the world; :meth:`pose` gives it as numbers."""
+        return as_transform(self.chain.forward(self.position)[0])
+
     def frame(self, wobj: WorkObject = None) -> RigidTransform:
         """Return the pose of a work object in the world; see :class:`ArmGeometry`."""
         if wobj is self:

@@ -109,11 +109,10 @@ def _from_here(robot: LeggedGeometry, motion: JointMotion) -> tuple[Vector, Vect
     begun = (count + int(np.ceil((share if still else 1.0) * _SETTLE_TIME / _SAMPLE))) * _SAMPLE
     if not begun:
         return motion.times, motion.positions, motion.velocities
-    if not count:
-        times, way, rates = np.zeros(1), first[np.newaxis], np.zeros((1, len(first)))
-    else:
+    times: Vector = np.arange(count + 1) * _SAMPLE
+    way, rates = first[np.newaxis], np.zeros((1, len(first)))
+    if count:
         ready = sequence(start, [count * _SAMPLE], [first])
-        times = np.arange(count + 1) * _SAMPLE
         way, rates = ready.vector_values(times).T, ready.derivative().vector_values(times).T
     return (
         np.concatenate([times, begun + motion.times]),

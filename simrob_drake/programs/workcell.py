@@ -19,7 +19,7 @@ from simrob_drake.programs.pieces import reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.solvers import SolverLike
 from simrob_drake.programs.tape import Take, Tape
-from simrob_drake.programs.targets import WorkObject
+from simrob_drake.programs.targets import HasTool, WorkObject
 from simrob_drake.programs.trajectories import Piece, rest, trajectory
 from simrob_drake.programs.window import Window
 from simrob_drake.results.result import SimulationResult
@@ -129,12 +129,10 @@ class Workcell:
             UnknownName: no such piece, frame or robot.
             InvalidParameter: something that is no pose.
         """
-        from simrob_drake.programs.arm_geometry import ArmGeometry
-
         if wobj is None or (isinstance(wobj, str) and wobj == WORLD):
             return RigidTransform()
-        if isinstance(wobj, ArmGeometry):
-            return as_transform(wobj.chain.forward(wobj.position)[0])
+        if isinstance(wobj, HasTool):
+            return wobj.tool_pose()
         if not isinstance(wobj, str):
             return as_transform(wobj)
         model, (name, *frame) = self.model, wobj.split(".", 1)
