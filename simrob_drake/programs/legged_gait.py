@@ -109,7 +109,7 @@ def _from_here(robot: LeggedGeometry, motion: JointMotion) -> tuple[Vector, Vect
     begun = (count + int(np.ceil((share if still else 1.0) * _SETTLE_TIME / _SAMPLE))) * _SAMPLE
     if not begun:
         return motion.times, motion.positions, motion.velocities
-    times: Vector = np.arange(count + 1) * _SAMPLE
+    times: Vector = np.linspace(0.0, count * _SAMPLE, count + 1)
     way, rates = first[np.newaxis], np.zeros((1, len(first)))
     if count:
         ready = sequence(start, [count * _SAMPLE], [first])

@@ -403,6 +403,14 @@ class TestGeometry:
             others = [axis for axis in range(len(q)) if axis not in moving]
             np.testing.assert_array_equal(found[others], robot.reference[others])
 
+    @pytest.mark.parametrize("name", HUMANOIDS)
+    def test_every_humanoid_raises_its_hand(self, name):
+        """The place of the docs: arms that hang straight bend, whatever side the robot looks to."""
+        robot = LeggedRobot(f"{name}_dynamic")
+        place = robot.pose("right_hand", frame="trunk")[:3] + np.array([0, 0, 0.05])
+        q = robot.joint("right_hand", place)
+        np.testing.assert_allclose(robot.pose("right_hand", q, "trunk")[:3], place, atol=1e-5)
+
     def test_a_leg_of_six_axes_reaches_a_pose(self):
         robot = LeggedRobot("roid1_dynamic")
         pose = robot.pose("left_foot", frame="trunk") + np.array([0.02, 0.01, 0.03, 0.1, 0.05, -0.05])
