@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.programs.film import save_film
 from simrob_drake.programs.given_moves import checked, move_of
 from simrob_drake.programs.legged_parts import check_some, joint_reference, parts_of
 from simrob_drake.programs.legged_program import Programmed
@@ -191,7 +192,7 @@ class LeggedRobot(Programmed):
         it goes on from where it was before.
 
         Returns:
-            the last run; :attr:`runs` has all of them.
+            the last run; :attr:`runs` has all of them, and :meth:`film` shows them as one.
 
         Raises:
             InvalidParameter: an empty program.
@@ -199,6 +200,18 @@ class LeggedRobot(Programmed):
         """
         check_some(self.program.moves)
         return self._do(self.program.moves, from_start=True)[-1]
+
+    def film(self, file: Path | str) -> Path:
+        """Write :attr:`runs`, one after the other, as one film; see :func:`save_film`.
+
+        Args:
+            file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
+
+        Raises:
+            InvalidParameter: nothing was run, a piece changes hands meanwhile, or another kind of file.
+            OutputError: the file cannot be written.
+        """
+        return save_film(self.runs, file)
 
     def reset(self, *, keep_program: bool = False) -> None:
         """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""
