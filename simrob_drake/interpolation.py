@@ -77,8 +77,8 @@ class Arc:
     angle: float
 
     @classmethod
-    def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike) -> Arc:
-        """Return the arc from ``start`` through ``middle`` to ``end``, each (3,) [m].
+    def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike, name: str = "the arc") -> Arc:
+        """Return the arc from ``start`` through ``middle`` to ``end``, each (3,) [m]; messages call it ``name``.
 
         Raises:
             InvalidParameter: points that coincide or lie on one line.
@@ -88,8 +88,9 @@ class Arc:
         normal = np.cross(to_b, to_c)
         sides = [float(np.linalg.norm(side)) for side in (to_b, to_c, c - b)]
         if min(sides) < _APART or np.linalg.norm(normal) < _STRAIGHT * sides[0] * sides[1]:
-            given = f"{a.tolist()}, {b.tolist()}, {c.tolist()}"
-            raise InvalidParameter("arc points", given, "three points that are not on one line")
+            given = ", ".join("[" + ", ".join(f"{value:.4g}" for value in place) + "]" for place in (a, b, c))
+            expected = f"through three points that are not on one line, unlike {given} m"
+            raise InvalidParameter(name, "straight", expected)
         first = np.cross((to_c @ to_c) * to_b - (to_b @ to_b) * to_c, normal) / (2 * normal @ normal)
         centre, axis = a - first, normal / np.linalg.norm(normal)
         across = np.cross(axis, first)

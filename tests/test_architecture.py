@@ -10,7 +10,19 @@ import pytest
 import simrob_drake
 
 PACKAGE = Path(simrob_drake.__file__).parent
-ROAD = ["base", "robots", "importer", "blocks", "stations", "results", "simulate", "programs", "tables", "cli"]
+ROAD = [
+    "base",
+    "robots",
+    "importer",
+    "blocks",
+    "stations",
+    "results",
+    "simulate",
+    "identification",
+    "programs",
+    "tables",
+    "cli",
+]
 BASE = {"errors", "constants", "paths", "folders", "frames", "interpolation", "yaml_files", "csv_files", "progress"}
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 

@@ -1,1 +1,1 @@
-"""What is done with robots and stations: moves and the kinematics under them, figures found from measurements."""
+"""What robots of a station are told to do: moves, gaits and programs, and the kinematics under them."""

@@ -55,7 +55,7 @@ class ArmGeometry(CellRobot):
         self.solver = solver
         model = self.cell.model.robots[self.name].model
         if model.base != "fixed":
-            raise InvalidParameter("robot", self.name, "a robot on a fixed base; legged ones are programmed otherwise")
+            raise InvalidParameter("robot", self.name, "one on a fixed base; LeggedRobot programs those with legs")
         if not self.cell.model.robots[self.name].tcp:
             raise InvalidParameter("robot", self.name, "a robot with a tool frame, under tools: in its robot.yaml")
         if tool is not None:
@@ -68,6 +68,10 @@ class ArmGeometry(CellRobot):
         model = self.cell.model
         robot = model.robots[self.name]
         return model.chain(self.name, robot.tools[robot.tcp])
+
+    def _described(self) -> list[str]:
+        place = " ".join(f"{value:.4g}" for value in self.pose()[:3].round(6) + 0.0)  # no -0
+        return [*super()._described(), f"tool {self.cell.model.robots[self.name].tcp} at {place} m"]
 
     def tool(self, tool: str | PoseLike) -> None:
         """Change the tool centre point (SimRob's Tool).
@@ -90,6 +94,10 @@ class ArmGeometry(CellRobot):
         config = self.cell.config
         robots = {**config.robots, self.name: entry.model_copy(update=changes)}
         self.cell.change(config.model_copy(update={"robots": robots}))
+
+    def tool_pose(self) -> RigidTransform:
+        """Return where the tool centre point is now, in the world; :meth:`pose` gives it as numbers."""
+        return as_transform(self.chain.forward(self.position)[0])
 
     def frame(self, wobj: WorkObject = None) -> RigidTransform:
         """Return the pose of a work object in the world; see :class:`ArmGeometry`."""

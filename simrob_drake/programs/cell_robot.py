@@ -25,15 +25,24 @@ class CellRobot:
 
         Raises:
             UnknownName: no such station or robot.
-            InvalidParameter: no robot named where there are several.
+            InvalidParameter: a station without a robot, or no robot named where there are several.
         """
         self.cell = station if isinstance(station, Workcell) else Workcell(station)
         robots, wanted = self.cell.config.robots, robot or self.cell.config.only_robot
+        if not robots:
+            raise InvalidParameter("station", self.cell.config.name, "one with a robot; it has none")
         if wanted is None:
-            raise InvalidParameter("robot", None, f"one of {', '.join(robots)}")
+            raise InvalidParameter("robot", "not named", f"one of {', '.join(robots)}: robot='{next(iter(robots))}'")
         if wanted not in robots:
             raise UnknownName("robot", wanted, robots)
         self.name = wanted
+
+    def __repr__(self) -> str:
+        """Say in one line which robot it is, and how it is."""
+        return f"<{type(self).__name__} {self.name}: {', '.join(self._described())}>"
+
+    def _described(self) -> list[str]:
+        return [f"{self.cell.robot(self.name).model.name} in {self.cell.config.name}", f"{len(self.axes)} axes"]
 
     @property
     def axes(self) -> list[str]:

@@ -24,7 +24,7 @@ def look_times(duration: float, points: int) -> Vector:
     return np.linspace(0.0, duration, _LOOKS * max(points, 10) + 1)
 
 
-def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming) -> None:
+def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, hint: str = "") -> None:
     """Check that all axes stay within their limits.
 
     Args:
@@ -32,6 +32,7 @@ def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming) -
         times: shape (k,) [s].
         postures: at these times, shape (k, n).
         named: how points are called.
+        hint: what the message ends with.
 
     Raises:
         JointLimitExceeded: names the first offending point.
@@ -44,7 +45,7 @@ def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming) -
     number, name = named(float(times[row]))
     value, revolute = float(postures[row, axis]), bool(chain.revolute[axis])
     limits = f"beyond its limits of {shown(chain.lower[axis], revolute)} to {shown(chain.upper[axis], revolute)}"
-    text = f"{shown(value, revolute)}, {limits}"
+    text = f"{shown(value, revolute)}, {limits}{hint}"
     raise JointLimitExceeded(name, chain.names[axis], point=number, time=float(times[row]), value=value, shown=text)
 
 

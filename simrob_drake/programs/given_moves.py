@@ -17,7 +17,7 @@ Entry = TypeVar("Entry", bound=Strict)
 _EXPECTED = {
     "duration": "a positive time [s]",
     "target_deg": "a mapping of at least one axis to degrees",
-    "steps": "a whole number of at least 1",
+    "steps": "a whole number",
     "amplitude": "a finite number; 1 walks as the gait's figures say",
 }
 

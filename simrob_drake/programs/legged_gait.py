@@ -12,6 +12,7 @@ from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import check_limits
+from simrob_drake.programs.gaits.choice import carries, first_gait, made_for
 from simrob_drake.programs.gaits.motion import MAX_STEP, JointMotion
 from simrob_drake.programs.gaits.registry import Kind, gaits_of
 from simrob_drake.programs.legged_geometry import LeggedGeometry
@@ -19,10 +20,13 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import FloorConfig, Input, ServoConfig, StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver
 
-_READY_TIME = 2.0
-"""Time to take the posture in which a gait begins [s]."""
-_SETTLE_TIME = 0.5
-"""Time to stand in it [s]."""
+_READY_TIME, _SETTLE_TIME = 2.0, 0.5
+"""Times to take the posture in which a gait begins, and to stand in it, from far away; nearer ones take less [s]."""
+_FAR = float(np.deg2rad(45.0))
+"""Way of a joint that takes these times; shorter ones take as long as its acceleration then is the same [rad]."""
+_SAME = 1e-9  # rad
+_AT_REST = 0.02
+"""Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
 _SAMPLE = 0.01  # s between the samples of the way into it
 _BESIDE = 1.0  # floor beyond the way [m]
 
@@ -50,9 +54,8 @@ def planned_gait(
     model = robot.model
     what = "act" if steps is None else "gait"
     known = gaits_of(model, steps=steps is not None)
-    default = model.feet.default if model.feet else None
-    worn = robot.cell.config.robots[robot.name].feet or default
-    name = _first_for(worn, default, known, model.name) if name is None else name
+    worn = robot.worn_feet
+    name = first_gait(model, worn, known) if name is None else name
     if name not in known:
         raise UnknownName(f"{what} of {model.name}", name, known)
     kind, figures = known[name]
@@ -60,12 +63,13 @@ def planned_gait(
         if key not in type(figures).model_fields:
             raise UnknownName(f"figure of the {what} {name}", key, type(figures).model_fields)
     _check_station(robot, kind, name, held=getattr(figures, "held", False))
+    made = changes.get("feet") or made_for(model, figures)
+    if kind.on_feet and not carries(model, worn, made):
+        raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made}, for {name}: set robot.feet to {made}")
     if steps is None:
         motion = kind.plan(model, name, **changes)
     else:
         motion = kind.plan(model, steps, name, amplitude=amplitude, **changes)
-    if kind.on_feet and (made_for := motion.feet or default) != worn:
-        raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made_for}, for which {name} is made")
     check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
     return motion
 
@@ -74,20 +78,12 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a gait from where a robot stands, and return the run; the floor stays as large as it had to become."""
     cell, own = robot.cell, robot.cell.config
     adapted = _adapted(robot, motion)
-    times, positions, velocities = _from_here(robot.reference, motion)
+    times, positions, velocities = _from_here(robot, motion)
     trajectory = PiecewisePolynomial.CubicHermite(times, positions.T, velocities.T)
     cell.change(adapted)
     result = cell.follow({robot.name: trajectory}, float(times[-1]))
     cell.change(own.model_copy(update={"floor": adapted.floor}))
     return result
-
-
-def _first_for(feet: str | None, default: str | None, known: Mapping[str, tuple[Kind, Any]], model: str) -> str:
-    """Return the name of the first gait that is made for a kind of feet; those that name none are for the default."""
-    for name, (_, figures) in known.items():
-        if (getattr(figures, "feet", None) or default) == feet:
-            return name
-    raise InvalidParameter(f"gait of {model}", "none", f"one for the feet {feet}")
 
 
 def _check_station(robot: LeggedGeometry, kind: Kind, name: str, *, held: bool) -> None:
@@ -100,15 +96,28 @@ def _check_station(robot: LeggedGeometry, kind: Kind, name: str, *, held: bool) 
         raise InvalidParameter("station", config.name, f"a dynamic one with a floor and contact, for {name}")
 
 
-def _from_here(start: Vector, motion: JointMotion) -> tuple[Vector, Vector, Vector]:
-    """Return times, angles and their rates: into the first posture of a motion, a rest, and the motion."""
-    ready = sequence(start, [_READY_TIME], [motion.positions[0]])
-    times = np.arange(0.0, _READY_TIME, _SAMPLE)
-    begun = _READY_TIME + _SETTLE_TIME
+def _from_here(robot: LeggedGeometry, motion: JointMotion) -> tuple[Vector, Vector, Vector]:
+    """Return times, angles and their rates: into the first posture of a motion, a rest, and the motion.
+
+    Way and rest take the less time the nearer the robot is, none if it stands there.
+    """
+    start, first = robot.reference, motion.positions[0]
+    far = float(np.abs(first - start).max())
+    share = float(np.sqrt(min(far / _FAR, 1.0))) if far > _SAME else 0.0
+    still = max(np.abs(robot.velocity).max(), np.abs(robot.position - start).max()) <= _AT_REST
+    count = int(np.ceil(share * _READY_TIME / _SAMPLE))
+    begun = (count + int(np.ceil((share if still else 1.0) * _SETTLE_TIME / _SAMPLE))) * _SAMPLE
+    if not begun:
+        return motion.times, motion.positions, motion.velocities
+    times: Vector = np.linspace(0.0, count * _SAMPLE, count + 1)
+    way, rates = first[np.newaxis], np.zeros((1, len(first)))
+    if count:
+        ready = sequence(start, [count * _SAMPLE], [first])
+        way, rates = ready.vector_values(times).T, ready.derivative().vector_values(times).T
     return (
-        np.concatenate([times, [_READY_TIME], begun + motion.times]),
-        np.vstack([ready.vector_values(times).T, motion.positions[0], motion.positions]),
-        np.vstack([ready.derivative().vector_values(times).T, np.zeros_like(start), motion.velocities]),
+        np.concatenate([times, begun + motion.times]),
+        np.vstack([way, motion.positions]),
+        np.vstack([rates, motion.velocities]),
     )
 
 

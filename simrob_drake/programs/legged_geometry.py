@@ -41,6 +41,11 @@ class LeggedGeometry(CellRobot):
         return self.cell.robot(self.name).model
 
     @property
+    def worn_feet(self) -> str | None:
+        """The kind of feet that it stands on: the station's ``robot.feet``, else its default one; None without feet."""
+        return self.cell.config.robots[self.name].feet or (self.model.feet.default if self.model.feet else None)
+
+    @property
     def base_pose(self) -> RigidTransform:
         """Pose of the root link in the world."""
         return self.cell.model.pose(self.cell.robot(self.name).root)

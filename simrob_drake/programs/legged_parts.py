@@ -66,20 +66,21 @@ class HandOver:
         robot.cell.change(handed_over(robot.cell.model, robot.name, self.move))
 
 
-def parts_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationConfig) -> list[Part]:
+def parts_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationConfig, file: str = "") -> list[Part]:
     """Cut a program into parts, after checking all of it.
 
     Args:
         robot: who does it.
         moves: of the program.
         station: as it is when the program begins.
+        file: that the program stands in, for messages.
 
     Raises:
         SimrobError: what the robot cannot do; names the move.
     """
     parts: list[Part] = []
     for number, move in enumerate(moves):
-        name = move_name(number, len(moves))
+        name = move_name(number, len(moves), file)
         if isinstance(move, Move):
             targets_on(robot.model, move.target_deg, name, move.duration)
             before = parts[-1] if parts else None
@@ -88,7 +89,7 @@ def parts_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationCo
             else:
                 parts.append(JointMoves((move,)))
             continue
-        with _naming(name if len(moves) > 1 else ""):
+        with _naming(name if len(moves) > 1 or file else ""):
             match move:
                 case WalkMove(walk=walk):
                     figures = walk.model_extra or {}

@@ -13,7 +13,7 @@ from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.legged_parts import parts_of
 from simrob_drake.programs.moves import MOVE_TIME, AnyMove, Move
 from simrob_drake.programs.postures import targets_on
-from simrob_drake.programs.program import Program
+from simrob_drake.programs.program import Program, counted
 from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.state import State
@@ -45,6 +45,10 @@ class Programmed(LeggedGeometry):
         self._start = self.cell.config
         self.runs: list[SimulationResult] = []
         self._past: list[Snapshot] = []
+
+    def _described(self) -> list[str]:
+        feet = [] if self.worn_feet is None else [f"feet {self.worn_feet}"]
+        return [*super()._described(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
 
     def add_reference(self, target_deg: Mapping[str, float]) -> None:
         """Store targets without a time as a cell for a sequencer, which decides when to go on (AddRef).
@@ -121,15 +125,15 @@ class Programmed(LeggedGeometry):
 
         Raises:
             InvalidConfig: a damaged file.
-            SimrobError: a program that this robot cannot do.
+            SimrobError: a program that this robot cannot do; names the file and the move.
         """
         program = Program.load(file)
-        for cell in program.references:
-            targets_on(self.model, cell.target_deg, "the reference")
-        self._replace(program)
+        for number, cell in enumerate(program.references):
+            targets_on(self.model, cell.target_deg, f"{file}: references[{number}]")
+        self._replace(program, str(file))
 
-    def _replace(self, program: Program) -> None:
-        parts_of(self, program.moves, self._start)  # the robot can do them
+    def _replace(self, program: Program, file: str = "") -> None:
+        parts_of(self, program.moves, self._start, file)  # the robot can do them
         self._remember()
         self.program = program
 

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.programs.film import save_film
 from simrob_drake.programs.given_moves import checked, move_of
 from simrob_drake.programs.legged_parts import check_some, joint_reference, parts_of
 from simrob_drake.programs.legged_program import Programmed
+from simrob_drake.programs.legged_step import step_moves
 from simrob_drake.programs.moves import (
     MOVE_TIME,
     Act,
@@ -27,15 +29,8 @@ from simrob_drake.programs.workcell import GOES_ON
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.state import State
 from simrob_drake.simulate import Reference
+from simrob_drake.stations.monitor_config import Fall
 from simrob_drake.stations.names import WORLD
-
-STEP: tuple[Mapping[str, float], ...] = (
-    {"left_hip_pitch": 60, "left_knee": 60},
-    {"right_knee": 30, "right_ankle_pitch": -30},
-    {"left_hip_pitch": 0, "left_knee": 0},
-    {"right_knee": 0, "right_ankle_pitch": 0, "right_shoulder_pitch": 0},
-)
-"""The step of the thesis (p. 94, "Paso") [deg]."""
 
 
 class LeggedRobot(Programmed):
@@ -44,7 +39,9 @@ class LeggedRobot(Programmed):
     Axes go by name or alias, angles are absolute and in degrees, and the axes of a move go together, at constant speed
     on a dynamic station and with continuous acceleration on a kinematic one; axes that a move does not name stay where
     their references are. Every run goes on from the state that the last one left: joints, velocities, pose of the
-    trunk. What cannot be done raises an error before anything moves, and leaves robot and program as they were.
+    trunk. What cannot be done raises an error before anything moves, and leaves robot and program as they were. So does
+    a run that diverges, is interrupted, or is ended by a monitor of a fall: nothing of it is stored, and there is
+    nothing to undo; ``message`` of the result tells what happened. What another monitor stops counts as done.
 
     Attributes of :class:`LeggedGeometry`, and:
         program: the moves and cells that are stored.
@@ -68,21 +65,27 @@ class LeggedRobot(Programmed):
     def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
         """Move from the last state, and store the move at the end of the program (AddMove).
 
-        A run that diverges is not stored. Arguments and errors are those of :meth:`test_move`.
+        A run that diverges or in which the robot falls is not stored. Arguments and errors are those of
+        :meth:`test_move`.
         """
         return self._do([move_of(target_deg, duration)], store=True)[-1]
 
-    def step(self, move_time: float = MOVE_TIME) -> SimulationResult:
-        """Take the step of the thesis with the left leg, four moves, and store them (Paso).
+    def step(self, move_time: float | None = None) -> SimulationResult:
+        """Go one step ahead, and store it (Paso).
+
+        A robot whose ``gaits.yaml`` has a sequence ``step``, as the humanoid of MATLAB, goes through its postures by
+        moves of joints: the step of the thesis with the left leg, four moves (p. 94), made for its large feet. The
+        others take one step of the first gait for their feet, of full length, and bring their feet together.
 
         Args:
-            move_time: of each of the moves [s].
+            move_time: of each of the moves [s], 1 in the thesis; or of each step of the gait. Their own unless given.
 
         Raises:
-            UnknownName: a robot without the joints of a humanoid.
-            InvalidParameter: a time that is not positive.
+            InvalidParameter: a robot without legs or gaits, without a gait for its feet, or a time that is not
+                positive.
+            SimrobError: as :meth:`walk`.
         """
-        return self._do([move_of(targets, move_time) for targets in STEP], store=True)[-1]
+        return self._do(step_moves(self, move_time), store=True)[-1]
 
     def walk(
         self,
@@ -95,8 +98,9 @@ class LeggedRobot(Programmed):
     ) -> SimulationResult:
         """Walk from the last state (Marcha).
 
-        The robot first takes the posture in which its gait begins. Servos and floor are those of the gait while it
-        walks, and steps of the solver are 10 ms at most; the floor stays as large as it had to become.
+        The robot first takes the posture in which its gait begins, in up to 2.5 s; if it stands so, it walks at once.
+        Servos and floor are those of the gait while it walks, and steps of the solver are 10 ms at most; the floor
+        stays as large as it had to become.
 
         Args:
             steps: how many; legs in turn for a crawl.
@@ -119,7 +123,7 @@ class LeggedRobot(Programmed):
     def act(self, name: str, *, store: bool = False, **changes: Any) -> SimulationResult:
         """Go through postures from the last state, or stand on three legs.
 
-        The robot first takes the posture in which the act begins.
+        The robot first takes the posture in which the act begins, in up to 2.5 s, or at once if it stands so.
 
         Args:
             name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.
@@ -144,7 +148,7 @@ class LeggedRobot(Programmed):
         """
         given = program if isinstance(program, Program) else Program.load(program)
         check_some(given.moves)
-        return self._do(given.moves)[-1]
+        return self._do(given.moves, file="" if given is program else str(program))[-1]
 
     def planned(self, program: Program) -> tuple[Reference, float]:
         """Return the reference that a program of joint moves is from where the robot is, and its duration [s].
@@ -185,10 +189,11 @@ class LeggedRobot(Programmed):
         """Run all that is stored from the start (Sim); the robot goes on from its end.
 
         Moves of joints that follow each other are one run, and so is each walk and act, which has servos and solver
-        of its own; pieces change hands between runs. A monitor that ends a run ends the program.
+        of its own; pieces change hands between runs. A monitor that ends a run ends the program; if the robot falls,
+        it goes on from where it was before.
 
         Returns:
-            the last run; :attr:`runs` has all of them.
+            the last run; :attr:`runs` has all of them, and :meth:`film` shows them as one.
 
         Raises:
             InvalidParameter: an empty program.
@@ -197,6 +202,18 @@ class LeggedRobot(Programmed):
         check_some(self.program.moves)
         return self._do(self.program.moves, from_start=True)[-1]
 
+    def film(self, file: Path | str) -> Path:
+        """Write :attr:`runs`, one after the other, as one film; see :func:`save_film`.
+
+        Args:
+            file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
+
+        Raises:
+            InvalidParameter: nothing was run, a piece changes hands meanwhile, or another kind of file.
+            OutputError: the file cannot be written.
+        """
+        return save_film(self.runs, file)
+
     def reset(self, *, keep_program: bool = False) -> None:
         """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""
         self._remember()
@@ -204,9 +221,11 @@ class LeggedRobot(Programmed):
         if not keep_program:
             self.program = Program()
 
-    def _do(self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False) -> list[SimulationResult]:
+    def _do(
+        self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False, file: str = ""
+    ) -> list[SimulationResult]:
         """Do moves part by part, and return the runs; what goes wrong leaves robot and program as they were."""
-        parts = parts_of(self, moves, self._start if from_start else self.cell.config)
+        parts = parts_of(self, moves, self._start if from_start else self.cell.config, file)
         snapshot, runs = self._snapshot(), list[SimulationResult]()
         try:
             if from_start:
@@ -221,7 +240,7 @@ class LeggedRobot(Programmed):
             self._restore(snapshot)
             raise
         self.runs = runs or self.runs
-        if runs and runs[-1].ending not in GOES_ON:
+        if runs and not _goes_on(runs[-1]):
             self._restore(snapshot)
             return runs
         self._remember(snapshot)
@@ -232,3 +251,10 @@ class LeggedRobot(Programmed):
     def _back_to_start(self) -> None:
         self.cell.change(self._start)
         self.cell.state = State.at_start_of(self._start)
+
+
+def _goes_on(result: SimulationResult) -> bool:
+    """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
+    monitor = result.config.monitors.get(result.stopped_by or "")
+    fell = isinstance(monitor, Fall) and monitor.piece is None
+    return result.ending in GOES_ON and not fell

@@ -65,8 +65,8 @@ class Walk(_Brief):
 
     model_config = ConfigDict(extra="allow")
 
-    steps: Annotated[int, Field(strict=True, ge=1)]
-    """How many."""
+    steps: Annotated[int, Field(strict=True)]
+    """How many; the fewest depend on the gait."""
     amplitude: Number = 1.0
     """Scales them."""
     gait: str | None = None

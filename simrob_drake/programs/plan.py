@@ -105,7 +105,7 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector
     """
     given = [key for key in ("duration", "times", "speed") if key in how]
     if len(given) > 1:
-        raise InvalidParameter(" and ".join(given), "both given", "given alone: each sets how long the move takes")
+        raise InvalidParameter("the time of the move", f"given by {' and '.join(given)}", "given by one of them")
     lengths = np.array([segment.length for segment in segments])
     turns = np.array([np.abs(np.diff(segment.postures, axis=0)).sum(axis=0).max() for segment in segments])
     shares = np.maximum(lengths + _TURN_LENGTH * turns, _AT_ONCE)

@@ -68,7 +68,7 @@ class Planner:
             joint_segment(self.chain, start, row, points=points, target=name)
             for start, row, name in zip(starts, rows, names, strict=True)
         ]
-        return self._checked(segments, how, points, through=not stop and len(rows) > 1)
+        return self._checked(segments, how, points, through=not stop and len(rows) > 1, hint=_hint(self.chain, rows))
 
     def move_j(
         self,
@@ -158,10 +158,7 @@ class Planner:
         begin, start = self._pose(), self.start
         for index, (middle, pose) in enumerate(zip(middles, poses, strict=True)):
             name = target_name(index, len(poses))
-            try:
-                way = _ArcWay(begin, middle, pose)
-            except InvalidParameter as problem:
-                raise InvalidParameter(f"the arc to {name}", str(problem), "three points off one line") from problem
+            way = _ArcWay(begin, middle, pose, f"the arc to {name}")
             segments.append(pose_segment(inverse, way, start, points=points, length=way.length, target=name))
             begin, start = pose, segments[-1].end
         return self._checked(segments, how, points)
@@ -173,8 +170,10 @@ class Planner:
         """Return the pose of the tool at the start, shape (4, 4)."""
         return np.asarray(self.chain.forward(self.start)[0])
 
-    def _checked(self, segments: list[Segment], how: How, points: int, *, through: bool = False) -> Plan:
-        """Give segments their times, and look at the move."""
+    def _checked(
+        self, segments: list[Segment], how: How, points: int, *, through: bool = False, hint: str = ""
+    ) -> Plan:
+        """Give segments their times, and look at the move: first at the targets, for which messages may have a hint."""
         check: Check = how.get("check", "limits")
         if check not in get_args(Check):
             raise UnknownName("check", str(check), get_args(Check))
@@ -186,6 +185,11 @@ class Planner:
                 plan = self._plan(segments, times * ratio / _LESS_THAN_FULL, points, through)
         looks = look_times(plan.duration, points * len(times))
         if check != "nothing":
+            names = [(points, target_name(index, len(times))) for index in range(len(times))]
+            ends = np.array([segment.end for segment in segments])
+            check_limits(
+                self.chain, plan.arrivals, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint
+            )
             check_limits(self.chain, looks, plan.postures(looks), plan.named)
             check_speeds(self.chain, plan.trajectory, looks, self.speed_limits, plan.named)
         if check == "collision":
@@ -215,13 +219,23 @@ class _Line:
 class _ArcWay:
     """The poses (k, 4, 4) at parts (k,) of an arc from a pose through a place (3,) to a pose."""
 
-    def __init__(self, begin: Vector, middle: Vector, end: Vector) -> None:
+    def __init__(self, begin: Vector, middle: Vector, end: Vector, name: str) -> None:
         self._begin, self._end = begin, end
-        self._arc = Arc.through(begin[:3, 3], middle, end[:3, 3])
+        self._arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
         self.length = self._arc.length
 
     def __call__(self, parts: Vector) -> Vector:
         return stacked(self._arc.points(parts), turn(self._begin[:3, :3], self._end[:3, :3], parts))
+
+
+def _hint(chain: Chain, rows: Vector) -> str:
+    """Return what to ask of postures (k, n) that would do if they were in degrees; empty if they would not."""
+    turned = np.where(chain.revolute, np.deg2rad(rows), rows)
+    fit = ((turned >= chain.lower) & (turned <= chain.upper)).all()
+    whole_turns = (np.abs(rows) > 2 * np.pi) & chain.revolute
+    return (
+        "; angles are in radians: were these degrees? np.deg2rad(...) turns them" if fit and whole_turns.any() else ""
+    )
 
 
 def _points(how: How, default: int) -> int:

@@ -46,8 +46,10 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
     return found
 
 
-def move_name(number: int, count: int) -> str:
-    """Return what messages call a move of a program that has so many."""
+def move_name(number: int, count: int, file: str = "") -> str:
+    """Return what messages call a move of a program that has so many, and may stand in a file."""
+    if file:
+        return f"{file}: moves[{number}]"
     return f"move {number}" if count > 1 else "the move"
 
 

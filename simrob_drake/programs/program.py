@@ -31,6 +31,15 @@ class Program(Strict):
         """Of all moves of joints [s]; what walks and acts take depends on the robot."""
         return float(sum(move.duration for move in self.moves if isinstance(move, Move)))
 
+    def __repr__(self) -> str:
+        """Say in one line what it holds."""
+        moves = ", ".join(next(iter(type(move).model_fields)) for move in self.moves)
+        held = f"{counted(len(self.moves), 'move')}{shortened(f': {moves}') if moves else ''}"
+        references = f"; {counted(len(self.references), 'reference')}" if self.references else ""
+        return f"<Program of {held}{references}>"
+
+    __str__ = __repr__
+
     def added(self, *moves: AnyMove) -> Program:
         """Return the program with moves behind it."""
         return self.model_copy(update={"moves": (*self.moves, *moves)})
@@ -98,10 +107,17 @@ class Program(Strict):
         place = index + count if index < 0 else index
         if not 0 <= place <= last:
             expected = (
-                f"from {-count} to {last}, the program has {count} moves" if last >= 0 else "of a move; there is none"
+                f"from {-count} to {last}, the program has {counted(count, 'move')}"
+                if last >= 0
+                else "of a move; there is none"
             )
             raise InvalidParameter("index", index, expected)
         return place
+
+
+def counted(count: int, thing: str) -> str:
+    """Return how many things there are, in words of messages."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
 def _check_entry(entry: Any, key: str, where: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +14,16 @@ from simrob_drake.frames import PoseLike, Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.programs.kinematics.poses import Targets, pose_matrices
 
-if TYPE_CHECKING:
-    from simrob_drake.programs.arm_geometry import ArmGeometry
 
-WorkObject: TypeAlias = "str | PoseLike | ArmGeometry | None"
+@runtime_checkable
+class HasTool(Protocol):
+    """A robot in whose tool's frame targets may be, such as an :class:`~simrob_drake.Arm`."""
+
+    def tool_pose(self) -> RigidTransform:
+        """Return where its tool centre point is now, in the world."""
+
+
+WorkObject: TypeAlias = str | PoseLike | HasTool | None
 """In whose frame targets are: a piece's name (its tool centre point) or one of its frames as ``piece.frame``, a robot's
 name or an arm (its tool centre point), a pose in any form, or None for the world."""
 PoseTargets: TypeAlias = Targets

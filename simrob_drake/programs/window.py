@@ -44,10 +44,6 @@ class Window:
         draw_tool_paths(self._meshcat, result, self._paths)
         self._paths += 1
 
-    def clear_paths(self) -> None:
-        """Take the drawn ways away."""
-        self._meshcat.Delete("tool_path")
-
     def close(self) -> None:
         """Close the window and its port."""
         self._view.close()

@@ -19,7 +19,7 @@ from simrob_drake.programs.pieces import reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.solvers import SolverLike
 from simrob_drake.programs.tape import Take, Tape
-from simrob_drake.programs.targets import WorkObject
+from simrob_drake.programs.targets import HasTool, WorkObject
 from simrob_drake.programs.trajectories import Piece, rest, trajectory
 from simrob_drake.programs.window import Window
 from simrob_drake.results.result import SimulationResult
@@ -76,6 +76,12 @@ class Workcell:
         self._window: Window | None = None
         self._model = StationModel(self.config)
 
+    def __repr__(self) -> str:
+        """Say in one line what stands in it."""
+        robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
+        pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
+        return f"<Workcell {self.config.name}, {self.config.mode}: {robots}{pieces}>"
+
     def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
         """Return one of the station's robots, to be programmed.
 
@@ -122,12 +128,10 @@ class Workcell:
             UnknownName: no such piece, frame or robot.
             InvalidParameter: something that is no pose.
         """
-        from simrob_drake.programs.arm_geometry import ArmGeometry
-
         if wobj is None or (isinstance(wobj, str) and wobj == WORLD):
             return RigidTransform()
-        if isinstance(wobj, ArmGeometry):
-            return as_transform(wobj.chain.forward(wobj.position)[0])
+        if isinstance(wobj, HasTool):
+            return wobj.tool_pose()
         if not isinstance(wobj, str):
             return as_transform(wobj)
         model, (name, *frame) = self.model, wobj.split(".", 1)
@@ -150,7 +154,11 @@ class Workcell:
         """
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
-        end = max((plan.duration for plan in plans), default=0.0) if duration is None else duration
+        if not plans and duration is None:
+            raise InvalidParameter(
+                "plans", "empty", "some, such as arm.plan.move_l(...), or go with a duration to wait"
+            )
+        end = max(plan.duration for plan in plans) if duration is None else duration
         if not (np.isfinite(end) and end > 0):
             raise InvalidParameter("duration", end, "a positive time [s]")
         for plan in plans:

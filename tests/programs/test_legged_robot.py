@@ -1,14 +1,21 @@
 """Legged robots do what joint angles tell them, and go on from where they stand."""
 
+import re
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from simrob_drake import LeggedRobot, Program, SimrobError, Workcell, load_station, simulate
+from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
+from simrob_drake.programs.gaits.choice import first_gait
 from simrob_drake.programs.gaits.leg_angles import OutOfReach
+from simrob_drake.programs.gaits.quadruped import three_legs
 from simrob_drake.programs.kinematics import Unreachable
+from simrob_drake.programs.legged_gait import planned_gait
+from simrob_drake.robots.catalog import load_robot
 
 HUMANOIDS = ("humanoid", "roid1", "zjudancer")
 ARM, KNEES = {"HomDF": 40}, {"CadDF": 15, "RodD": 45, "TobD": -30, "CadIF": 15, "RodI": 45, "TobI": -30}
@@ -93,8 +100,8 @@ class TestMoves:
     def test_the_step_of_the_thesis(self, standing):
         result = standing.step()
         assert [dict(move.target_deg) for move in standing.program.moves][1] == {
-            "right_knee": 30,
-            "right_ankle_pitch": -30,
+            "RodD": 30,
+            "TobD": -30,
         }
         assert result.ending == "completed"
         assert standing.base_pose.translation()[1] == pytest.approx(-0.06, abs=0.02)  # towards -y
@@ -237,8 +244,66 @@ class TestEveryRobot:
 
     def test_a_gait_is_made_for_its_feet(self):
         robot = LeggedRobot(load_station("humanoid_dynamic", {"robot.feet": "spheres_B"}))
-        with pytest.raises(InvalidParameter, match=r"feet of humanoid is spheres_B; it must be spheres_C"):
+        with pytest.raises(
+            InvalidParameter, match=r"is spheres_B; it must be spheres_C, .* set robot\.feet to spheres_C"
+        ):
             robot.walk(2, gait="walk")
+
+    @pytest.mark.parametrize(("name", "least"), [("roid1", 0.06), ("zjudancer", 0.1), ("humanoid", 0.06)])
+    def test_feet_as_large_carry_a_gait_that_is_made_for_others(self, name, least):
+        """Soles under what is planned for spheres; the humanoid's, 15 % narrower than those of `real_sole`, too."""
+        soles = {"robot.feet": "soles", "contact.model": "hydroelastic_with_fallback"}
+        robot = LeggedRobot(load_station(f"{name}_dynamic", soles))
+        result = robot.walk(4)
+        assert result.ending == "completed"
+        assert result.summary()["locomotion"]["ahead"] > least
+
+    def test_feet_without_a_gait_are_told(self):
+        known = {"walk": (None, SimpleNamespace(feet="spheres_C")), "march": (None, SimpleNamespace(feet=None))}
+        with pytest.raises(
+            InvalidParameter, match=r"is soles; it must be some that it has a gait for: spheres_C \(robot"
+        ):
+            first_gait(load_robot("humanoid"), "soles", known)
+
+
+class TestStep:
+    """One step: upright, ahead by its length within a third, and standing at the end."""
+
+    @pytest.mark.parametrize("solver", [{}, {"solver.accuracy": 5e-4, "solver.max_step": 0.005}], ids=["", "tight"])
+    @pytest.mark.parametrize(
+        ("name", "way", "feet"),
+        [
+            ("roid1", 0.07, None),
+            ("zjudancer", 0.1, None),
+            ("yobotics", 0.15, None),
+            ("humanoid", 0.06, None),
+            ("humanoid", 0.06, "spheres_B"),
+        ],
+    )
+    def test_every_legged_robot_takes_a_step(self, name, way, feet, solver):
+        station = f"{name}_dynamic"
+        robot = LeggedRobot(load_station(station, solver if feet is None else solver | {"robot.feet": feet}))
+        upright = robot.base_pose.rotation().matrix()[2]
+        result = robot.step()
+        assert result.ending == "completed"
+        assert result.summary()["locomotion"]["ahead"] == pytest.approx(way, rel=0.33)
+        assert abs(result.summary()["locomotion"]["drift"]) < 0.01
+        assert robot.base_pose.rotation().matrix()[2] @ upright > np.cos(np.deg2rad(4))
+        assert len(robot.program.moves) == (4 if name == "humanoid" and feet is None else 1)
+        stays = robot.base_pose.translation()
+        robot.test_move({robot.axes[0]: np.rad2deg(robot.reference[0])}, 1.0)
+        np.testing.assert_allclose(robot.base_pose.translation(), stays, atol=0.015)  # the humanoid's servos lag by 1 s
+
+    def test_its_time_is_that_of_its_moves(self):
+        quick, slow = LeggedRobot("humanoid_fixed"), LeggedRobot("roid1_dynamic")
+        quick.step(0.1)
+        assert [move.duration for move in quick.program.moves] == [0.1] * 4
+        slow.step(0.5)
+        assert slow.program.moves[0].model_dump()["walk"] == {"steps": 2, "ramp_steps": 0, "step_time": 0.5}
+
+    def test_who_has_no_legs_is_told(self):
+        with pytest.raises(InvalidParameter, match=r"robot is irb120; .* step\(\) is for legged robots"):
+            LeggedRobot("irb120_dynamic").step()
 
 
 class TestGaits:
@@ -254,31 +319,58 @@ class TestGaits:
     def test_a_sequence_ends_in_its_last_posture(self, held):
         held.test_move(ARM, 0.2)
         result = held.act("wave", rest=0.0)
-        assert result.stop_time == pytest.approx(2.0 + 0.5 + 4.0)  # into its posture, there, and the sequence
-        at = {round(time, 2): row for time, row in zip(result.times, np.rad2deg(result["q.right_elbow"]), strict=True)}
-        assert (at[2.5], at[3.5], at[4.0]) == pytest.approx((0, 20, 60), abs=1e-6)
+        begun = result.stop_time - 4.0  # into its posture, 45 deg away, and there
+        assert begun == pytest.approx(2.0 + 0.5)
+        at = np.interp(begun + np.array([0.0, 1.0, 1.5]), result.times, np.rad2deg(result["q.right_elbow"]))
+        assert at == pytest.approx((0, 20, 60), abs=1e-3)
         assert turned(held, "right_shoulder_pitch") == pytest.approx(0, abs=1e-6)
         assert held.program == Program()
         held.undo()
         assert turned(held, "right_shoulder_pitch") == pytest.approx(40)
 
+    @pytest.mark.parametrize("name", ["humanoid", "yobotics"])
+    def test_who_stands_in_the_posture_of_a_gait_begins_at_once(self, name):
+        robot = LeggedRobot(f"{name}_dynamic")
+        first, second = (robot.walk(4, store=True) for _ in range(2))
+        planned = planned_gait(robot, None, {}, steps=4).duration
+        assert planned <= second.stop_time < planned + 0.2
+        assert second.stop_time < first.stop_time
+        assert second.ending == "completed"
+        ahead = [result.summary()["locomotion"]["ahead"] for result in (first, second)]
+        assert ahead[1] == pytest.approx(ahead[0], rel=0.2)  # it walks as well
+
+    def test_who_is_still_moving_settles_first(self, held):
+        held.act("wave", rest=0.0)
+        assert held.act("wave", rest=0.0).stop_time == pytest.approx(4.0)  # there already
+        held.test_move({"HomDF": 20}, 0.3)
+        assert held.act("wave", rest=0.0).stop_time == pytest.approx(4.0 + 2.5 * np.sqrt(20 / 45), abs=0.02)
+        standing = LeggedRobot("humanoid_dynamic")
+        ready = standing.act("crouch", rest=0.0).stop_time
+        standing.test_move({"HomDF": 40}, 0.1)
+        standing.test_move({"HomDF": 0}, 0.1)  # back in the posture, by its references
+        assert standing.act("crouch", rest=0.0).stop_time == pytest.approx(6.5)
+        assert ready > 6.5
+
     def test_figures_of_an_act_can_be_changed(self, held):
+        held.act("swim")
         once, twice = (held.act("swim", repeat=count).stop_time for count in (1, 2))
         assert twice - once == pytest.approx(2.0)
 
     def test_the_quadruped_lifts_the_foot_that_is_asked_for(self):
         robot = LeggedRobot("yobotics_dynamic")
         result = robot.act("three_legs", foot="rear_right_foot", seconds=0.5, height=0.03)
-        middle = result.axes("q")[np.searchsorted(result.times, 2.5 + 1.5 + 0.6 + 0.25)]
+        planned = three_legs("yobotics", foot="rear_right_foot", seconds=0.5).duration
+        begun = result.stop_time - planned
+        middle = result.axes("q")[np.searchsorted(result.times, begun + 1.5 + 0.6 + 0.25)]
         rise = {foot: robot.pose(foot, middle, "trunk")[2] - robot.pose(foot, frame="trunk")[2] for foot in robot.feet}
         assert rise.pop("rear_right_foot") == pytest.approx(0.03, abs=0.01)
         assert max(map(abs, rise.values())) < 0.005
 
     def test_a_fall_ends_the_act(self, standing):
-        result = standing.act("fall_forward")
+        result = standing.act("fall_forward", store=True)
         assert result.stopped_by == "fall"
-        standing.undo()
-        assert standing.cell.state is None
+        assert standing.cell.state is None  # as before
+        assert standing.program == Program()
 
 
 class TestGeometry:
@@ -310,6 +402,14 @@ class TestGeometry:
             np.testing.assert_allclose(robot.pose(tool, found, "trunk")[:3], wanted, atol=1e-5)
             others = [axis for axis in range(len(q)) if axis not in moving]
             np.testing.assert_array_equal(found[others], robot.reference[others])
+
+    @pytest.mark.parametrize("name", HUMANOIDS)
+    def test_every_humanoid_raises_its_hand(self, name):
+        """The place of the docs: arms that hang straight bend, whatever side the robot looks to."""
+        robot = LeggedRobot(f"{name}_dynamic")
+        place = robot.pose("right_hand", frame="trunk")[:3] + np.array([0, 0, 0.05])
+        q = robot.joint("right_hand", place)
+        np.testing.assert_allclose(robot.pose("right_hand", q, "trunk")[:3], place, atol=1e-5)
 
     def test_a_leg_of_six_axes_reaches_a_pose(self):
         robot = LeggedRobot("roid1_dynamic")
@@ -389,12 +489,13 @@ class TestErrors:
             (lambda r: r.remove(1), InvalidParameter, "index is 1"),
             (lambda r: r.run(Program()), InvalidParameter, "the program is empty"),
             (lambda r: r.run("none.yaml"), InvalidConfig, "none.yaml: cannot be read"),
-            (lambda r: r.walk(0), InvalidParameter, "steps is 0"),
+            (lambda r: r.walk(0), InvalidParameter, "steps is 0; it must be at least 2"),
+            (lambda r: r.walk(1, gait="march"), InvalidParameter, "steps is 1; it must be at least 2"),
             (lambda r: r.walk(2, gait="trott"), UnknownName, "gait of humanoid"),
             (lambda r: r.walk(4, gait="bow"), UnknownName, "gait of humanoid 'bow'"),
             (lambda r: r.walk(4, gait="march", amplitude=5), JointLimitExceeded, "march at .* right_ankle_pitch"),
             (lambda r: r.walk(4, step_tme=1), UnknownName, "figure of the gait walk 'step_tme'; did you mean 'step_t"),
-            (lambda r: r.walk(4, feet="spheres_B"), InvalidParameter, "feet of humanoid is spheres_C"),
+            (lambda r: r.walk(4, feet="spheres_A"), InvalidParameter, "is spheres_C; .*set robot.feet to spheres_A"),
             (lambda r: r.act("bwo"), UnknownName, "act of humanoid 'bwo'; did you mean 'bow'"),
             (lambda r: r.act("bow", repeat=0), InvalidConfig, "gait bow: repeat"),
             (lambda r: r.act("swim"), InvalidParameter, "one that holds humanoid by its trunk, for swim"),
@@ -422,31 +523,87 @@ class TestErrors:
         with pytest.raises(InvalidParameter, match=message):
             LeggedRobot(station).walk(4)
 
-    def test_a_quadruped_has_no_human_step(self):
-        with pytest.raises(UnknownName, match="axis of yobotics"):
-            LeggedRobot("yobotics_dynamic").step()
-
     def test_a_program_that_the_robot_cannot_do_is_not_loaded(self, standing, tmp_path):
         file = Program.model_validate({"moves": [{"target_deg": {"torso_yaw": 10}}]}).save(tmp_path / "turn.yaml")
-        with pytest.raises(UnknownName, match="axis of humanoid"):
+        with pytest.raises(UnknownName, match=r"axis of humanoid \(under .*turn\.yaml: moves\[0\]\) 'torso_yaw'"):
             standing.load(file)
         assert standing.program == Program()
+
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [
+            (
+                {"moves": [{"target_deg": ARM}, {"target_deg": {"HomDF": 200}}]},
+                "moves[1]: right_shoulder_pitch would be",
+            ),
+            ({"moves": [{"target_deg": {"HomDF": 200}}]}, "moves[0]: right_shoulder_pitch would be at 200 deg"),
+            ({"moves": [{"walk": {"steps": 0}}]}, "moves[0]: steps is 0; it must be at least 2"),
+            ({"references": [{"target_deg": {"HomDF": 200}}]}, "references[0]: right_shoulder_pitch would be"),
+        ],
+    )
+    def test_a_file_and_its_move_are_named(self, standing, tmp_path, content, says):
+        file = Program.model_validate(content).save(tmp_path / "program.yaml")
+        with pytest.raises(SimrobError, match=f"^{re.escape(f'{file}: {says}')}"):
+            standing.load(file)
+        if "moves" in content:
+            with pytest.raises(SimrobError, match=f"^{re.escape(f'{file}: {says}')}"):
+                standing.run(file)
 
     def test_a_station_without_that_robot(self):
         with pytest.raises(SimrobError, match="there is no robot 'left'"):
             LeggedRobot("humanoid_fixed", "left")
+        for programmed in (LeggedRobot, Arm):
+            with pytest.raises(InvalidParameter, match="station is bouncing_ball; it must be one with a robot"):
+                programmed("bouncing_ball")
+
+    def test_legs_are_not_for_arms(self):
+        with pytest.raises(InvalidParameter, match="LeggedRobot"):
+            Arm("humanoid_dynamic")
+
+    def test_one_move_is_one(self, held):
+        held.insert(0, ARM)
+        with pytest.raises(InvalidParameter, match=r"the program has 1 move$"):
+            held.remove(3)
 
 
-def test_a_walk_into_nothing_ends_by_the_fall_monitor():
-    """Tipped over by an ankle's turn, the robot falls: the run says so and when, and another one ends at once."""
-    robot = LeggedRobot("humanoid_dynamic")
-    result = robot.test_move({"TobD": -80, "TobI": -80}, 1.0)
-    while result.stopped_by is None and result.stop_time > 0:
-        result = robot.test_move({"TobD": -80}, 2.0)
-    assert result.stopped_by == "fall"
-    assert "robot fell" in result.message
-    assert np.isfinite(result.values).all()
-    assert result.summary()["locomotion"]["fall_time"] == result.stop_time
-    assert robot.test_move(ARM, 1.0).stop_time < 0.05
-    standing = simulate(robot.cell.config, duration=0.2, progress=False)
-    assert standing.ending == "completed"
+TIP = {"TobD": -80, "TobI": -80}  # over, by the ankles' turn
+
+
+class TestFalls:
+    """A robot that falls is back where it was before, and so is its program."""
+
+    def test_nothing_of_a_fall_is_stored(self, standing):
+        standing.add_move(ARM, 0.3)
+        before = snapshot(standing)
+        result = standing.add_move(TIP, 3.0)
+        assert result.stopped_by == "fall"
+        assert "robot fell" in result.message
+        assert np.isfinite(result.values).all()
+        assert result.summary()["locomotion"]["fall_time"] == result.stop_time
+        assert standing.runs == [result]
+        assert snapshot(standing) == before
+        assert standing.add_move(ARM, 1.0).ending == "completed"  # it stands
+        assert len(standing.program.moves) == 2
+        standing.undo()
+        assert snapshot(standing) == before
+        standing.undo()
+        assert standing.program == Program()
+
+    def test_nor_of_several_moves_of_which_one_falls(self, standing):
+        before = snapshot(standing)
+        falls = Program.model_validate({"moves": [{"target_deg": TIP, "duration": 3.0}, {"act": "bow"}]})
+        assert standing.run(falls).stopped_by == "fall"
+        assert snapshot(standing) == before
+        standing.insert(0, TIP, 3.0)
+        assert standing.simulate().stopped_by == "fall"
+        assert standing.cell.state is None
+        assert len(standing.program.moves) == 1  # what was stored stays, to be mended
+
+    def test_another_monitor_ends_a_move_that_counts(self):
+        high = float(LeggedRobot("humanoid_dynamic").pose("right_hand")[2]) + 0.01
+        watch = {"kind": "workspace", "tool": "right_hand", "lower": [-1, -1, -1], "upper": [1, 1, high]}
+        robot = LeggedRobot(load_station("humanoid_dynamic", {"monitors.high": watch}))
+        result = robot.add_move({"HomDF": 90}, 1.0)
+        assert result.stopped_by == "high"
+        assert len(robot.program.moves) == 1
+        np.testing.assert_array_equal(robot.position, result.axes("q")[-1])

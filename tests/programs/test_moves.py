@@ -1,10 +1,12 @@
 """Moves on the kinematic station: the way of the tool, its times, and what comes of bad input."""
 
+import re
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from simrob_drake import Arm, SimrobError, Workcell, load_station
+from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.interpolation import Arc, turned_by
 from simrob_drake.programs.errors import BrokenPath, JointLimitExceeded, PathCollision, SpeedLimitExceeded
@@ -166,11 +168,26 @@ def test_the_tool_can_change(kinematic):
     assert Arm("irb120_kinematic", tool="tool0").pose()[2] == pytest.approx(0.63)  # facts of the arm
 
 
+def test_what_is_printed_fits_a_line():
+    cell = Workcell("two_arms")
+    assert re.fullmatch(r"<Workcell two_arms, \w+: left \(irb120\), right \(irb120\), pieces .*>", repr(cell))
+    assert re.fullmatch(
+        r"<Arm left: irb120 in two_arms, 6 axes, tool left_gripper at \S+ \S+ \S+ m>", str(cell.arm("left"))
+    )
+    robot = LeggedRobot("humanoid_dynamic")
+    robot.insert(0, {"HomDF": 3})
+    assert str(robot) == "<LeggedRobot robot: humanoid in humanoid_dynamic, 18 axes, feet spheres_C, program of 1 move>"
+    robot.insert(1, {"act": "bow"})
+    robot.add_reference({"HomDF": 3})
+    assert str(robot.program) == "<Program of 2 moves: target_deg, act; 1 reference>"
+    assert repr(Program()) == "<Program of 0 moves>"
+
+
 def test_a_station_comes_by_name_file_or_configuration(tmp_path):
     config = load_station("irb120_kinematic")
     for station in ("irb120_kinematic", config, Workcell(config)):
         assert Arm(station).axes[0] == "joint_1"
-    with pytest.raises(SimrobError, match="one of left, right"):
+    with pytest.raises(SimrobError, match="robot is not named; it must be one of left, right: robot='left'"):
         Arm("two_arms")
 
 
@@ -190,6 +207,8 @@ class TestBadInput:
     def test_a_target_out_of_reach(self):
         with pytest.raises(Unreachable, match=r"the target cannot be reached: .*the best solution comes within"):
             self.arm.move_j([2.0, 0, 0.3, *DOWN])
+        with pytest.raises(Unreachable, match=r"^the pose cannot be reached: "):
+            self.arm.joint([2.0, 0, 0.3, *DOWN])
         with pytest.raises(Unreachable, match=r"targets\[1\] cannot be reached"):
             self.arm.move_j([[0.1, 0.1, 0.05], [3.0, 0, 0]], wobj="table")
 
@@ -203,9 +222,24 @@ class TestBadInput:
         assert error.positions.shape == (6,)
 
     def test_a_posture_beyond_the_limits(self):
-        with pytest.raises(JointLimitExceeded, match=r"point 7 of 10 .*targets\[1\].* joint_3 .*70\.0 deg") as caught:
+        with pytest.raises(
+            JointLimitExceeded, match=r"^targets\[1\]: joint_3 would be at 91\.7 deg.* 70\.0 deg$"
+        ) as caught:
             self.arm.move_abs_j([HOME, [0, 0, 1.6, 0, 1.5, 0]], times=[2, 4], stop=True)
-        assert (caught.value.axis, caught.value.point) == ("joint_3", 7)
+        assert (caught.value.axis, caught.value.point, caught.value.time) == ("joint_3", 10, 4)
+
+    def test_a_way_beyond_the_limits_between_targets(self):
+        over = [[0, 0, angle, 0, 1.5, 0] for angle in (1.2, 1.2, 0.0)]
+        with pytest.raises(
+            JointLimitExceeded, match=r"point \d+ of 10 on the way to targets\[1\]: joint_3 .*70\.0 deg$"
+        ):
+            self.arm.move_abs_j(over, times=[2, 4, 6])
+
+    def test_degrees_by_mistake(self):
+        with pytest.raises(JointLimitExceeded, match=r"^the target: joint_2 .* 1718\.9 deg, .*were these degrees\?"):
+            self.arm.move_abs_j([0, 30, 0, 0, 30, 0])
+        with pytest.raises(JointLimitExceeded, match=r"^the target: joint_2 .* deg$"):  # they would not fit either
+            self.arm.move_abs_j([0, 300, 0, 0, 30, 0])
 
     def test_a_move_that_is_too_fast(self):
         with pytest.raises(SpeedLimitExceeded, match=r"joint_1 would move at .* deg/s.*duration of") as caught:
@@ -214,7 +248,9 @@ class TestBadInput:
 
     @pytest.mark.parametrize("via", [[0.15, 0.1, 0.02], [0.1, 0.1, 0.02], [0.2, 0.1, 0.02]])
     def test_arc_points_on_one_line(self, via):
-        with pytest.raises(SimrobError, match=r"the arc to the target.*three points"):
+        with pytest.raises(
+            SimrobError, match=r"the arc to the target is straight; .* three points .* \[\S+, \S+, \S+\] m"
+        ):
             self.arm.move_c(via, [0.2, 0.1, 0.02], wobj="table")
 
     def test_a_line_through_a_singular_posture(self):
@@ -227,7 +263,10 @@ class TestBadInput:
     @pytest.mark.parametrize(
         ("kwargs", "message"),
         [
-            ({"duration": 1, "speed": 0.1}, "duration and speed"),
+            (
+                {"duration": 1, "speed": 0.1},
+                "the time of the move is given by duration and speed; it must be given by one",
+            ),
             ({"duration": 0}, "duration is 0; it must be a positive number"),
             ({"speed": -1}, "speed is -1"),
             ({"times": [1, 2]}, "1 times"),
@@ -264,6 +303,8 @@ class TestBadInput:
         stale = Arm(self.arm.cell.config).plan.move_abs_j(HOME)
         with pytest.raises(SimrobError, match="plan of robot is made for another place"):
             self.arm.cell.run(stale)
+        with pytest.raises(SimrobError, match=r"plans is empty; it must be some"):
+            self.arm.cell.run()
 
 
 def test_a_move_to_where_the_tool_is_takes_its_time_and_turns_alone_too(kinematic):

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.paths import models_root
-from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.catalog import AxisValues, RobotModel, robot_names
 from simrob_drake.robots.pieces import NotNegative, Positive
 from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
@@ -179,9 +179,12 @@ def load_gaits(robot: str | RobotModel) -> Gaits:
         robot: a robot of the package by its name, or any other's model.
 
     Raises:
+        UnknownName: no such robot; proposes the nearest.
         InvalidParameter: a robot without gaits.
         InvalidConfig: its file has a wrong entry.
     """
+    if isinstance(robot, str) and robot not in robot_names():
+        raise UnknownName("robot", robot, robot_names())
     name, folder = (robot, models_root() / robot) if isinstance(robot, str) else (robot.name, robot.folder)
     file = folder / GAITS_FILE
     if not file.is_file():
@@ -189,21 +192,26 @@ def load_gaits(robot: str | RobotModel) -> Gaits:
     return validated(Gaits, read_yaml(file), file)
 
 
-def gait(known: Mapping[str, Any], name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
+def gait(robot: str, gaits: Gaits, section: str, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
     """Return a gait by its name, with some of its figures changed.
 
     Args:
-        known: gaits by name.
+        robot: its name, for messages.
+        gaits: of the robot.
+        section: of its file, such as ``walks``.
         name: which.
         changes: figures in place of the gait's own.
         amplitude: scales lengths and turns of its steps.
 
     Raises:
-        UnknownName: no such gait.
+        UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
         InvalidConfig: a figure that cannot be.
     """
+    known: Mapping[str, Any] = getattr(gaits, section)
     if name not in known:
-        raise UnknownName("gait", name, known)
+        sections = [key for key in type(gaits).model_fields if isinstance(getattr(gaits, key), dict)]
+        others = [f"{other} ({key})" for key in sections for other in getattr(gaits, key)]
+        raise UnknownName(f"gait of {robot} under {section}", name, known or others)
     found = known[name]
     scaled = {key: amplitude * value for key in _SCALED if (value := getattr(found, key, 0.0))}
     return validated(type(found), {**found.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")

@@ -9,9 +9,9 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot, gait
+from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot
 from simrob_drake.programs.gaits.phases import Phase, course
-from simrob_drake.programs.gaits.stepping import carriage, on_path, ramp_shares
+from simrob_drake.programs.gaits.stepping import carriage, check_steps, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.robots.catalog import RobotModel
@@ -20,6 +20,8 @@ PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left
 """Feet that a trot swings together."""
 CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_right_foot")
 """Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
+FEWEST_LEGS = 1
+"""Of a crawl."""
 
 
 def trot(
@@ -40,9 +42,8 @@ def trot(
         UnknownName: no such trot.
     """
     walker = Walker.of(robot)
-    figures: Trot = gait(walker.gaits.trots, name, changes, amplitude)
-    if steps < 2:
-        raise InvalidParameter("steps", steps, "at least 2")
+    figures: Trot = walker.gait("trots", name, changes, amplitude)
+    check_steps(steps)
     start = _stance(walker, figures)
     phases, pose = [Phase(figures.settle, np.zeros(2), 0.0)], np.zeros(3)
     move = np.array([figures.step_length, figures.sideways, np.deg2rad(figures.turn_deg)])
@@ -85,9 +86,8 @@ def crawl(
         UnknownName: no such crawl.
     """
     walker = Walker.of(robot)
-    figures: Crawl = gait(walker.gaits.crawls, name, changes, amplitude)
-    if legs < 1:
-        raise InvalidParameter("legs", legs, "at least 1")
+    figures: Crawl = walker.gait("crawls", name, changes, amplitude)
+    check_steps(legs, FEWEST_LEGS)
     start = _stance(walker, figures)
     place = {foot: at.copy() for foot, at in start.items()}
     shift = figures.shift * figures.leg_time
@@ -127,7 +127,7 @@ def three_legs(robot: str | RobotModel, name: str = "three_legs", **changes: Any
         InvalidConfig: a height or a time that is not positive.
     """
     walker = Walker.of(robot)
-    figures: Stand = gait(walker.gaits.stands, name, changes)
+    figures: Stand = walker.gait("stands", name, changes)
     start, foot = _stance(walker, figures), figures.foot
     if foot not in start:
         raise UnknownName(f"foot of {walker.model.name}", foot, start)

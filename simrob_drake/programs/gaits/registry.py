@@ -8,8 +8,9 @@ from typing import Any
 
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
+from simrob_drake.programs.gaits.quadruped import FEWEST_LEGS, crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
+from simrob_drake.programs.gaits.stepping import FEWEST_STEPS
 from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.robots.catalog import RobotModel
 
@@ -20,22 +21,23 @@ class Kind:
 
     Attributes:
         plan: makes the motion of the robot's model, the steps if there are any, the gait's name, and changed figures.
-        steps: whether it is told how many steps to go, and how large they are (``amplitude``).
+        fewest: steps that it goes; 0 for gaits that go none. Those that do are told how many, and how large they are
+            (``amplitude``).
         on_feet: whether it is for a robot that stands on the feet that it is made for.
     """
 
     plan: Callable[..., JointMotion]
-    steps: bool
+    fewest: int = 0
     on_feet: bool = True
 
 
 KINDS: Mapping[str, Kind] = {
-    "walks": Kind(walk, steps=True),
-    "trots": Kind(trot, steps=True),
-    "crawls": Kind(crawl, steps=True),
-    "marches": Kind(march, steps=True),
-    "stands": Kind(three_legs, steps=False),
-    "sequences": Kind(posing, steps=False, on_feet=False),
+    "walks": Kind(walk, FEWEST_STEPS),
+    "trots": Kind(trot, FEWEST_STEPS),
+    "crawls": Kind(crawl, FEWEST_LEGS),
+    "marches": Kind(march, FEWEST_STEPS),
+    "stands": Kind(three_legs),
+    "sequences": Kind(posing, on_feet=False),
 }
 """By section of ``gaits.yaml``; a robot's gaits all have different names."""
 
@@ -47,5 +49,5 @@ def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Kind, A
         InvalidParameter: a robot without gaits.
     """
     gaits = load_gaits(robot)
-    kinds = {section: kind for section, kind in KINDS.items() if kind.steps == steps}
+    kinds = {section: kind for section, kind in KINDS.items() if (kind.fewest > 0) == steps}
     return {name: (kind, own) for section, kind in kinds.items() for name, own in getattr(gaits, section).items()}

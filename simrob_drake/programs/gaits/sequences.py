@@ -13,9 +13,10 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import March, Posing, gait
+from simrob_drake.programs.gaits.parameters import March, Posing
 from simrob_drake.programs.gaits.phases import SAMPLE, smooth
 from simrob_drake.programs.gaits.skeleton import Skeleton
+from simrob_drake.programs.gaits.stepping import check_steps
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
@@ -34,7 +35,7 @@ def posing(robot: str | RobotModel, name: str, **changes: Any) -> JointMotion:
         InvalidParameter: targets whose times do not rise.
     """
     walker = Walker.of(robot)
-    figures: Posing = gait(walker.gaits.sequences, name, changes)
+    figures: Posing = walker.gait("sequences", name, changes)
     model = walker.model
     start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
     times, postures = [0.0], [start]
@@ -65,9 +66,10 @@ def march(
         UnknownName: no such march.
     """
     walker = Walker.of(robot)
-    figures: March = gait(walker.gaits.marches, name, changes)
-    if steps < 2 or not amplitude > 0:
-        raise InvalidParameter("steps, amplitude", (steps, amplitude), "at least 2, and positive")
+    figures: March = walker.gait("marches", name, changes)
+    check_steps(steps)
+    if not amplitude > 0:
+        raise InvalidParameter("amplitude", amplitude, "positive")
     model = walker.model
     start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
     left = [_vector(model, posture, start) for posture in figures.left]

@@ -1,4 +1,4 @@
-r"""The bodies of a robot as arrays: poses, mass points and centre of mass of many postures at once.
+r"""The bodies of a robot as arrays: poses and mass points of many postures at once.
 
 Every rigid body is held as six mass points that have its mass, its centre of mass and its tensor of inertia, so that
 sums over points give the exact momentum. With the second moments :math:`s_k = (\mathrm{tr} J / 2 - J_k) / m` along the
@@ -108,11 +108,6 @@ class Skeleton:
     def point_masses(self) -> Vector:
         """Of the mass points, shape (6 (n + 1),) [kg]."""
         return np.repeat(self.masses / 6, 6)
-
-    def centre_of_mass(self, root: tuple[Vector, Vector], angles: Vector) -> Vector:
-        """Return the centre of mass of m postures, shape (m, 3) [m]; arguments as in :meth:`poses`."""
-        points = self.mass_points(self.poses(root, angles))
-        return np.asarray(np.einsum("k,mkx->mx", self.point_masses, points) / self.mass)
 
 
 def rotations_about(direction: Vector, angles: Vector) -> Vector:

@@ -4,10 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot, Walk
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import Carriage
+
+FEWEST_STEPS = 2
+"""Of a gait that ends as it begins: the last step brings the feet together."""
+
+
+def check_steps(steps: int, fewest: int = FEWEST_STEPS) -> None:
+    """Check that a gait goes enough steps.
+
+    Raises:
+        InvalidParameter: it does not.
+    """
+    if steps < fewest:
+        raise InvalidParameter("steps", steps, f"at least {fewest}")
 
 
 def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:

@@ -10,9 +10,9 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import Foot
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import Walk, gait
+from simrob_drake.programs.gaits.parameters import Walk
 from simrob_drake.programs.gaits.phases import Phase, course
-from simrob_drake.programs.gaits.stepping import carriage, on_path, ramp_shares
+from simrob_drake.programs.gaits.stepping import carriage, check_steps, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.robots.catalog import RobotModel
@@ -39,7 +39,7 @@ def walk(
         UnknownName: no such walk.
     """
     walker = Walker.of(robot)
-    figures: Walk = gait(walker.gaits.walks, name, changes, amplitude)
+    figures: Walk = walker.gait("walks", name, changes, amplitude)
     return planned_walk(walker, steps, figures)[0]
 
 
@@ -91,8 +91,7 @@ def _phases(steps: int, figures: Walk, start: dict[str, Vector]) -> list[Phase]:
 def _check(robot: str, steps: int, figures: Walk, feet: dict[str, Foot]) -> None:
     if sorted(feet) != sorted(SIDES):
         raise InvalidParameter(f"robot {robot}", f"one with {len(feet)} feet", "one with two feet, to walk so")
-    if steps < 2:
-        raise InvalidParameter("steps", steps, "at least 2")
+    check_steps(steps)
     if not figures.double_support < 1:
         raise InvalidParameter("double_support", figures.double_support, "a part of the step, less than 1")
     if any(len(foot.axes) == 4 for foot in feet.values()) and (figures.turn_deg or figures.sideways):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from simrob_drake.programs.gaits.feet import Foot, feet_of
-from simrob_drake.programs.gaits.parameters import Gaits, load_gaits
+from simrob_drake.programs.gaits.parameters import Gaits, gait, load_gaits
 from simrob_drake.programs.gaits.skeleton import Skeleton, skeleton_of
 from simrob_drake.robots.catalog import RobotModel
 
@@ -36,6 +38,10 @@ class Walker:
     def model(self) -> RobotModel:
         """The robot's model."""
         return self.skeleton.model
+
+    def gait(self, section: str, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
+        """Return the figures of one of its gaits, some of them changed; see :func:`gait`."""
+        return gait(self.model.name, self.gaits, section, name, changes, amplitude)
 
     def feet(self, kind: str | None = None) -> list[Foot]:
         """Return the feet of a kind, of the default one unless given; see :func:`feet_of`."""

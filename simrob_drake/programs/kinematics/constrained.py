@@ -156,8 +156,8 @@ class _Program:
         options.SetOption(IpoptSolver.id(), "constr_viol_tol", _FEASIBLE)
         full = self._rest.copy()
         full[self._columns] = self._chain.in_plant.signs * guess
-        self._result = Solve(self._prog, full, options)
-        found: Vector = self._chain.in_plant.signs * self._result.GetSolution(self._ik.q())[self._columns]
+        result = Solve(self._prog, full, options)
+        found: Vector = self._chain.in_plant.signs * result.GetSolution(self._ik.q())[self._columns]
         return found
 
     def missed(self, found: Vector) -> list[tuple[str, float]]:

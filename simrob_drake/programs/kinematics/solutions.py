@@ -75,7 +75,8 @@ def require(solutions: Solutions, name: str = "targets") -> Vector:
 
     Args:
         solutions: what a solver gave.
-        name: what the user calls the targets; the message names the first bad one as ``name[index]``.
+        name: what the user calls the targets; the message names the first bad one as ``name[index]``,
+            and a single one without the s.
 
     Raises:
         Unreachable: the first target that is not reached, why, and how near the best solution comes.
@@ -83,4 +84,6 @@ def require(solutions: Solutions, name: str = "targets") -> Vector:
     if solutions.reached.all():
         return solutions.positions
     row = solutions.first_missed
-    raise solutions.unreachable(row, f"{name}[{row}]" if len(solutions.reached) > 1 else f"the pose in {name}")
+    raise solutions.unreachable(
+        row, f"{name}[{row}]" if len(solutions.reached) > 1 else f"the {name.removesuffix('s')}"
+    )

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.programs.gaits.feet import facing_rotation, feet_of
 from simrob_drake.programs.gaits.leg_angles import OutOfReach, foot_point
-from simrob_drake.programs.gaits.parameters import gait, load_gaits
+from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.phases import SAMPLE, Phase, course
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_inside, three_legs, trot
 from simrob_drake.programs.gaits.rolling import rolled
@@ -141,9 +141,14 @@ def test_a_swing_rises_and_lands():
         (lambda: walk("humanoid", 10, double_support=1.5), InvalidParameter, "double_support"),
         (lambda: walk("humanoid", 10, "run"), UnknownName, "run"),
         (lambda: walk("irb120", 10), InvalidParameter, "without gaits"),
-        (lambda: walk("yobotics", 10), UnknownName, "walk"),
+        (
+            lambda: walk("yobotics", 10),
+            UnknownName,
+            r"gait of yobotics under walks 'walk'; known: .*crawl \(crawls\), fast",
+        ),
+        (lambda: walk("humanoide", 10), UnknownName, "there is no robot 'humanoide'; did you mean 'humanoid'"),
         (lambda: trot("yobotics", 1), InvalidParameter, "steps"),
-        (lambda: crawl("yobotics", 0), InvalidParameter, "legs"),
+        (lambda: crawl("yobotics", 0), InvalidParameter, "steps is 0; it must be at least 1"),
         (lambda: three_legs("yobotics", foot="rear_left_foot", seconds=-1), InvalidConfig, "seconds"),
         (lambda: three_legs("yobotics", foot="left_foot"), UnknownName, "left_foot"),
         (lambda: three_legs("yobotics", foot="rear_left_foot", height=0.5), OutOfReach, "rear_left"),
@@ -155,7 +160,7 @@ def test_what_cannot_be_is_refused(plan, error, says):
 
 
 def test_changes_keep_the_other_figures():
-    figures = gait(load_gaits("roid1").walks, "walk", {"lift": 0.01})
+    figures = Walker.of("roid1").gait("walks", "walk", {"lift": 0.01})
     assert figures.lift == 0.01
     assert figures.step_time == load_gaits("roid1").walks["walk"].step_time
 

@@ -11,8 +11,8 @@ from scipy.stats import t as student
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.bounce_law import BounceLaw
-from simrob_drake.programs.bounce_trace import BounceTrace
+from simrob_drake.identification.bounce_law import BounceLaw
+from simrob_drake.identification.bounce_trace import BounceTrace
 
 _CONFIDENCE = 0.95
 _ROUND_ABOUT = (0.4, 0.7, 1.0, 1.4, 2.5)  # parts of the first guess of k that are tried: the error has many valleys

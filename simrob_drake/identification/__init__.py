@@ -1,0 +1,1 @@
+"""Figures of stations found from measurements: stiffness and dissipation of a contact from bounces."""

@@ -1,0 +1,59 @@
+"""Runs that follow each other are one film."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import LeggedRobot, Program, load_station
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.programs.film import joined
+
+PARCEL = {"parent": "world", "pose": [0.2, -0.3, 0.3, 0, 0, 0]}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    """The humanoid after a program of three runs, of which the walk has other servos and signals."""
+    humanoid = LeggedRobot("humanoid_dynamic")
+    moves = [{"target_deg": {"HomDF": 40}, "duration": 0.4}, {"walk": {"steps": 2}}, {"target_deg": {"HomDF": 0}}]
+    humanoid.run(Program.model_validate({"moves": moves}))
+    return humanoid
+
+
+def test_runs_join_where_each_begins(robot):
+    first, walk, last = robot.runs
+    whole = joined(robot.runs)
+    assert whole.stop_time == pytest.approx(first.stop_time + walk.stop_time + last.stop_time)
+    times = np.array([0.0, 0.2, first.stop_time, first.stop_time + 3.0, whole.stop_time - 0.5, whole.stop_time])
+    rows = whole.positions_at(times)
+    np.testing.assert_allclose(rows[1], first.positions_at(np.array([0.2]))[0])
+    np.testing.assert_allclose(rows[2], first.positions_at(np.array([first.stop_time]))[0], atol=1e-9)
+    np.testing.assert_allclose(rows[3], walk.positions_at(np.array([3.0]))[0])
+    np.testing.assert_allclose(rows[4], last.positions_at(np.array([last.stop_time - 0.5]))[0])
+    np.testing.assert_allclose(rows[5], last.positions_at(np.array([last.stop_time]))[0])
+    np.testing.assert_array_equal(whole.positions_at(times[::-1]), rows[::-1])
+    np.testing.assert_array_equal(whole.positions_at(times[3:4]), rows[3:4])  # of one run alone
+    assert (np.diff(whole.times) >= 0).all()
+    knee = whole["q.right_knee"]
+    assert len(knee) == len(whole.times)
+    np.testing.assert_array_equal(knee[-len(last.times) :], last["q.right_knee"])
+
+
+def test_a_program_is_one_film(robot, tmp_path):
+    page = robot.film(tmp_path / "walk.html")
+    assert page.stat().st_size > 1e5
+    assert robot.film(tmp_path / "walk.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_is_no_film_is_told(robot, tmp_path):
+    with pytest.raises(InvalidParameter, match=r"file is walk\.gif; it must be one that ends in \.html, \.png, \.mp4"):
+        robot.film(tmp_path / "walk.gif")
+    with pytest.raises(InvalidParameter, match="runs is empty"):
+        LeggedRobot("humanoid_fixed").film(tmp_path / "walk.html")
+
+
+def test_pieces_that_change_hands_are_shown_run_by_run(tmp_path):
+    held = LeggedRobot(load_station("humanoid_fixed", {"pieces.parcel": PARCEL}))
+    move = {"target_deg": {"HomDF": 40}, "duration": 0.1}
+    held.run(Program.model_validate({"moves": [move, {"attach": "parcel"}, move]}))
+    with pytest.raises(InvalidParameter, match=r"changes hands; it must be shown one by one: robot\.runs"):
+        held.film(tmp_path / "hands.html")
