@@ -55,9 +55,9 @@ class ArmGeometry(CellRobot):
         self.solver = solver
         model = self.cell.model.robots[self.name].model
         if model.base != "fixed":
-            raise InvalidParameter("robot", self.name, "one on a fixed base; LeggedRobot programs those with legs")
+            raise InvalidParameter("robot", model.name, "one on a fixed base; LeggedRobot programs those with legs")
         if not self.cell.model.robots[self.name].tcp:
-            raise InvalidParameter("robot", self.name, "a robot with a tool frame, under tools: in its robot.yaml")
+            raise InvalidParameter("robot", model.name, "one with a tool frame, under tools: in its robot.yaml")
         if tool is not None:
             self.tool(tool)
         _ = self.chain  # of joints that can be followed

@@ -557,7 +557,7 @@ class TestErrors:
                 programmed("bouncing_ball")
 
     def test_legs_are_not_for_arms(self):
-        with pytest.raises(InvalidParameter, match="LeggedRobot"):
+        with pytest.raises(InvalidParameter, match=r"robot is humanoid; .* LeggedRobot programs those with legs"):
             Arm("humanoid_dynamic")
 
     def test_one_move_is_one(self, held):
