@@ -62,7 +62,7 @@ def main() -> None:
     robot = run()
     x, y, z = 1e3 * (robot.cell.frame("parcel").translation() - before)
     print(f"the parcel went {x:.1f} mm to the left, {y:.1f} mm back, {z:.1f} mm up")
-    print(f"{len(robot.program.moves)} moves, {robot.program.duration:g} s, {robot.save('humanoid_box.yaml')}")
+    print(f"{len(robot.program.moves)} moves, {robot.program.duration:g} s, {robot.save('runs/humanoid_box.yaml')}")
 
 
 if __name__ == "__main__":
