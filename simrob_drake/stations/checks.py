@@ -176,7 +176,7 @@ def step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
             else:
                 findings.append(Finding("ok", "steps", f"{damping} allows steps up to {largest:.2g} s"))
         elif isinstance(solver, ContinuousSolver) and solver.scheme in _EXPLICIT_SCHEMES:
-            unstable = solver.scheme in FIXED_STEP_SCHEMES and bool(solver.max_step > largest)
+            unstable = solver.fixed_steps and bool(solver.max_step > largest)
             text = f"{damping} keeps the explicit scheme {solver.scheme} below steps of {largest:.2g} s"
             remedy = f", but solver.max_step is {solver.max_step:g} s; take an implicit scheme such as radau3"
             findings.append(Finding("warning" if unstable else "ok", "steps", text + remedy * unstable))

@@ -14,7 +14,7 @@ import numpy as np
 from pydrake.multibody.tree import RigidBody
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, DiscreteSolver, SolverConfig
+from simrob_drake.stations.solver_config import DiscreteSolver, SolverConfig
 
 _FINEST_STEP = 1e-5  # s
 _STABLE = 2.5  # h ω of a third-order Runge-Kutta scheme on an undamped spring is below 1.7, on a damped one 2.5
@@ -31,7 +31,7 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
         return float(softened) if solver.scheme == "sap" else np.inf
     if solver.scheme == "cenic":
         return np.inf
-    if solver.scheme in FIXED_STEP_SCHEMES:
+    if solver.fixed_steps:
         return float(mass * (np.pi / (_STEPS_A_CONTACT * solver.max_step)) ** 2)
     return mass * (_STABLE / _FINEST_STEP) ** 2
 

@@ -8,7 +8,7 @@ from pydrake.systems.framework import Diagram
 
 from simrob_drake.errors import UnsupportedSolver
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver
+from simrob_drake.stations.solver_config import ContinuousSolver
 
 
 def apply_solver(simulator: Simulator, config: StationConfig) -> None:
@@ -33,7 +33,7 @@ def apply_solver(simulator: Simulator, config: StationConfig) -> None:
         integration_scheme=solver.scheme,
         max_step_size=solver.max_step,
         accuracy=solver.accuracy,
-        use_error_control=solver.scheme not in FIXED_STEP_SCHEMES,
+        use_error_control=not solver.fixed_steps,
     )
     ApplySimulatorConfig(settings, simulator)
     if solver.scheme == "cenic":

@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 CONVERGED = {"solver.max_step": 5e-4, "solver.accuracy": 1e-5}
 OURS = {
     "humanoid_dynamic (cenic 20 ms)": {},
+    "the same, vector": {"servo.realization": "vector"},
+    "the same, per_joint": {"servo.realization": "per_joint"},
     "cenic 25 ms": {"solver.max_step": 0.025},
     "cenic 10 ms": {"solver.max_step": 0.01},
+    "cenic, fixed steps of 12.5 ms": {"solver.max_step": 0.0125, "solver.error_control": False},
     "lagged 5 ms": {"solver": {"kind": "discrete", "scheme": "lagged", "time_step": 5e-3}},
     "lagged 10 ms": {"solver": {"kind": "discrete", "scheme": "lagged", "time_step": 1e-2}},
 }

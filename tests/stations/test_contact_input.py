@@ -68,6 +68,7 @@ def test_a_station_that_cannot_be_is_refused(station, overrides, message):
         ({"contact.stiffness": 1e15}, r"at most 5\.65e\+10 N/m for ball \(0\.905 kg\) with the solver runge_kutta3"),
         ({**SAP, "contact.stiffness": 1e7}, r"at most 1\.07e\+05 N/m for ball .* sap, steps of 0\.001 s"),
         ({**EULER, "contact.stiffness": 1e6}, r"at most 8\.93e\+04 N/m"),
+        ({"solver.error_control": False, "solver.max_step": 1e-3, "contact.stiffness": 1e6}, r"at most 8\.93e\+04 N/m"),
         ({"pieces.ball.contact": {"stiffness": 1e15}}, r"at most 5\.65e\+10 N/m"),
     ],
 )
