@@ -27,11 +27,13 @@ bench: $(READY)  ## measure speed and memory
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --outdir dist .
 
-pictures: $(READY)  ## renew the block pictures and the schema beside the stations, and the picture of the README
+pictures: $(READY)  ## renew the block pictures and the schema beside the stations, and the pictures of README and docs
 	$(BIN)/python -m simrob_drake.results.block_picture
 	$(BIN)/python -m simrob_drake.stations.schema
 	$(BIN)/simrob run irb120_dynamic --duration 1.2 --out runs/readme --force
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
+	$(BIN)/simrob walk roid1_dynamic --steps 20 --out runs/docs --force
+	cp runs/docs/film_strip.png docs/roid1_walk.png
 
 lock: $(READY)  ## pin the newest packages that pyproject.toml allows
 	$(BIN)/python -m pip install --quiet pip-tools
