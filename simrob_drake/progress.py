@@ -34,7 +34,7 @@ def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Callable[[
         yield None
         return
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),

@@ -108,7 +108,7 @@ def whole_commands() -> Table:
         run = [sys.executable, "-m", "simrob_drake.cli", "run", "irb120_dynamic", "--force", "--out"]
         commands = {
             "python -c pass": [sys.executable, "-c", "pass"],
-            "import simrob_drake": [sys.executable, "-c", "import simrob_drake"],
+            "import of simulate": [sys.executable, "-c", "from simrob_drake import simulate"],
             "simrob run irb120_dynamic": [*run, str(Path(folder) / "result")],
         }
         times = in_turn({name: lambda command=command: _wall_time(command) for name, command in commands.items()}, 5)
@@ -127,7 +127,7 @@ def _wall_time(command: list[str]) -> float:
 
 def main() -> None:
     """Print all tables."""
-    console = Console()
+    console = Console(markup=False)
     measures = (
         against_hand_wired,
         realtime_rates,

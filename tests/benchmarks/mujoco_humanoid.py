@@ -115,7 +115,7 @@ def _caption(ours: Motion, theirs: Motion, tried: list[Motion]) -> str:
 
 def main() -> None:
     """Print the table."""
-    Console().print(beside_mujoco())
+    Console(markup=False).print(beside_mujoco())
 
 
 if __name__ == "__main__":
