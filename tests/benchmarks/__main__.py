@@ -129,12 +129,12 @@ def main() -> None:
     """Print all tables."""
     console = Console(markup=False)
     measures = (
+        whole_commands,  # these two first: a child's peak of memory counts the process that it is made from
+        imports,
         against_hand_wired,
         realtime_rates,
         monitors,
         contact,
-        whole_commands,
-        imports,
         inverse_kinematics,
         planning,
         attaching,
