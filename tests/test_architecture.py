@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,20 @@ def test_imports_point_to_the_left(file):
         assert other != "pydrake.all", "it shadows builtins and loads everything"
 
 
+def needed(file: Path) -> set[str]:
+    """Return the modules of the package that must be loaded before a module can be."""
+    body = [node for node in ast.parse(file.read_text()).body if isinstance(node, ast.ImportFrom)]
+    return {node.module for node in body if node.module and node.module.startswith("simrob_drake.")}
+
+
+def test_no_module_waits_for_another_that_waits_for_it():
+    waits = {".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): needed(file) for file in MODULES}
+    try:
+        TopologicalSorter(waits).prepare()
+    except CycleError as problem:
+        pytest.fail(" -> ".join(problem.args[1]))
+
+
 def test_modules_hold_one_concept_each():
     long = {str(file): count for file in MODULES if (count := len(file.read_text().splitlines())) > 300}
     assert long == {}
@@ -57,7 +72,8 @@ def test_modules_hold_one_concept_each():
 def test_the_package_loads_nothing_heavy():
     """What draws, solves and reads meshes is loaded where it is first used: `Arm` too."""
     script = (
-        "import simrob_drake, sys; print([name for name in ('scipy', 'matplotlib', 'trimesh') if name in sys.modules])"
+        "import sys; from simrob_drake import add_station, load_station, simulate; "
+        "print([name for name in ('scipy', 'matplotlib', 'trimesh') if name in sys.modules])"
     )
     shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
     assert shown.strip() == "[]"
