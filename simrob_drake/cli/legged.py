@@ -50,11 +50,10 @@ def walk(
 
         simrob walk yobotics_dynamic --gait crawl --amplitude 0.5 --live
     """
-    _refuse_timing(set_ or [])
-    config = given_station(station, set_)
+    config = _own_timing(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
-    result, more = _performed(config, robot, live, lambda who: who.walk(steps, amplitude, gait))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, more=more)
+    result, way = _performed(config, robot, live, lambda who: who.walk(steps, amplitude, gait))
+    return saved(result, folder, force=force, recording=not no_recording, video=video, more=way)
 
 
 def act(
@@ -78,11 +77,10 @@ def act(
 
         simrob act yobotics_dynamic three_legs --live
     """
-    _refuse_timing(set_ or [])
-    config = given_station(station, set_)
+    config = _own_timing(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
-    result, more = _performed(config, robot, live, lambda who: who.act(name))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, more=more)
+    result, way = _performed(config, robot, live, lambda who: who.act(name))
+    return saved(result, folder, force=force, recording=not no_recording, video=video, more=way)
 
 
 def _performed(
@@ -104,13 +102,14 @@ def _performed(
         cell.close()
 
 
-def _refuse_timing(settings: list[str]) -> None:
-    """Refuse settings that would do nothing, since the gait decides on them."""
-    for setting in settings:
+def _own_timing(station: str, settings: list[str] | None) -> StationConfig:
+    """Return a station with changes, but for those that would do nothing: the gait decides on them."""
+    for setting in settings or []:
         if setting.split("=")[0].split(".")[0].strip() in ("duration", "reference"):
             raise InvalidParameter(
                 f"--set {setting}", "given", "left out: the gait or act says how the robot moves, and how long"
             )
+    return given_station(station, settings)
 
 
 def _way(result: SimulationResult, robot: str) -> str:

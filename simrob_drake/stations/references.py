@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence as Rows
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +74,7 @@ def add_reference(
     return add_trajectory(builder, trajectory, name=name, derivatives=derivatives)
 
 
-def read_table(file: Path, axes: Rows[str]) -> Samples:
+def read_table(file: Path, axes: list[str]) -> Samples:
     """Read a CSV file with a column ``time`` [s] and one of each of these names [rad, or what they say].
 
     Raises:
@@ -87,7 +86,7 @@ def read_table(file: Path, axes: Rows[str]) -> Samples:
     return values[:, 0], values[:, 1:]
 
 
-def speed_columns(axes: Rows[str]) -> list[str]:
+def speed_columns(axes: list[str]) -> list[str]:
     """Return what the columns of the axes' speeds are called in a CSV file."""
     return [f"v.{axis}" for axis in axes]
 
