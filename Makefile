@@ -28,7 +28,7 @@ wheel: $(READY)
 	$(BIN)/python -m build --wheel --outdir dist .
 
 pictures: $(READY)  ## renew the block pictures and the schema beside the stations, and the pictures of README and docs
-	$(BIN)/python -m simrob_drake.results.block_picture
+	$(BIN)/python -m simrob_drake.results.block_diagram.picture
 	$(BIN)/python -m simrob_drake.stations.schema
 	$(BIN)/simrob run irb120_dynamic --duration 1.2 --out runs/readme --force
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png

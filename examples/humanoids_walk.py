@@ -12,7 +12,7 @@ import numpy as np
 
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.programs.gaits.walk import walk
-from simrob_drake.results.locomotion import locomotion
+from simrob_drake.results.record.locomotion import locomotion
 
 WALKS = {"humanoid": "real_sole", "roid1": "walk", "zjudancer": "turn"}
 

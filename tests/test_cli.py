@@ -9,7 +9,7 @@ import pytest
 
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.exit_codes import ExitCode
-from simrob_drake.tables import _pose_differences
+from simrob_drake.cli.tables import _pose_differences
 
 
 @pytest.fixture(autouse=True)

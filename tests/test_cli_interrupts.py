@@ -12,7 +12,7 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.exit_codes import ExitCode
-from simrob_drake.results.signals import Sampler
+from simrob_drake.results.record.signals import Sampler
 
 RUN = ["run", "double_pendulum", "--out", "x"]
 FILES = {"summary.json", "signals.csv", "station.yaml", "plots", "recording.html", "film_strip.png"}

@@ -16,7 +16,7 @@ from typer.main import get_command
 from simrob_drake import Program, load_station, station_names
 from simrob_drake.cli.app import app, run_command
 from simrob_drake.folders import CACHE_VARIABLE
-from simrob_drake.results.robot_view import RobotView
+from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
 from simrob_drake.robots.pieces import described_piece, weighed
 from simrob_drake.stations.checks import check_station

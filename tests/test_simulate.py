@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from simrob_drake import build_station, load_station, simulate
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.paths import diagrams_root
-from simrob_drake.results import stop_time
+from simrob_drake.results.record import stop_time
 from simrob_drake.stations.checks import holding_torque
 
 TIGHT = {"solver.accuracy": 1e-4, "solver.max_step": 0.01}

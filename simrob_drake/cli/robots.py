@@ -12,13 +12,13 @@ from rich.text import Text
 from simrob_drake.cli.given import asked, check_file, import_options, is_robot_file, refuse
 from simrob_drake.cli.options import Base, Collision, Density, Estimate, FileArgument, Force, Friction, MeshPath
 from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.tables import report_table, robot_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import written_at_once
 from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.importer.importing import ImportedRobot, examine_robot, import_robot
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.draft import draft_station
-from simrob_drake.tables import report_table, robot_table
 
 
 def import_file(
@@ -67,7 +67,7 @@ def view(
     collision: Collision = "hull",
 ) -> None:
     """Show a robot in the browser, with a slider for every joint."""
-    from simrob_drake.results.robot_view import RobotView
+    from simrob_drake.results.animation.robot_view import RobotView
 
     if is_robot_file(robot):
         options = asked(import_options(mesh_path, collision=collision))

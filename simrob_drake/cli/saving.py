@@ -10,12 +10,12 @@ from rich.text import Text
 from simrob_drake.cli.exit_codes import ExitCode
 from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.tables import result_table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import SUMMARY, default_folder
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.tables import result_table
 
 
 def prepared_folder(config: StationConfig, out: Path | None, *, force: bool, video: bool = False) -> Path:
@@ -27,7 +27,7 @@ def prepared_folder(config: StationConfig, out: Path | None, *, force: bool, vid
     folder = out or default_folder(config.name)
     check_folder(folder, marker=SUMMARY, force=force)
     if video:
-        from simrob_drake.results.film_strip import frame_writer
+        from simrob_drake.results.animation.film_strip import frame_writer
 
         frame_writer()
     for finding in check_station(config):

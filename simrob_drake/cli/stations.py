@@ -25,14 +25,14 @@ from simrob_drake.cli.options import (
 from simrob_drake.cli.robots import examine_file
 from simrob_drake.cli.saving import exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
+from simrob_drake.cli.tables import convergence_table, findings_table
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.robots.pieces import load_piece, piece_names
-from simrob_drake.simulate import simulate
+from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
-from simrob_drake.tables import convergence_table, findings_table
 
 
 def list_all() -> None:
@@ -102,7 +102,7 @@ def diagram(
     force: Force = False,
 ) -> None:
     """Draw the block structure of a station."""
-    from simrob_drake.results.block_picture import save_block_picture, station_dot
+    from simrob_drake.results.block_diagram.picture import save_block_picture, station_dot
 
     config = given_station(station, set_)
     if out is None:
@@ -115,7 +115,7 @@ def diagram(
 def _simulated(config: StationConfig, live: bool) -> SimulationResult:
     if not live:
         return simulate(config)
-    from simrob_drake.results.live import LiveView
+    from simrob_drake.results.animation.live import LiveView
 
     view = LiveView(config)
     wait_for_watcher(view.url)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from simrob_drake.robots.pieces import Positive
+from simrob_drake.quantities import Positive
 from simrob_drake.yaml_files import Strict
 
 

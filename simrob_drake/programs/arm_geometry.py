@@ -8,9 +8,9 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform, poses_from_matrices
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.solutions import require
 from simrob_drake.programs.cell_robot import CellRobot
-from simrob_drake.programs.kinematics.chain import Chain
-from simrob_drake.programs.kinematics.solutions import require
 from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, WorkObject, world_poses
 from simrob_drake.programs.workcell import Workcell

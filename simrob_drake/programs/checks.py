@@ -8,8 +8,8 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.frames import Vector
+from simrob_drake.kinematics.chain import Chain
 from simrob_drake.programs.errors import JointLimitExceeded, SpeedLimitExceeded
-from simrob_drake.programs.kinematics.chain import Chain
 
 Naming = Callable[[float], tuple[int, str]]
 """From a time [s] of a move to the number of its point and the point's name."""

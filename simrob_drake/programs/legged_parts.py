@@ -21,7 +21,7 @@ from simrob_drake.programs.moves import ActMove, AnyMove, AttachMove, Move, Rele
 from simrob_drake.programs.pieces import reparented
 from simrob_drake.programs.postures import move_name, postures_of, targets_on
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulate import Reference
+from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
 
 

@@ -15,8 +15,8 @@ from simrob_drake.programs.moves import MOVE_TIME, AnyMove, Move
 from simrob_drake.programs.postures import targets_on
 from simrob_drake.programs.program import Program, counted
 from simrob_drake.programs.workcell import Workcell
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 

@@ -26,9 +26,9 @@ from simrob_drake.programs.moves import (
 )
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.workcell import GOES_ON
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.state import State
-from simrob_drake.simulate import Reference
+from simrob_drake.simulation import Reference
 from simrob_drake.stations.monitor_config import Fall
 from simrob_drake.stations.names import WORLD
 

@@ -13,9 +13,10 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector, transform_from_pose, transform_from_xyz_quaternion
-from simrob_drake.programs.kinematics.chain import Chain
-from simrob_drake.results.state import State
-from simrob_drake.robots.pieces import TCP, Pose
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.quantities import Pose
+from simrob_drake.results.record.state import State
+from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.names import carrier, piece_model

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from simrob_drake.robots.pieces import Pose, Positive
+from simrob_drake.quantities import Pose, Positive
 from simrob_drake.stations.names import WORLD
 from simrob_drake.yaml_files import Number, Strict
 

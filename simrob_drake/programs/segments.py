@@ -13,11 +13,11 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import turned_by
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.incremental import IncrementalSolver
+from simrob_drake.kinematics.solutions import Solutions
+from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.errors import BrokenPath
-from simrob_drake.programs.kinematics.chain import Chain
-from simrob_drake.programs.kinematics.incremental import IncrementalSolver
-from simrob_drake.programs.kinematics.solutions import Solutions
-from simrob_drake.programs.kinematics.solver import Solver
 from simrob_drake.programs.trajectories import PEAK, spline, way
 
 PATH_TOLERANCE = 2e-5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal, TypeAlias, get_args
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.programs.kinematics import Chain, NoClosedForm, Solver, make_solver
+from simrob_drake.kinematics import Chain, NoClosedForm, Solver, make_solver
 
 SolverName = Literal["auto", "numeric", "constrained", "analytic", "incremental"]
 """``auto``: analytic where the arm has a closed form, else numeric."""

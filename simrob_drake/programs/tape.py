@@ -10,9 +10,9 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.programs.trajectories import Piece, trajectory
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.state import State
-from simrob_drake.simulate import simulate
+from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
 
 _JOINS = 1e-9  # rad or m between the end of a move and the beginning of the next

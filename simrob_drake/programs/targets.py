@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, Vector
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.kinematics.poses import Targets, pose_matrices
+from simrob_drake.kinematics.poses import Targets, pose_matrices
 
 
 @runtime_checkable

@@ -5,10 +5,10 @@ from __future__ import annotations
 import gc
 
 from simrob_drake.frames import Vector
-from simrob_drake.results.live import LiveView
-from simrob_drake.results.recording import draw_tool_paths, open_meshcat
+from simrob_drake.results.animation.live import LiveView
+from simrob_drake.results.animation.recording import draw_tool_paths, open_meshcat
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.state import State
 from simrob_drake.stations.config import StationConfig
 
 

@@ -22,9 +22,9 @@ from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
 from simrob_drake.programs.trajectories import Piece, rest, trajectory
 from simrob_drake.programs.window import Window
+from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.state import State
-from simrob_drake.simulate import Reference, simulate
+from simrob_drake.simulation import Reference, simulate
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.names import WORLD

@@ -7,9 +7,9 @@ from datetime import datetime
 from pathlib import Path
 
 from simrob_drake.folders import filled_at_once
-from simrob_drake.results.reference_tables import with_tables, write_table
-from simrob_drake.results.run import RecordedRun
-from simrob_drake.results.summary import summary_of
+from simrob_drake.results.record.reference_tables import with_tables, write_table
+from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.summary import summary_of
 from simrob_drake.stations.load import station_yaml
 
 RUNS = Path("runs")
@@ -43,8 +43,8 @@ def save_result(
         OutputError: the folder cannot be written, or exists.
     """
     # matplotlib and Meshcat are loaded where they are needed: most commands do without
-    from simrob_drake.results.film_strip import frame_writer, save_film_strip, save_video
-    from simrob_drake.results.plots import save_plots
+    from simrob_drake.results.animation.film_strip import frame_writer, save_film_strip, save_video
+    from simrob_drake.results.plots.plots import save_plots
 
     if video:
         frame_writer()
@@ -59,7 +59,7 @@ def save_result(
         (work / "plots").mkdir()
         save_plots(result, work / "plots")
         if recording:
-            from simrob_drake.results.recording import save_recording
+            from simrob_drake.results.animation.recording import save_recording
 
             save_recording(result, work / "recording.html")
             save_film_strip(result, work / "film_strip.png")

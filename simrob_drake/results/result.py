@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.results.files import default_folder, save_result
-from simrob_drake.results.run import RecordedRun
-from simrob_drake.results.summary import summary_of
+from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.summary import summary_of
 
 
 @dataclass(frozen=True)

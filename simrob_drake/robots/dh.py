@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.robots.pieces import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
+from simrob_drake.quantities import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
 from simrob_drake.yaml_files import Number, Strict
 
 BASE_LINK, TOOL_LINK = "base_link", "tool0"

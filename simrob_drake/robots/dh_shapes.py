@@ -9,8 +9,8 @@ from pydrake.geometry import Cylinder, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
+from simrob_drake.quantities import Colour
 from simrob_drake.robots.dh import DhTable
-from simrob_drake.robots.pieces import Colour
 from simrob_drake.robots.solids import Solid
 
 _THICKNESS = 0.055  # radius at the base over the arm's length

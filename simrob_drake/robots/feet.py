@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.robots.pieces import NotNegative, Positive, Triple
+from simrob_drake.quantities import NotNegative, Positive, Triple
 from simrob_drake.robots.urdf import DRAKE, name_of
 from simrob_drake.robots.urdf_shapes import Numbers, box, shape_element, sphere, text
 from simrob_drake.yaml_files import Strict

@@ -9,43 +9,23 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import RotationalInertia
 
 from simrob_drake.errors import InvalidModel, UnknownName
 from simrob_drake.frames import pose_from_transform, transform_from_pose
 from simrob_drake.paths import models_root
+from simrob_drake.quantities import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
 from simrob_drake.robots.solids import Solid, solid_inertia
 from simrob_drake.robots.urdf import mesh_file
-from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
+from simrob_drake.yaml_files import Strict, read_yaml, validated
 
 PIECE_FILE = "piece.yaml"
 TCP = "tcp"
 """The frame that every piece has."""
 
-Positive = Annotated[Number, Field(gt=0)]
-NotNegative = Annotated[Number, Field(ge=0)]
-Fraction = Annotated[Number, Field(ge=0, le=1)]
-Triple = tuple[Number, Number, Number]
-Pose = tuple[Number, Number, Number, Number, Number, Number]
-Colour = tuple[Fraction, Fraction, Fraction, Fraction]
-ORIGIN: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _MOST_FRAMES = 1000  # of one series
-
-
-def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:
-    """Check that there is a body with these moments, and products where they are given."""
-    if len(inertia) not in (3, 6):
-        raise ValueError("an inertia is three moments Ixx Iyy Izz, or six numbers: with the products Ixy Ixz Iyz")
-    if not RotationalInertia(*inertia).CouldBePhysicallyValid():
-        raise ValueError("no body has these moments of inertia: none is negative, none exceeds the sum of the others")
-    return inertia
-
-
-Inertia = Annotated[tuple[Number, ...], AfterValidator(_possible)]
-"""Moments Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz where they are not zero."""
 
 
 class PieceShape(Strict):

@@ -14,17 +14,9 @@ from pydantic import Field, field_validator, model_validator
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.quantities import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
 from simrob_drake.robots.catalog import AxisValues
-from simrob_drake.robots.pieces import (
-    ORIGIN,
-    Colour,
-    FrameSeries,
-    Inertia,
-    NotNegative,
-    Pose,
-    Positive,
-    Triple,
-)
+from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.force_config import ExternalForce, PushConfig
 from simrob_drake.stations.monitor_config import Monitors

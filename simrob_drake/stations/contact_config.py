@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from simrob_drake.robots.pieces import NotNegative, Positive
+from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.yaml_files import Strict
 
 

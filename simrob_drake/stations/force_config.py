@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from simrob_drake.robots.pieces import NotNegative, Positive, Triple
+from simrob_drake.quantities import NotNegative, Positive, Triple
 from simrob_drake.yaml_files import Number, Strict
 
 

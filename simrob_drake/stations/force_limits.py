@@ -6,7 +6,7 @@ from functools import cache
 
 from simrob_drake.errors import UnknownName
 from simrob_drake.paths import models_root
-from simrob_drake.robots.pieces import Positive
+from simrob_drake.quantities import Positive
 from simrob_drake.yaml_files import Strict, read_yaml, validated
 
 

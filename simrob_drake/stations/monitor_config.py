@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from simrob_drake.robots.pieces import NotNegative, Positive, Triple
+from simrob_drake.quantities import NotNegative, Positive, Triple
 from simrob_drake.stations.kinds import named_by_kind
 from simrob_drake.yaml_files import Number, Strict
 

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.catalog import AxisValues
-from simrob_drake.robots.pieces import NotNegative, Positive
 from simrob_drake.yaml_files import Strict
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from simrob_drake.robots.pieces import Positive
+from simrob_drake.quantities import Positive
 from simrob_drake.stations.kinds import named_by_kind
 from simrob_drake.yaml_files import Strict
 

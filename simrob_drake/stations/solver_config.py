@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
-from simrob_drake.robots.pieces import Positive
+from simrob_drake.quantities import Positive
 from simrob_drake.yaml_files import Strict
 
 TIGHTER = 10.0

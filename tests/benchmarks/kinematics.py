@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import least_squares
 
-from simrob_drake.programs.kinematics import Chain, make_solver, pose_errors
+from simrob_drake.kinematics import Chain, make_solver, pose_errors
 from simrob_drake.robots.catalog import load_robot
 
 HOME = np.deg2rad([0.0, 0.0, 0.0, 0.0, 90.0, 0.0])

@@ -14,7 +14,7 @@ from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march
 from simrob_drake.programs.gaits.walk import walk
-from simrob_drake.results.locomotion import locomotion
+from simrob_drake.results.record.locomotion import locomotion
 
 
 def steps_within(seconds: float, robot: str, name: str) -> int:

@@ -12,7 +12,7 @@ from simrob_drake.importer import importing
 from simrob_drake.importer.cache import import_summary, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.paths import models_root
-from simrob_drake.simulate import simulate
+from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
 
 

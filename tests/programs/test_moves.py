@@ -9,9 +9,9 @@ from pydrake.math import RigidTransform
 from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.interpolation import Arc, turned_by
+from simrob_drake.kinematics.errors import NoClosedForm, Unreachable
+from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.programs.errors import BrokenPath, JointLimitExceeded, PathCollision, SpeedLimitExceeded
-from simrob_drake.programs.kinematics.errors import NoClosedForm, Unreachable
-from simrob_drake.programs.kinematics.numeric import NumericSolver
 from tests.programs.conftest import DOWN, HOME, positions_between
 
 

@@ -19,11 +19,11 @@ from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.events import EventTimes, SteadySteps
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.paths import diagrams_root
-from simrob_drake.results import block_picture
-from simrob_drake.results.block_dot import dot_text
-from simrob_drake.results.block_graph import BlockGraph
-from simrob_drake.results.block_picture import save_block_picture, station_dot, station_mermaid
-from simrob_drake.results.block_reading import read_blocks
+from simrob_drake.results.block_diagram import picture as block_picture
+from simrob_drake.results.block_diagram.dot import dot_text
+from simrob_drake.results.block_diagram.graph import BlockGraph
+from simrob_drake.results.block_diagram.picture import save_block_picture, station_dot, station_mermaid
+from simrob_drake.results.block_diagram.reading import read_blocks
 from simrob_drake.stations.closed import add_closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
@@ -78,7 +78,7 @@ def chain_urdf(folder: Path, joints: int) -> Path:
 @pytest.mark.parametrize("name", station_names())
 def test_the_committed_picture_is_the_present_one(name: str) -> None:
     file = diagrams_root() / f"{name}.dot"
-    renew = f"{file.name} is not the station's picture; renew: python -m simrob_drake.results.block_picture"
+    renew = f"{file.name} is not the station's picture; renew: python -m simrob_drake.results.block_diagram.picture"
     assert file.is_file(), renew
     assert file.read_text(encoding="utf-8") == station_dot(load_station(name)), renew
     assert file.with_suffix(".svg").is_file(), renew

@@ -1,6 +1,6 @@
 """Pushes stand in the block picture as one block with their figures."""
 
-from simrob_drake.results.block_picture import station_dot
+from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.stations.load import load_station
 
 

@@ -8,10 +8,10 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake import load_station, simulate
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.walk import walk
-from simrob_drake.results.camera import side, walked_way
-from simrob_drake.results.film_strip import save_film_strip
-from simrob_drake.results.rendering import Studio
-from simrob_drake.results.scene import Scene
+from simrob_drake.results.animation.camera import side, walked_way
+from simrob_drake.results.animation.film_strip import save_film_strip
+from simrob_drake.results.animation.rendering import Studio
+from simrob_drake.results.animation.scene import Scene
 from simrob_drake.stations.plant import add_plant
 
 

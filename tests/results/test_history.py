@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.results.history import History, PlantSlice
+from simrob_drake.results.record.history import History, PlantSlice
 
 TIMES = np.array([0.0, 0.1, 0.4, 1.0])
 PLANT = PlantSlice(start=1, num_positions=1, num_velocities=1)

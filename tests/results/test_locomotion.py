@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.frames import xyz_quaternion_from_transform
-from simrob_drake.results.locomotion import foot_slip, headings, legged_robots, locomotion, mechanical_work
+from simrob_drake.results.record.locomotion import foot_slip, headings, legged_robots, locomotion, mechanical_work
 from simrob_drake.results.result import SimulationResult
 
 TIMES = np.linspace(0.0, 2.0, 201)

@@ -11,8 +11,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import OutputError
-from simrob_drake.results.plots import save_plots
-from simrob_drake.results.side_groups import side_groups
+from simrob_drake.results.plots.plots import save_plots
+from simrob_drake.results.plots.side_groups import side_groups
 from simrob_drake.stations.plant import add_plant
 
 

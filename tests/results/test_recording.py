@@ -10,11 +10,11 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidParameter, OutputError
-from simrob_drake.results import recording
-from simrob_drake.results.camera import FIELD_OF_VIEW, view_of
-from simrob_drake.results.live import LiveView
-from simrob_drake.results.recording import open_meshcat, save_recording
-from simrob_drake.results.scene import Scene, frame_times
+from simrob_drake.results.animation import recording
+from simrob_drake.results.animation.camera import FIELD_OF_VIEW, view_of
+from simrob_drake.results.animation.live import LiveView
+from simrob_drake.results.animation.recording import open_meshcat, save_recording
+from simrob_drake.results.animation.scene import Scene, frame_times
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 import urllib.request
 
-from simrob_drake.results.robot_view import RobotView
+from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot
 
 

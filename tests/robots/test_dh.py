@@ -17,7 +17,7 @@ from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.simulate import simulate
+from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.yaml_files import validated

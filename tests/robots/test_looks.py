@@ -9,7 +9,7 @@ from pydrake.geometry import Mesh, Role
 from scipy.spatial import cKDTree
 
 from simrob_drake import load_station
-from simrob_drake.results.scene import Scene
+from simrob_drake.results.animation.scene import Scene
 
 SPACING = 0.001  # m between the points that stand for a surface
 SAME = 0.00015  # m: faces that are nearer than this flicker

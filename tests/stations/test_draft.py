@@ -6,7 +6,7 @@ import pytest
 from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.paths import models_root
-from simrob_drake.simulate import simulate
+from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.load import load_station

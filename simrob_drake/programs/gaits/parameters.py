@@ -9,8 +9,8 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.paths import models_root
+from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.catalog import AxisValues, RobotModel, robot_names
-from simrob_drake.robots.pieces import NotNegative, Positive
 from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 

@@ -9,7 +9,7 @@ from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
 from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.programs.gaits.walk import walk
-from simrob_drake.results.locomotion import locomotion
+from simrob_drake.results.record.locomotion import locomotion
 
 
 def walked(motion, overrides=None):

@@ -1,0 +1,22 @@
+"""What the package shows; each name is loaded when it is first used, since Drake takes a second to load."""
+
+from .errors import SimrobError as SimrobError
+from .frames import as_transform as as_transform
+from .frames import three_point_frame as three_point_frame
+from .programs.arm import Arm as Arm
+from .programs.legged_robot import LeggedRobot as LeggedRobot
+from .programs.program import Program as Program
+from .programs.workcell import Workcell as Workcell
+from .results.record.state import State as State
+from .results.result import SimulationResult as SimulationResult
+from .simulation import simulate as simulate
+from .stations.config import StationConfig as StationConfig
+from .stations.load import load_station as load_station
+from .stations.load import station_names as station_names
+from .stations.ports import StationPorts as StationPorts
+from .stations.solve import apply_solver as apply_solver
+from .stations.station import Station as Station
+from .stations.station import add_station as add_station
+from .stations.station import build_station as build_station
+
+__version__: str

@@ -1,0 +1,164 @@
+"""Inverse kinematics in closed form for arms with a spherical wrist (AIK in SimRob)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from simrob_drake.errors import UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.closed_form import BRANCHES, ELBOWS, SHOULDERS, WRISTS, ClosedForm, closed_form
+from simrob_drake.kinematics.least_squares import fit_postures
+from simrob_drake.kinematics.poses import Targets, pose_errors, pose_matrices
+from simrob_drake.kinematics.screws import Indices
+from simrob_drake.kinematics.solutions import POSITION_TOLERANCE, ROTATION_TOLERANCE, Solutions
+from simrob_drake.kinematics.solver import Solver
+from simrob_drake.kinematics.spherical_arm import SphericalArm
+from simrob_drake.kinematics.turns import TURN, nearest_turns
+
+_ROUNDING = 1e-9  # m or rad
+_EXACT = 1e-10  # m or rad: errors above it come from figures that are rounded, and are polished away
+_POLISHING = 10  # steps at most
+_FAR = 1e6  # ranks every posture that serves before all that do not
+
+
+class AnalyticSolver(Solver):
+    """Computes all up to eight postures of an arm with a spherical wrist, and takes one (SimRob's AIK).
+
+    It takes the posture nearest to the start, by the sum of squared angles, of those within the joint limits; whole
+    turns of a joint are tried where its limits are wider than ±π. Flags narrow the choice:
+
+    * ``shoulder``: ``"right"`` has the wrist centre ahead of axis 1 with the upper arm on its right, as seen by one who
+      stands in axis 1 and looks at the wrist; where the arm is not offset to a side, ``"right"`` is the side of axis 1
+      that the wrist is on at zero. ``"left"`` is the arm turned round and bent backwards.
+    * ``elbow``: ``"up"`` has axis 3 above the line from axis 2 to the wrist centre.
+    * ``wrist``: ``"no_flip"`` has axis 5 on the positive side of where axes 4 and 6 line up (the irb120's
+      positive angles), ``"flip"`` on the other.
+
+    Where axes 4 and 6 line up, axis 4 stays as in the start; likewise axis 1 with the wrist centre on it.
+    """
+
+    def __init__(
+        self, chain: Chain, *, shoulder: str | None = None, elbow: str | None = None, wrist: str | None = None
+    ) -> None:
+        """Make the solver, and find out whether the arm has the geometry.
+
+        Args:
+            chain: six revolute axes.
+            shoulder: ``"right"`` or ``"left"``; either unless given.
+            elbow: ``"up"`` or ``"down"``.
+            wrist: ``"no_flip"`` or ``"flip"``.
+
+        Raises:
+            NoClosedForm: the geometry is another one; the message says what it lacks.
+            UnknownName: no such flag.
+        """
+        super().__init__(chain)
+        self.arm = SphericalArm.of(chain)
+        wanted = np.ones((2, 2, 2), dtype=bool)
+        for place, (kind, names, flag) in enumerate(
+            (("shoulder", SHOULDERS, shoulder), ("elbow", ELBOWS, elbow), ("wrist", WRISTS, wrist))
+        ):
+            if flag is not None and flag not in names:
+                raise UnknownName(f"flag for the {kind}", str(flag), names)
+            wanted &= np.moveaxis(np.array([flag in (None, name) for name in names])[:, None, None], 0, place)
+        self._wanted = np.flatnonzero(wanted)
+        self._order = list(chain.order)
+        wide = np.flatnonzero(chain.upper - chain.lower >= TURN)
+        self._wide = [(axis, chain.lower[axis] - _ROUNDING, chain.upper[axis] + _ROUNDING) for axis in wide]
+
+    def postures(self, targets: Targets, start: npt.ArrayLike) -> tuple[Vector, Vector]:
+        """Return all postures for each of k targets, whatever the flags.
+
+        Args:
+            targets: poses of the tool in the base.
+            start: shape (n,) or (k, n); whole turns are chosen near to it.
+
+        Returns:
+            the postures, shape (k, 8, 6), and which of them reach the target within the joint limits, (k, 8). Their
+            place is 4·(left) + 2·(elbow down) + (flip).
+        """
+        matrices = pose_matrices(targets)
+        starts = np.broadcast_to(self.chain.postures(start, "start"), (len(matrices), self.chain.size))
+        form, postures, beyond = self._branches(matrices, starts, np.arange(BRANCHES))
+        return postures, (form.short <= _ROUNDING) & (beyond.max(axis=-1) == 0.0)
+
+    def _branches(self, targets: Vector, starts: Vector, wanted: Indices) -> tuple[ClosedForm, Vector, Vector]:
+        """Return the closed form, the wanted postures (k, b, 6) in axis order, and how far each is beyond a limit."""
+        form = closed_form(self.arm, targets, starts[:, self._order])
+        postures = np.empty((len(targets), len(wanted), self.chain.size))
+        postures[..., self._order] = form.postures[:, wanted]
+        return form, *nearest_turns(self.chain, postures, starts[:, np.newaxis])
+
+    def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
+        form, postures, beyond = self._branches(targets, starts, self._wanted)
+        away = np.square(postures - starts[:, np.newaxis]).sum(axis=-1)
+        choice = np.argmin(away + self._penalty(form, beyond), axis=1)
+        rows = np.arange(len(targets))
+        short = form.short[:, self._wanted][rows, choice]
+        return self._checked(targets, postures[rows, choice], short, beyond[rows, choice])
+
+    def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
+        form, postures, beyond = self._branches(targets, np.tile(start, (len(targets), 1)), self._wanted)
+        penalty = self._penalty(form, beyond)
+        choices, last = np.zeros(len(targets), dtype=np.intp), start
+        for row, branches in enumerate(postures):
+            if form.singular[row]:
+                single, again, over = self._branches(targets[row : row + 1], last[np.newaxis], self._wanted)
+                branches[:], beyond[row], penalty[row] = again[0], over[0], self._penalty(single, over)[0]
+            for axis, lower, upper in self._wide:
+                angles = branches[:, axis]
+                angles -= TURN * np.rint((angles - last[axis]) / TURN)
+                angles -= TURN * (angles > upper)
+                angles += TURN * (angles < lower)
+            away = branches - last
+            choices[row] = choice = (np.vecdot(away, away) + penalty[row]).argmin()
+            last = branches[choice]
+        rows = np.arange(len(targets))
+        short = form.short[:, self._wanted][rows, choices]
+        return self._checked(targets, postures[rows, choices], short, beyond[rows, choices])
+
+    def _penalty(self, form: ClosedForm, beyond: Vector) -> Vector:
+        """Return what ranks postures that do not serve behind those that do, by how much they miss, shape (k, b)."""
+        miss = form.short[:, self._wanted] + beyond.max(axis=-1)
+        return np.where(miss > _ROUNDING, _FAR * (1.0 + miss), 0.0)
+
+    def _checked(self, targets: Vector, chosen: Vector, short: Vector, beyond: Vector) -> Solutions:
+        """Return the chosen postures with their errors, polished where the arm's figures are rounded."""
+        positions = np.clip(chosen, self.chain.lower, self.chain.upper)
+        errors = pose_errors(targets, self.chain.forward(positions))
+        rough = (np.abs(errors).max(axis=1) > _EXACT) & (short <= _ROUNDING) & (beyond.max(axis=1) == 0.0)
+        if rough.any():
+            fit = fit_postures(
+                self.chain,
+                targets[rough],
+                positions[rough],
+                weights=np.ones(6),
+                tolerance=np.array([_EXACT, _EXACT]),
+                iterations=_POLISHING,
+            )
+            positions[rough], errors[rough] = fit.postures, fit.errors
+        position_error, rotation_error = np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)
+        reached = (position_error <= POSITION_TOLERANCE) & (rotation_error <= ROTATION_TOLERANCE)
+        return Solutions(
+            positions=positions,
+            reached=reached,
+            position_error=position_error,
+            rotation_error=rotation_error,
+            iterations=np.zeros(len(targets), dtype=np.int64),
+            reasons=tuple(
+                "" if good else self._reason(*row) for good, *row in zip(reached.tolist(), short, beyond, strict=True)
+            ),
+        )
+
+    def _reason(self, short: float, beyond: Vector) -> str:
+        postures = "all postures" + (" with these flags" if len(self._wanted) < BRANCHES else "")
+        if short > _ROUNDING:
+            return f"out of reach: the wrist centre lies {short:.3g} m beyond what the arm reaches"
+        if beyond.any():
+            axis = int(np.argmax(beyond))
+            return (
+                f"joint limit: {postures} need {self.chain.names[axis]} {beyond[axis]:.3g} rad or more beyond its limit"
+            )
+        return "no orientation of the wrist serves: its axes are not at right angles"

@@ -1,0 +1,181 @@
+"""The chain of joints from a robot's base to a tool, taken from its plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, Joint, PrismaticJoint, RevoluteJoint
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.kinematics.errors import UnsupportedChain
+from simrob_drake.kinematics.poses import Targets, pose_matrices
+from simrob_drake.kinematics.screws import Screws
+from simrob_drake.kinematics.tree import joints_between
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.urdf import with_absolute_meshes
+
+
+@dataclass(frozen=True, eq=False)
+class ChainInPlant:
+    """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive.
+
+    Attributes:
+        joints: one an axis, positive in the sense of ``signs``.
+        tcp: pose of the tool centre point in the frame ``tool``, shape (4, 4).
+    """
+
+    plant: MultibodyPlant
+    joints: tuple[Joint, ...]
+    signs: Vector
+    base: Frame
+    tool: Frame
+    tcp: Vector
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Chain(Screws):
+    """The joints in a row from a robot's base frame to a tool frame, with their names and limits.
+
+    Attributes:
+        names: of the axes.
+        lower: lower limit of every axis, shape (n,) [rad or m]; infinite where there is none.
+        upper: upper limit of every axis, shape (n,).
+        in_plant: where the chain lies in its plant.
+    """
+
+    names: tuple[str, ...]
+    lower: Vector
+    upper: Vector
+    in_plant: ChainInPlant
+
+    @classmethod
+    def of_robot(cls, model: RobotModel, tool: str | None = None) -> Chain:
+        """Return the chain from a robot's root link to one of its tools, the first unless named.
+
+        Raises:
+            UnknownName: no such tool.
+            InvalidParameter: a robot without tools.
+            InvalidModel: a URDF that Drake cannot read.
+        """
+        if not model.tools:
+            raise InvalidParameter("tools", model.tools, f"at least one tool frame of {model.name}")
+        name = next(iter(model.tools)) if tool is None else tool
+        if name not in model.tools:
+            raise UnknownName(f"tool of {model.name}", name, model.tools)
+        plant = MultibodyPlant(0.0)
+        robot = with_absolute_meshes(model.element, model.folder)
+        add_urdf(plant, robot, name=model.name, where=model.urdf_path, collision=False)
+        base = plant.GetFrameByName(model.root)
+        plant.WeldFrames(plant.world_frame(), base)
+        plant.Finalize()
+        joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
+        signs = [axis.sign for axis in model.axes.values()]
+        frame = plant.GetFrameByName(model.tools[name])
+        return cls.of_plant(plant, joints=joints, signs=signs, base=base, tool=frame, names=list(model.axes))
+
+    @classmethod
+    def of_plant(
+        cls,
+        plant: MultibodyPlant,
+        *,
+        joints: Sequence[Joint],
+        base: Frame,
+        tool: Frame,
+        signs: npt.ArrayLike | None = None,
+        names: Sequence[str] | None = None,
+    ) -> Chain:
+        """Extract the chain between two frames of a finalized plant.
+
+        Args:
+            plant: finalized; it has to stay alive for the solvers that ask Drake.
+            joints: the robot's, in axis order; those that do not move the tool are allowed and change nothing.
+            base: the frame that poses are given in.
+            tool: the frame whose pose is wanted.
+            signs: the sense in which each joint is positive, shape (n,); all 1 unless given.
+            names: of the axes; the joints' own unless given.
+
+        Raises:
+            UnsupportedChain: the frames move against each other by a joint that is not listed, or of another type.
+            InvalidParameter: signs or names that are not one a joint.
+        """
+        senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
+        if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():
+            raise InvalidParameter("signs", signs, f"{len(joints)} numbers 1 or -1, one a joint")
+        labels = tuple(joint.name() for joint in joints) if names is None else tuple(names)
+        if len(labels) != len(joints) or len(set(labels)) != len(labels):
+            raise InvalidParameter("names", names, f"{len(joints)} different names, one a joint")
+        way = _listed(joints_between(plant, base, tool), joints)
+        for joint, name in zip(joints, labels, strict=True):
+            if not isinstance(joint, RevoluteJoint | PrismaticJoint):
+                raise UnsupportedChain(
+                    f"{name} is a {joint.type_name()} joint; chains take revolute and prismatic ones"
+                )
+        context = plant.CreateDefaultContext()
+        positions = plant.GetPositions(context)
+        positions[[joint.position_start() for joint in joints]] = 0.0
+        plant.SetPositions(context, positions)
+        places = [joint.frame_on_parent().CalcPose(context, base) for joint in joints]
+        along = np.ones(len(joints))
+        for axis, sense in way:
+            along[axis] = sense
+        axes = [place.rotation().matrix() @ _axis(joint) for place, joint in zip(places, joints, strict=True)]
+        limits = [(joint.position_lower_limit(), joint.position_upper_limit()) for joint in joints]
+        bounds = np.sort(senses[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
+        return cls(
+            names=labels,
+            axes=(senses * along)[:, np.newaxis] * np.reshape(axes, (-1, 3)),
+            points=np.reshape([place.translation() for place in places], (-1, 3)),
+            revolute=np.array([isinstance(joint, RevoluteJoint) for joint in joints], dtype=bool),
+            order=tuple(axis for axis, _ in way),
+            lower=bounds[:, 0],
+            upper=bounds[:, 1],
+            home=tool.CalcPose(context, base).GetAsMatrix4(),
+            in_plant=ChainInPlant(plant, tuple(joints), senses, base, tool, np.eye(4)),
+        )
+
+    def with_tool(self, pose: Targets) -> Chain:
+        """Return the chain to another tool centre point, given as one pose in this chain's tool frame."""
+        matrices = pose_matrices(pose, "tool")
+        if len(matrices) != 1:
+            raise InvalidParameter("tool", f"{len(matrices)} poses", "one pose")
+        moved = replace(self.in_plant, tcp=self.in_plant.tcp @ matrices[0])
+        return replace(self, home=self.home @ matrices[0], in_plant=moved)
+
+    @property
+    def reach(self) -> float:
+        """Upper bound on the distance of the tool from the point of the first moving axis [m]."""
+        points = [*self.points[list(self.order)], self.home[:3, 3]]
+        spans = sum(float(np.linalg.norm(end - begin)) for begin, end in pairwise(points))
+        slides = [axis for axis in self.order if not self.revolute[axis]]
+        return spans + float(np.maximum(np.abs(self.lower[slides]), np.abs(self.upper[slides])).sum())
+
+    def axis_index(self, name: str) -> int:
+        """Return the place of an axis.
+
+        Raises:
+            UnknownName: no such axis.
+        """
+        if name not in self.names:
+            raise UnknownName("axis", name, self.names)
+        return self.names.index(name)
+
+
+def _axis(joint: RevoluteJoint | PrismaticJoint) -> Vector:
+    axis: Vector = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
+    return axis
+
+
+def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tuple[int, float]]:
+    """Return the places among ``joints`` of the joints on the way."""
+    places = {joint.index(): axis for axis, joint in enumerate(joints)}
+    missing = [joint.name() for joint, _ in way if joint.index() not in places]
+    if missing:
+        raise UnsupportedChain(f"the tool moves also by {', '.join(missing)}, which no axis of the robot drives")
+    return [(places[joint.index()], sense) for joint, sense in way]

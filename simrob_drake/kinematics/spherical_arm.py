@@ -1,0 +1,128 @@
+"""The geometry of six-axis arms whose last three axes meet in a point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.kinematics.errors import NoClosedForm
+from simrob_drake.kinematics.screws import Screws, skew
+
+_LENGTH = 1e-4  # m that axes may miss each other by: published figures are rounded, and the solver polishes
+_ANGLE = 1e-4  # rad that parallel axes may differ by, likewise: rpy="0 1.5708 0" is off by 4e-6
+_ALONG = 1e-3  # sine below which two axes count as one direction
+
+Complex = np.ndarray[Any, np.dtype[np.complex128]]
+
+
+@dataclass(frozen=True, eq=False)
+class SphericalArm:
+    """An arm of six revolute axes: 2 parallel to 3, neither to 1, and 4, 5, 6 through one point, the wrist centre.
+
+    Axis 1 need not meet axis 2 (shoulder offset along the arm), nor the wrist centre lie in the plane of axis 1 and
+    the arm (shoulder offset across it, as the Puma has), nor axis 4 point at axis 3 (elbow offset).
+
+    Attributes:
+        axes: unit axes 1 ... 6 at zero, shape (6, 3).
+        shoulder: a point on axis 1 [m], shape (3,).
+        upper_arm: a point on axis 2, in the base at zero [m], shape (3,).
+        centre: the wrist centre at zero [m], shape (3,).
+        forearm_sense: 1 where axis 3 points as axis 2 does, -1 where against it.
+        upper, fore: from axis 2 to axis 3 and from there to the wrist centre, at zero, as complex numbers in the
+            plane across axis 2 [m].
+        home: pose of the tool at zero, shape (4, 4).
+    """
+
+    axes: Vector
+    shoulder: Vector
+    upper_arm: Vector
+    centre: Vector
+    forearm_sense: float
+    upper: complex
+    fore: complex
+    home: Vector
+
+    @classmethod
+    def of(cls, screws: Screws) -> SphericalArm:
+        """Recognise the geometry in a chain.
+
+        Raises:
+            NoClosedForm: what it lacks.
+        """
+        if screws.size != 6 or len(screws.order) != 6 or not screws.revolute.all():
+            raise NoClosedForm(f"it has {len(screws.order)} moving axes, and the form is for six revolute ones")
+        order = list(screws.order)
+        axes, points = screws.axes[order], screws.points[order]
+        if np.linalg.norm(np.cross(axes[1], axes[2])) > _ANGLE:
+            raise NoClosedForm("axis 3 is not parallel to axis 2")
+        for one, other in ((0, 1), (3, 4), (4, 5)):
+            if np.linalg.norm(np.cross(axes[one], axes[other])) < _ALONG:
+                raise NoClosedForm(f"axis {one + 1} is parallel to axis {other + 1}")
+        centre, miss = _nearest_point(axes[3:], points[3:])
+        if miss > _LENGTH:
+            raise NoClosedForm(f"the last three axes do not meet in a point: they miss it by {miss:.3g} m")
+        plane = _plane(axes[1])
+        upper, fore = complex(plane @ (points[2] - points[1])), complex(plane @ (centre - points[2]))
+        if min(abs(upper), abs(fore)) < _LENGTH:
+            raise NoClosedForm("the wrist centre or axis 2 lies on axis 3")
+        sense = 1.0 if axes[1] @ axes[2] > 0 else -1.0
+        return cls(axes, points[0], points[1], centre, sense, upper, fore, screws.home)
+
+    @cached_property
+    def plane(self) -> Complex:
+        """Complex row (3,) whose product with a vector is its part across axis 2; turning by q multiplies by e^iq."""
+        return _plane(self.axes[1])
+
+    @cached_property
+    def side(self) -> float:
+        """How far the wrist centre lies from axis 1 along axis 2 [m]."""
+        return float(self.axes[1] @ (self.centre - self.shoulder))
+
+    @cached_property
+    def spins(self) -> Vector:
+        """The matrix of the cross product with each axis, shape (6, 3, 3)."""
+        return skew(self.axes)
+
+    def turn(self, axis: int, angles: Vector, vectors: Vector) -> Vector:
+        """Turn vectors (..., 3) about an axis, 0 to 5, at zero, by angles (...)."""
+        sine, versine = np.sin(angles)[..., np.newaxis], 1.0 - np.cos(angles)[..., np.newaxis]
+        across = vectors @ self.spins[axis].T
+        turned: Vector = vectors + sine * across + versine * (across @ self.spins[axis].T)
+        return turned
+
+    def forward(self, positions: Vector) -> Vector:
+        """Return the poses of the tool (k, 4, 4) for positions (k, 6) of axes 1 ... 6, from this geometry alone."""
+        q = positions.T
+        planar = np.exp(1j * q[1]) * (self.upper + self.fore * np.exp(1j * self.forearm_sense * q[2]))
+        along = self.axes[1] * (self.axes[1] @ (self.centre - self.upper_arm))
+        arm = planar[:, np.newaxis].real * self.plane.real + planar[:, np.newaxis].imag * self.plane.imag + along
+        centres = self.shoulder + self.turn(0, q[0], self.upper_arm - self.shoulder + arm)
+        columns = np.column_stack([self.home[:3, :3], self.home[:3, 3] - self.centre]).T[:, np.newaxis]
+        bent = (q[0], q[1] + self.forearm_sense * q[2], q[3], q[4], q[5])
+        for axis, angles in zip((5, 4, 3, 1, 0), reversed(bent), strict=True):
+            columns = self.turn(axis, np.broadcast_to(angles, (4, len(positions))), columns)
+        poses = np.zeros((len(positions), 4, 4))
+        poses[:, :3] = columns.transpose(1, 2, 0)
+        poses[:, :3, 3] += centres
+        poses[:, 3, 3] = 1.0
+        return poses
+
+
+def _plane(axis: Vector) -> Complex:
+    """Return a complex row u + iv with unit vectors u, v across an axis; u, v and the axis are right-handed."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    plane: Complex = first + 1j * np.cross(axis, first)
+    return plane
+
+
+def _nearest_point(axes: Vector, points: Vector) -> tuple[Vector, float]:
+    """Return the point nearest to lines in the sense of least squares, and its largest distance from one."""
+    across = np.eye(3) - axes[:, :, np.newaxis] * axes[:, np.newaxis, :]
+    point = np.linalg.lstsq(across.sum(axis=0), (across @ points[..., np.newaxis]).sum(axis=0)[:, 0], rcond=None)[0]
+    misses = (across @ (point - points)[..., np.newaxis])[..., 0]
+    return point, float(np.linalg.norm(misses, axis=1).max())

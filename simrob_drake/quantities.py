@@ -1,0 +1,33 @@
+"""Types of the figures in YAML files: ranges of numbers, poses, colours, inertias; SI units."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+from pydrake.multibody.tree import RotationalInertia
+
+from simrob_drake.yaml_files import Number
+
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Fraction = Annotated[Number, Field(ge=0, le=1)]
+Triple = tuple[Number, Number, Number]
+Pose = tuple[Number, Number, Number, Number, Number, Number]
+"""[x y z Rz Ry Rx], R = Rz·Ry·Rx [m, rad]."""
+Colour = tuple[Fraction, Fraction, Fraction, Fraction]
+"""Red, green, blue, opacity."""
+ORIGIN: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:
+    """Check that there is a body with these moments, and products where they are given."""
+    if len(inertia) not in (3, 6):
+        raise ValueError("an inertia is three moments Ixx Iyy Izz, or six numbers: with the products Ixy Ixz Iyz")
+    if not RotationalInertia(*inertia).CouldBePhysicallyValid():
+        raise ValueError("no body has these moments of inertia: none is negative, none exceeds the sum of the others")
+    return inertia
+
+
+Inertia = Annotated[tuple[Number, ...], AfterValidator(_possible)]
+"""Moments Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz where they are not zero."""

@@ -1,0 +1,1 @@
+"""A run in motion: recording, film strip, video, live view."""

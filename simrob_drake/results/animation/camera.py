@@ -1,0 +1,114 @@
+"""Where to look at a run from: from which side, how near, and beside a robot that walks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from simrob_drake.frames import Vector, xyz_quaternion_from_transform
+from simrob_drake.results.record.locomotion import headings, legged_robots
+from simrob_drake.results.record.run import DIVERGED, RecordedRun
+from simrob_drake.stations.plant import StationPlant
+
+FIELD_OF_VIEW = np.deg2rad(35.0)
+"""Vertical opening of the cameras [rad]; narrow, so that links keep their proportions."""
+
+_ASIDE = float(np.deg2rad(-50.0))  # of the eye from where a robot faces: it stands to the right of its front
+_ELEVATION = np.deg2rad(20.0)
+_MARGIN = 1.12  # how much wider than what moves the picture is
+_NEAREST = 0.1  # how near a camera goes [m]
+_TRUSTED = 0.9  # the part of a diverging run that is framed: then the robot may fly off
+_WALK = 0.6  # a base that goes further than so many times its height is followed
+_EVERY = 0.02  # s between the places of the camera
+_HALF = 25  # places before and after, of which the camera takes the mean: a second in all, so that it does not sway
+_MEAN = np.full(2 * _HALF + 1, 1.0 / (2 * _HALF + 1))
+
+Way = Callable[[Vector], Vector]
+"""How far something has gone at the times (k,) [s] of a run: shape (k, 3) [m]."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera: where its eye is and where it looks, shape (3,) [m] each; z is up in the picture."""
+
+    eye: Vector
+    target: Vector
+
+    def moved(self, way: Vector) -> View:
+        """Return the view from beside: eye and target moved by the same way, shape (3,) [m]."""
+        return View(self.eye + way, self.target + way)
+
+
+def side(station: StationPlant) -> float:
+    """Return the direction [rad] from which to look at a station: its front quarter.
+
+    The first legged robot tells where the front is; other robots face x.
+    """
+    for robot in station.robots.values():
+        if robot.feet is not None:
+            context = station.plant.CreateDefaultContext()
+            root = xyz_quaternion_from_transform(robot.root.CalcPoseInWorld(context))
+            return float(headings(station, robot, root[np.newaxis])[0]) + _ASIDE
+    return _ASIDE
+
+
+def framed_time(result: RecordedRun) -> float:
+    """Return up to when a run is to be in the picture [s]."""
+    return result.stop_time * (_TRUSTED if result.stopped_by == DIVERGED else 1.0)
+
+
+def walked_way(result: RecordedRun) -> Way | None:
+    """Return how far a camera beside a walking robot goes: the robot's way over the floor, without the sway of steps.
+
+    None where the camera stands still: with no walking robot, with several, or for a way that is short for its size.
+    """
+    walking = legged_robots(result)
+    if len(result.plant.robots) != 1 or not walking:
+        return None
+    base = result.pose("base", walking[0])
+    times = np.linspace(0.0, framed_time(result), max(round(framed_time(result) / _EVERY), 1) + 1)
+    places = [np.interp(times, result.times, column) for column in base[:, :2].T]
+    if np.hypot(*(column - column[0] for column in places)).max() < _WALK * base[0, 2]:
+        return None
+    smooth = [np.convolve(np.pad(column - column[0], _HALF, mode="edge"), _MEAN, "valid") for column in places]
+
+    def way(at: Vector) -> Vector:
+        return np.column_stack([*(np.interp(at, times, column) for column in smooth), np.zeros(len(at))])
+
+    return way
+
+
+def view_of(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> View:
+    """Return the nearest camera that has all points in its picture.
+
+    Args:
+        points: what is to be seen, shape (m, 3) [m].
+        aspect: width of the picture over its height.
+        azimuth: where the eye is, counterclockwise from x [rad].
+    """
+    axes = _camera_axes(azimuth)
+    across, along = (points @ axes.T)[:, :2], points @ axes[2]
+    half = np.tan(FIELD_OF_VIEW / 2) / _MARGIN * np.array([aspect, 1.0])
+    # An edge of the picture is a plane through the eye; these are the planes that just touch the points.
+    low = (across + half * along[:, np.newaxis]).min(axis=0)
+    high = (across - half * along[:, np.newaxis]).max(axis=0)
+    depth = min(((low - high) / (2 * half)).min(), along.min() - _NEAREST)
+    eye = np.append((low + high) / 2, depth)
+    target = np.append(eye[:2], (along.min() + along.max()) / 2)
+    return View(eye @ axes, target @ axes)
+
+
+def aspect_of(points: Vector, *, azimuth: float = _ASIDE) -> float:
+    """Return the width over the height of points as a camera sees them."""
+    width, height = np.ptp((points @ _camera_axes(azimuth).T)[:, :2], axis=0)
+    return float(width / height)
+
+
+def _camera_axes(azimuth: float) -> Vector:
+    """Return right, up and forward of a camera as rows, shape (3, 3)."""
+    level, rise = np.cos(_ELEVATION), np.sin(_ELEVATION)
+    forward = -np.array([level * np.cos(azimuth), level * np.sin(azimuth), rise])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.array([right, np.cross(right, forward), forward])

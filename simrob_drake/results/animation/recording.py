@@ -1,0 +1,109 @@
+"""A run's motion as one HTML file that any browser plays, and the Meshcat windows of the package."""
+
+from __future__ import annotations
+
+import gc
+import logging
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
+
+from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.frames import Vector
+from simrob_drake.results.animation.camera import FIELD_OF_VIEW, View, side, view_of
+from simrob_drake.results.animation.contact_arrows import draw_contact_forces
+from simrob_drake.results.animation.scene import Scene, frame_times
+from simrob_drake.results.record.run import RecordedRun
+
+ASPECT = 1.4
+"""Width over height of a browser window that still shows all: most are wider."""
+
+_LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
+_TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
+_PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(0.10, 0.55, 0.30, 1.0)]
+_AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
+
+
+def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float = 32.0) -> Path:
+    """Write the motion of a run, with the paths of the tools, as a self-contained page that plays and loops.
+
+    Args:
+        result: the run.
+        file: where to, ``.html``.
+        frames_per_second: of simulated time [1/s], positive.
+
+    Returns:
+        the file.
+
+    Raises:
+        InvalidParameter: the rate is not positive.
+        OutputError: the file cannot be written.
+    """
+    if not (np.isfinite(frames_per_second) and frames_per_second > 0):
+        raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
+    page = _page(result, frames_per_second)
+    gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
+    try:
+        file.write_text(page, encoding="utf-8")
+    except OSError as problem:
+        raise OutputError(f"{file}: cannot be written: {problem.strerror}") from problem
+    return file
+
+
+def open_meshcat() -> Meshcat:
+    """Return a Meshcat window that listens on this computer only, at the first free port."""
+    logger = logging.getLogger("drake")
+    level = logger.level
+    logger.setLevel(logging.WARNING)  # where Meshcat listens is for the caller to say
+    try:
+        meshcat = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
+    finally:
+        logger.setLevel(level)
+    meshcat.SetProperty("/Background", "top_color", _TOP)
+    meshcat.SetProperty("/Background", "bottom_color", _BOTTOM)
+    meshcat.SetProperty("/Grid", "visible", False)
+    meshcat.SetProperty("/Axes", "visible", False)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", _AMBIENT)
+    return meshcat
+
+
+def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
+    """Draw the ways of the tools in a run as lines; ``number`` keeps those of other runs."""
+    for index, robot in enumerate(result.plant.robots.values()):
+        if robot.tcp:
+            path: Vector = result.pose("tcp", robot.name)[:, :3].T
+            colour = _PATH_COLOURS[index % len(_PATH_COLOURS)]
+            meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
+
+
+def look(meshcat: Meshcat, view: View) -> None:
+    """Put the camera of a Meshcat window where a view says."""
+    meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
+    meshcat.SetCameraPose(view.eye, view.target)
+
+
+def _page(result: RecordedRun, frames_per_second: float) -> str:
+    meshcat = open_meshcat()
+    scene = Scene(result.config, meshcat=meshcat)
+    _record(meshcat, scene, result, frames_per_second)
+    draw_tool_paths(meshcat, result)
+    look(meshcat, view_of(scene.extents_of_run(result), aspect=ASPECT, azimuth=side(scene.station)))
+    page: str = meshcat.StaticHtml()
+    return page
+
+
+def _record(meshcat: Meshcat, scene: Scene, result: RecordedRun, frames_per_second: float) -> None:
+    visualizer = scene.visualizer
+    assert visualizer is not None
+    animation = visualizer.StartRecording(set_transforms_while_recording=False)
+    times = frame_times(result.stop_time, frames_per_second)
+    shown = [(frame + 0.5) / frames_per_second for frame in range(len(times))]  # Meshcat rounds down to frames
+    for time, positions in zip(shown, result.positions_at(times), strict=True):
+        scene.draw(positions, time)
+    draw_contact_forces(meshcat, result, times, shown)
+    animation.set_autoplay(True)
+    animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
+    animation.set_repetitions(_LOOPS)
+    visualizer.StopRecording()
+    visualizer.PublishRecording()

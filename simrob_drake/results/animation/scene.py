@@ -1,0 +1,144 @@
+"""The visible world of a station, put into any configuration."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.geometry import (
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    QueryObject,
+    RenderEngine,
+    Role,
+    SceneGraph,
+)
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake.frames import Vector
+from simrob_drake.results.animation.camera import Way, framed_time
+from simrob_drake.results.animation.floor_grid import add_floor_grid
+from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.plant import StationPlant, add_plant
+
+RENDERER = "renderer"
+"""The name of the render engine in the scene graph."""
+
+_LOOKS = 24  # configurations that stand for a motion
+_BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+
+
+class Scene:
+    """A station's robots, pieces and floor, without dynamics and contact.
+
+    It is built anew from the configuration, so that showing it cannot touch a simulation.
+
+    Attributes:
+        station: its plant, with the robots.
+        initial: the configuration at the start, shape (nq,).
+        visualizer: what draws into Meshcat, where there is one.
+    """
+
+    def __init__(
+        self,
+        config: StationConfig,
+        *,
+        meshcat: Meshcat | None = None,
+        engine: RenderEngine | None = None,
+        way: Vector | None = None,
+    ) -> None:
+        """Build the scene, with the robots in their initial positions.
+
+        Args:
+            config: the station.
+            meshcat: to draw into.
+            engine: to render images with.
+            way: along which the floor has lines in images, shape (k, 3) [m].
+
+        Raises:
+            InvalidModel: a robot that cannot be built.
+        """
+        builder = DiagramBuilder()
+        station = add_plant(builder, config.model_copy(update={"contact": None}))
+        self.station: StationPlant = station
+        self._plant = station.plant
+        self._scene_graph = station.scene_graph
+        if engine is not None:
+            station.scene_graph.AddRenderer(RENDERER, engine)
+        if way is not None and config.floor is not None:
+            add_floor_grid(station.scene_graph, way, size=config.floor.size)
+        self._positions_port = station.add_geometry_poses(builder) if config.mode == "kinematic" else None
+        self.visualizer = None if meshcat is None else _add_visualizer(builder, station.scene_graph, meshcat)
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self.initial: Vector = station.plant.GetPositions(station.plant.CreateDefaultContext())
+        self.place(self.initial)
+
+    def place(self, positions: Vector) -> None:
+        """Put the station into a configuration, shape (nq,)."""
+        if self._positions_port is None:
+            self._plant.SetPositions(self._plant.GetMyMutableContextFromRoot(self._context), positions)
+        else:
+            system = self._positions_port.get_system()
+            self._positions_port.FixValue(system.GetMyMutableContextFromRoot(self._context), positions)
+
+    def draw(self, positions: Vector, time: float = 0.0) -> None:
+        """Show a configuration, shape (nq,), in Meshcat; a recording files it under ``time`` [s]."""
+        self.place(positions)
+        self._context.SetTime(time)
+        self._diagram.ForcedPublish(self._context)
+
+    def query(self) -> QueryObject:
+        """Return the geometry in its present configuration, for rendering."""
+        port = self._scene_graph.get_query_output_port()
+        query: QueryObject = port.Eval(self._scene_graph.GetMyContextFromRoot(self._context))
+        return query
+
+    def extents(self, positions: Vector) -> Vector:
+        """Return points, shape (m, 3) [m], around all that stands or moves in the configurations, shape (k, nq).
+
+        They are the origins of the links and the corners of their shapes' boxes; the floor is left out.
+        """
+        return self._corners(positions, None).reshape(-1, 3)
+
+    def extents_of_run(self, result: RecordedRun, way: Way | None = None) -> Vector:
+        """Return points, shape (m, 3) [m], around the motion of a run; of its robot alone if a way is taken from it."""
+        times = np.linspace(0.0, framed_time(result), _LOOKS)
+        positions = result.positions_at(times)
+        if way is None:
+            return self.extents(positions)
+        (robot,) = self.station.robots.values()
+        return (self._corners(positions, robot.instance) - way(times)[:, np.newaxis]).reshape(-1, 3)
+
+    def _corners(self, positions: Vector, instance: ModelInstanceIndex | None) -> Vector:
+        """Return the origins of links and the corners of their shapes, shape (k, m, 3) [m]; of one robot or of all."""
+        inspector = self._scene_graph.model_inspector()
+        links = []
+        for frame in inspector.GetAllFrameIds():
+            body = self._plant.GetBodyFromFrameId(frame)
+            if body is not None and frame != inspector.world_frame_id() and instance in (None, body.model_instance()):
+                links.append(frame)
+        boxes = {}
+        for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
+            box = inspector.GetObbInGeometryFrame(geometry)
+            if box is not None and inspector.GetFrameId(geometry) in links:
+                boxes[geometry] = box.pose() @ (_BOX_SIGNS * box.half_width()).T
+        points: list[Vector] = []
+        for row in positions:
+            self.place(row)
+            query = self.query()
+            origins = np.array([query.GetPoseInWorld(link).translation() for link in links]).reshape(-1, 3)
+            points.append(np.vstack([origins, *((query.GetPoseInWorld(g) @ c).T for g, c in boxes.items())]))
+        return np.array(points)
+
+
+def frame_times(end: float, frames_per_second: float) -> Vector:
+    """Return the times [s] of the frames of a motion; its end is the last one, wherever it lies."""
+    count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)
+    return np.append(np.arange(count) / frames_per_second, end)
+
+
+def _add_visualizer(builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat) -> MeshcatVisualizer:
+    params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
+    return MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)

@@ -1,0 +1,1 @@
+"""The block picture of a station."""

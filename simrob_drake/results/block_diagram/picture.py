@@ -1,0 +1,107 @@
+"""The block picture of a station, as DOT, Mermaid or a drawing of Graphviz.
+
+``python -m simrob_drake.results.block_diagram.picture`` draws the stations of the package anew.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.paths import diagrams_root
+from simrob_drake.results.block_diagram.dot import dot_text
+from simrob_drake.results.block_diagram.graph import BlockGraph
+from simrob_drake.results.block_diagram.mermaid import mermaid_text
+from simrob_drake.results.block_diagram.reading import read_blocks
+from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station, station_names
+
+DRAWN_SUFFIXES = (".svg", ".png", ".pdf")
+"""What Graphviz draws; .dot and .mmd are written without it."""
+
+_TIMEOUT = 60.0  # s; a station takes less than one
+
+
+def station_dot(config: StationConfig) -> str:
+    """Return the block picture of a station in Graphviz' language.
+
+    Raises:
+        SimrobError: a station that cannot be built.
+    """
+    return dot_text(_graph(config))
+
+
+def station_mermaid(config: StationConfig) -> str:
+    """Return the block picture of a station as a Mermaid flowchart, which GitHub shows in Markdown.
+
+    Raises:
+        SimrobError: a station that cannot be built.
+    """
+    return mermaid_text(_graph(config))
+
+
+def save_block_picture(config: StationConfig, file: Path) -> Path:
+    """Write the block picture of a station.
+
+    Args:
+        config: the station.
+        file: its suffix says what is written: .dot, .mmd, or through Graphviz .svg, .png, .pdf.
+
+    Returns:
+        the file.
+
+    Raises:
+        InvalidParameter: another suffix.
+        SimrobError: Graphviz is needed and missing, or fails.
+        OutputError: the file cannot be written.
+    """
+    suffix = file.suffix.lower()
+    if suffix not in (".dot", ".mmd", *DRAWN_SUFFIXES):
+        raise InvalidParameter("the picture's file", file.name, f"one of .dot, .mmd, {', '.join(DRAWN_SUFFIXES)}")
+    text = station_mermaid(config) if suffix == ".mmd" else station_dot(config)
+    content = _drawn(text, suffix[1:]) if suffix in DRAWN_SUFFIXES else text.encode()
+    try:
+        file.write_bytes(content)
+    except OSError as problem:
+        raise OutputError(f"{file} cannot be written ({problem.strerror})") from problem
+    return file
+
+
+def main(folder: Path | None = None) -> None:
+    """Write ``<station>.dot`` and ``<station>.svg`` for the package's stations, beside their files unless told."""
+    for name in station_names():
+        for suffix in (".dot", ".svg"):
+            print(save_block_picture(load_station(name), (folder or diagrams_root()) / f"{name}{suffix}"))
+
+
+def _graph(config: StationConfig) -> BlockGraph:
+    builder = DiagramBuilder()
+    ports = add_closed_station(builder, config)
+    return read_blocks(builder.Build(), ports)
+
+
+def _drawn(text: str, kind: str) -> bytes:
+    """Return what Graphviz draws from a text: ``kind`` is svg, png or pdf."""
+    try:
+        done = subprocess.run(
+            ["dot", f"-T{kind}"], input=text.encode(), capture_output=True, timeout=_TIMEOUT, check=True
+        )
+    except FileNotFoundError as problem:
+        raise SimrobError(
+            f"a .{kind} picture needs Graphviz, whose program `dot` is not found; "
+            "install Graphviz, or choose a .dot or .mmd file"
+        ) from problem
+    except subprocess.TimeoutExpired as problem:
+        raise SimrobError(f"Graphviz took more than {_TIMEOUT:g} s; choose a .dot or .mmd file") from problem
+    except subprocess.CalledProcessError as problem:
+        said = " ".join(problem.stderr.decode(errors="replace").split())
+        raise SimrobError(f"Graphviz failed: {said}; choose a .dot or .mmd file") from problem
+    return done.stdout
+
+
+if __name__ == "__main__":
+    main()

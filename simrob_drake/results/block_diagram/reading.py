@@ -1,0 +1,147 @@
+"""Read the blocks and arrows of a station's picture from its Diagram."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
+
+from simrob_drake.results.block_diagram.graph import Block, BlockGraph
+from simrob_drake.results.block_diagram.places import place_of
+from simrob_drake.stations.ports import StationPorts
+
+_SYMBOLS = {  # of a station's ports; the first that a signal has is its name
+    "position": "q",
+    "velocity": "v",
+    "torque": "τ",
+    "reference": "q_ref",
+    "reference_velocity": "v_ref",
+    "reference_acceleration": "a",
+    "feedforward": "τ_ff",
+    "external_force": "F",
+    "felt_torque": "e",
+}
+_PORT_SYMBOLS = {
+    "geometry_pose": "poses",
+    "query": "queries",
+    "applied_generalized_force": "τ",
+    "applied_spatial_force": "F",
+}
+_STATE = ("q", "v")
+_ORDER = list(_SYMBOLS.values())
+
+Signals = tuple[str, ...]
+Side = Literal["in", "out"]
+
+
+def read_blocks(diagram: Diagram, ports: StationPorts) -> BlockGraph:
+    """Return the blocks and arrows of a Diagram that holds a station.
+
+    Every system is either drawn, alone or together with those that it works with, or it is wiring: then it is part of
+    the arrows, or a bus bar where it gathers or hands out the signals of several blocks.
+
+    Args:
+        diagram: the station's systems, and any of the user's own, flat.
+        ports: the station's. What its references do is told as its configuration tells it.
+    """
+    return _Reader(diagram, ports).graph
+
+
+class _Reader:
+    """Goes through a Diagram and draws what it finds."""
+
+    def __init__(self, diagram: Diagram, ports: StationPorts) -> None:
+        config = ports.config
+        self._ports, self._symbols = ports, _port_symbols(ports)
+        self._systems: dict[str, System] = {system.get_name(): system for system in diagram.GetSystems()}
+        self._feeds = {
+            (target.get_name(), int(index)): (source.get_name(), int(output))
+            for (target, index), (source, output) in diagram.connection_map().items()
+        }
+        self._places = {name: place_of(name, system, ports) for name, system in self._systems.items()}
+        self.graph = BlockGraph(config.name, config.description, list(config.robots))
+        for name in self._systems:
+            self._draw(name)
+        for name in self._systems:
+            self._connect(name)
+        self._draw_outputs()
+        self.graph.tidy()
+        for signals in self.graph.arrows.values():
+            signals.sort(key=lambda signal: _ORDER.index(signal) if signal in _ORDER else len(_ORDER))
+
+    def _draw(self, name: str) -> None:
+        place = self._places[name]
+        if place is None:
+            return
+        new = Block(place.key, place.role, place.robot, shape=place.shape)
+        block = self.graph.blocks.setdefault(place.key, new)
+        block.systems.append(name)
+        if place.label not in block.label:
+            block.label = f"{block.label}, {place.label}" if block.label else place.label
+
+    def _connect(self, name: str) -> None:
+        place = self._places[name]
+        for index in range(self._systems[name].num_input_ports()):
+            if place is not None and (name, index) in self._feeds:
+                for source, signals in self._origins(*self._feeds[name, index]):
+                    self.graph.connect(source, place.key, self._signals(name, "in", index) or signals)
+
+    def _origins(self, name: str, output: int) -> list[tuple[str, Signals]]:
+        """Return the drawn blocks that an output comes from, through wiring, each with what the signals are called."""
+        place, here = self._places[name], self._signals(name, "out", output)
+        if place is not None:
+            return [(place.key, here)]
+        found = []
+        for index in range(self._systems[name].num_input_ports()):
+            called = here or self._signals(name, "in", index)
+            feed = self._feeds.get((name, index))
+            origins = self._origins(*feed) if feed else [(self._open_input(name), called)]
+            found += [(source, called or signals) for source, signals in origins]
+        return found
+
+    def _signals(self, name: str, side: Side, index: int) -> Signals:
+        if (name, side, index) in self._symbols:
+            return self._symbols[name, side, index]
+        system = self._systems[name]
+        port = system.get_input_port(index) if side == "in" else system.get_output_port(index)
+        return (_PORT_SYMBOLS[port.get_name()],) if port.get_name() in _PORT_SYMBOLS else ()
+
+    def _open_input(self, name: str) -> str:
+        """Draw an input of the station that nothing feeds yet."""
+        key = f"input {name}"
+        self.graph.blocks.setdefault(key, Block(key, "reference", self._robot(name), name, "port", [name]))
+        return key
+
+    def _draw_outputs(self) -> None:
+        """Draw the station's outputs; names of one and the same signal share an oval."""
+        names: dict[tuple[str, Side, int], list[str]] = {}
+        for name, port in self._ports.outputs.items():
+            if not name.endswith("reference"):  # what the station is given, not what it shows
+                names.setdefault(_identity(port), []).append(name)
+        for (system, _, index), aliases in names.items():
+            key, robot = f"output {aliases[0]}", self._robot(aliases[0])
+            short = sorted((name.removeprefix(f"{robot}.") for name in aliases), key=len)
+            self.graph.blocks[key] = Block(key, "sensor", robot, "\n".join(short), "port")
+            for source, signals in self._origins(system, index):
+                self.graph.connect(source, key, signals)
+
+    def _robot(self, name: str) -> str:
+        """Return the robot that a name belongs to, or nothing where the station has one only."""
+        robots = self._ports.plant.robots.values()
+        return next((robot.name for robot in robots if robot.prefix and name.startswith(robot.prefix)), "")
+
+
+def _port_symbols(ports: StationPorts) -> dict[tuple[str, Side, int], Signals]:
+    """Return what the signals at ports are called."""
+    symbols: dict[tuple[str, Side, int], Signals] = {_identity(ports.state): _STATE}
+    for robot in ports.plant.robots.values():
+        for name, symbol in _SYMBOLS.items():
+            key = f"{robot.prefix}{name}"
+            for port in (ports.outputs.get(key), ports.inputs.get(key)):
+                if port is not None:
+                    symbols.setdefault(_identity(port), (symbol,))
+    return symbols
+
+
+def _identity(port: OutputPort | InputPort) -> tuple[str, Side, int]:
+    return port.get_system().get_name(), "out" if isinstance(port, OutputPort) else "in", int(port.get_index())

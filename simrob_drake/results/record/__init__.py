@@ -1,0 +1,1 @@
+"""What a run recorded: states, signals, measures."""

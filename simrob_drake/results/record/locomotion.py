@@ -1,0 +1,216 @@
+r"""How well a legged robot walked, computed from the recorded states of a run.
+
+All figures are about the root link and the samples of the run, from its beginning to its end; SI units and radians.
+"Ahead" is where the robot faced at the beginning, seen from above.
+
+Under ``cenic`` torques are those of the second half of each step (see ``signals.Sampler``), so
+peaks and work of walks come out a little low: by a tenth with steps of 10 ms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.robots.feet import FootContact
+from simrob_drake.stations.names import named
+from simrob_drake.stations.plant import StationPlant
+from simrob_drake.stations.robots import StationRobot
+
+_SHORTEST_WAY = 0.01
+"""Way below which a cost of transport means nothing [m]."""
+_AT_LIMIT = 0.999  # share of a torque limit
+
+
+def legged_robots(result: RecordedRun) -> list[str]:
+    """Return the robots of a run that could walk: with feet, a free base and joints that are moved by torque."""
+    if result.config.mode != "dynamic":
+        return []
+    robots = result.plant.robots.items()
+    return [name for name, robot in robots if robot.feet is not None and robot.model.base == "floating"]
+
+
+@dataclass(frozen=True)
+class Locomotion:
+    r"""What became of a walk.
+
+    Attributes:
+        distance: horizontal distance between the root's first and last place [m].
+        ahead, drift: its parts ahead and to the left [m].
+        speed: distance over the time of the run [m/s].
+        yaw: by how much it turned to the left, whole turns counted [rad].
+        tilt: largest angle of the root's z axis from the vertical [rad].
+        smallest_height: of the root over the world's origin [m].
+        fall_time: when a fall monitor ended the run [s], or None.
+        peak_torque: ``axis``, ``torque``, ``limit`` [N·m] and ``ratio``, where :math:`|\tau| / \tau_{max}` was largest.
+        saturated: part of the samples in which the busiest joint is at its limit.
+        work: :math:`\int \sum_i |\tau_i \dot q_i| \, dt`, trapezoids between samples [J].
+        cost_of_transport: work over :math:`m g` times distance, or None below 1 cm.
+        foot_slip: by link, see :func:`foot_slip` [m].
+    """
+
+    distance: float
+    ahead: float
+    drift: float
+    speed: float
+    yaw: float
+    tilt: float
+    smallest_height: float
+    fall_time: float | None
+    peak_torque: dict[str, Any]
+    saturated: float
+    work: float
+    cost_of_transport: float | None
+    foot_slip: dict[str, float]
+
+    @property
+    def upright(self) -> bool:
+        """Whether no fall ended the run."""
+        return self.fall_time is None
+
+
+def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
+    """Return the measures of a legged robot's run.
+
+    Args:
+        result: a run that did not diverge.
+        robot: its name; needed where there are several legged ones.
+
+    Raises:
+        UnknownName: no such legged robot.
+        InvalidParameter: none named, and there is not just one.
+    """
+    name = named(robot, legged_robots(result), kind="legged robot")
+    own = result.plant.robots[name]
+    base = result.pose("base", name)
+    way = base[-1, :2] - base[0, :2]
+    heading = headings(result.plant, own, base)
+    ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
+    distance = float(np.linalg.norm(way))
+    work = mechanical_work(result, name)
+    shares = np.abs(result.axes("tau", name)) / own.gains.torque_limit
+    return Locomotion(
+        distance=distance,
+        ahead=float(way @ ahead),
+        drift=float(way @ [-ahead[1], ahead[0]]),
+        speed=distance / result.stop_time if result.stop_time > 0 else 0.0,
+        yaw=float(heading[-1] - heading[0]),
+        tilt=_tilt(base),
+        smallest_height=float(base[:, 2].min()),
+        fall_time=fall_time(result, name),
+        peak_torque=_peak_torque(result, own),
+        saturated=float((shares > _AT_LIMIT).mean(axis=0).max()),
+        work=work,
+        cost_of_transport=work / (_weight(result, own) * distance) if distance > _SHORTEST_WAY else None,
+        foot_slip=foot_slip(result, name),
+    )
+
+
+def _tilt(base: Vector) -> float:
+    """Return the largest angle of the z axis of poses (m, 7) from the vertical [rad]."""
+    qx, qy = base[:, 4], base[:, 5]
+    return float(np.arccos(np.clip(1.0 - 2.0 * (qx**2 + qy**2), -1.0, 1.0)).max())
+
+
+def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector:
+    """Return where a robot faces, counterclockwise from the world's x, without jumps, shape (m,) [rad].
+
+    It faces across the line from its right to its left feet, as its tools are called, in the posture of zero angles;
+    along its root's x where they do not tell left from right.
+
+    Args:
+        station: the plant that the robot is in.
+        robot: who.
+        base: poses of its root, shape (m, 7).
+    """
+    context = station.plant.CreateDefaultContext()
+    station.set_axes(context, robot, np.zeros(len(robot.axes)))
+    sides = {
+        side: [frame.CalcPose(context, robot.root).translation() for name, frame in robot.tools.items() if side in name]
+        for side in ("left", "right")
+    }
+    poses = [transform_from_xyz_quaternion(row).rotation().matrix() for row in base]
+    forward = np.array([1.0, 0.0, 0.0])
+    if sides["left"] and sides["right"]:
+        across = np.mean(sides["left"], axis=0) - np.mean(sides["right"], axis=0)
+        forward = np.cross(across, poses[0].T @ [0.0, 0.0, 1.0])
+    seen = np.array(poses) @ forward
+    return np.asarray(np.unwrap(np.arctan2(seen[:, 1], seen[:, 0])))
+
+
+def fall_time(result: RecordedRun, robot: str) -> float | None:
+    """Return when a fall monitor that watches a robot ended the run [s]; None if none did."""
+    monitor = result.config.monitors.get(result.stopped_by or "")
+    if monitor is None or monitor.kind != "fall" or getattr(monitor, "piece", None):
+        return None
+    return result.stop_time if (monitor.robot or result.config.only_robot) == robot else None
+
+
+def mechanical_work(result: RecordedRun, robot: str) -> float:
+    r"""Return :math:`\int \sum_i |\tau_i \dot q_i| \, dt` over a run [J]: joints that brake give nothing back."""
+    power = np.abs(result.axes("tau", robot) * result.axes("v", robot)).sum(axis=1)
+    return float(np.trapezoid(power, result.times))
+
+
+def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
+    """Return how far each foot slid over the floor, by its link [m].
+
+    A foot touches with those lowest points of its contact shapes that lie below the floor's surface, z = 0. From one
+    sample to the next each point that touches in both is followed as a point of its link, and the foot slides by the
+    mean of their horizontal displacements. A foot that rolls does not slide.
+    """
+    own = result.plant.robots[robot]
+    assert own.feet is not None  # the caller asks for robots with feet only
+    slips = {}
+    for link, (turns, places) in _link_poses(result, own).items():
+        points = _lowest(own.feet, link, turns, places)
+        local = np.einsum("mji,mkj->mki", turns[:-1], points[:-1] - places[:-1, np.newaxis])
+        moved = places[1:, np.newaxis] + np.einsum("mij,mkj->mki", turns[1:], local)
+        touches = (points[:-1, :, 2] < 0) & (points[1:, :, 2] < 0)
+        ways = np.linalg.norm((moved - points[:-1])[..., :2], axis=2) * touches
+        slips[link] = float((ways.sum(axis=1) / np.maximum(touches.sum(axis=1), 1)).sum())
+    return slips
+
+
+def _link_poses(result: RecordedRun, robot: StationRobot) -> dict[str, tuple[Vector, Vector]]:
+    """Return rotations (m, 3, 3) and positions (m, 3) of the feet's links in the world at the samples of a run."""
+    plant = result.plant.plant
+    assert robot.feet is not None  # checked by the caller
+    frames = {link: plant.GetFrameByName(link, robot.instance) for link in robot.feet.links}
+    context = plant.CreateDefaultContext()
+    found: dict[str, list[Vector]] = {link: [] for link in frames}
+    for positions in result.positions_at(result.times):
+        plant.SetPositions(context, positions)
+        for link, frame in frames.items():
+            found[link].append(frame.CalcPoseInWorld(context).GetAsMatrix4())
+    stacks = {link: np.array(rows) for link, rows in found.items()}
+    return {link: (poses[:, :3, :3], poses[:, :3, 3]) for link, poses in stacks.items()}
+
+
+def _lowest(feet: FootContact, link: str, turns: Vector, places: Vector) -> Vector:
+    """Return the lowest points of a foot's shapes in the world, shape (m, k, 3) [m]."""
+    spheres = link in feet.points
+    local = np.array(feet.points[link]) if spheres else feet.support_points(link)
+    points = places[:, np.newaxis] + np.einsum("mij,kj->mki", turns, local)
+    return np.asarray(points - (0.0, 0.0, feet.radius if spheres else 0.0))
+
+
+def _peak_torque(result: RecordedRun, robot: StationRobot) -> dict[str, Any]:
+    torque, limit = np.abs(result.axes("tau", robot.name)).max(axis=0), robot.gains.torque_limit
+    axis = int(np.argmax(torque / limit))
+    return {
+        "axis": robot.axes[axis],
+        "torque": float(torque[axis]),
+        "limit": float(limit[axis]),
+        "ratio": float(torque[axis] / limit[axis]),
+    }
+
+
+def _weight(result: RecordedRun, robot: StationRobot) -> float:
+    """Return the weight of a robot with what it carries [N]."""
+    plant = result.plant.plant
+    return float(plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance]) * abs(result.config.gravity))

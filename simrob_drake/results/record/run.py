@@ -1,0 +1,122 @@
+"""What was recorded of a run: signals, how it ended and how fast it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from pydrake.multibody.plant import ContactResults
+from pydrake.trajectories import Trajectory
+
+from simrob_drake.errors import UnknownName
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.results.record.state import State
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.free_pieces import VELOCITY_NAMES
+from simrob_drake.stations.names import named
+from simrob_drake.stations.plant import StationPlant
+from simrob_drake.stations.references import Samples
+from simrob_drake.stations.robots import StationRobot
+
+Ending = Literal["completed", "monitor", "diverged", "interrupted"]
+DIVERGED, INTERRUPTED = "diverged", "interrupted"
+"""What stands for a monitor's name where none ended the run."""
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """A run: its signals, how it ended and how fast it was.
+
+    Attributes:
+        config: the station as it was run.
+        plant: the station's plant, for its robots' figures.
+        ending: ``completed``, ``monitor``, ``diverged`` or ``interrupted``.
+        stopped_by: the name of the monitor that ended the run, "diverged", "interrupted" (by the user), or None.
+        message: how the run ended, in words.
+        names: the columns of ``values``.
+        times: of the samples, shape (m,) [s]; evenly spaced, with the end of the run last.
+        values: the signals, shape (m, k), SI units and radians.
+        step_times: ends of the accepted steps [s].
+        positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq); others are refused.
+        stepping_time, signal_time: wall-clock seconds spent on each.
+        warnings: why the result may be wrong though the run went to its end, in words.
+        final_state: where the station was at the end, for another run to begin there.
+        start: where it began; None at the configuration's initial posture.
+        contacts_at: Drake's contact results at any times of the run; None in a station without contact.
+        references: what was given to simulate() in place of the configuration's references, by robot.
+    """
+
+    config: StationConfig
+    plant: StationPlant
+    ending: Ending
+    stopped_by: str | None
+    message: str
+    names: list[str]
+    times: Vector
+    values: Vector
+    step_times: Vector
+    positions_at: Callable[[Vector], Vector]
+    stepping_time: float
+    signal_time: float
+    final_state: State
+    start: State | None = None
+    references: dict[str, Trajectory | Samples] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    contacts_at: Callable[[Vector], Iterator[ContactResults]] | None = None
+
+    def __getitem__(self, name: str) -> Vector:
+        """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
+        if name not in self.names:
+            raise UnknownName("signal", name, self.names)
+        return self.values[:, self.names.index(name)]
+
+    def axes(self, signal: str, robot: str | None = None) -> Vector:
+        """Return a signal of all axes of a robot, shape (m, n): ``q_ref``, ``q``, ``v`` or ``tau``.
+
+        Args:
+            signal: the column's name before the axis.
+            robot: needed where the station has several.
+
+        Raises:
+            UnknownName: no such signal or robot.
+            InvalidParameter: no robot named, and the station has not just one.
+        """
+        station_robot = self._robot(robot)
+        return np.column_stack([self[f"{station_robot.prefix}{signal}.{axis}"] for axis in station_robot.axes])
+
+    def pose(self, signal: str, robot: str | None = None) -> Vector:
+        """Return a pose signal, ``base`` or ``tcp``, shape (m, 7): x y z qw qx qy qz; names as in :meth:`axes`."""
+        station_robot = self._robot(robot)
+        return np.column_stack([self[f"{station_robot.prefix}{signal}.{part}"] for part in XYZ_QUATERNION_NAMES])
+
+    def piece_pose(self, piece: str) -> Vector:
+        """Return where a free piece was, shape (m, 7): x y z qw qx qy qz."""
+        return np.column_stack([self[f"piece.{piece}.{part}"] for part in XYZ_QUATERNION_NAMES])
+
+    def piece_velocity(self, piece: str) -> Vector:
+        """Return how a free piece moved, shape (m, 6): vx vy vz [m/s] wx wy wz [rad/s], in the world's axes."""
+        return np.column_stack([self[f"piece.{piece}.{part}"] for part in VELOCITY_NAMES])
+
+    def vector(self, signal: str) -> Vector:
+        """Return a signal of three columns, such as ``force.<sensor>``, shape (m, 3)."""
+        return np.column_stack([self[f"{signal}.{axis}"] for axis in "xyz"])
+
+    @property
+    def stop_time(self) -> float:
+        """When the run ended, in simulated time [s]."""
+        return float(self.times[-1])
+
+    @property
+    def wall_time(self) -> float:
+        """Wall-clock seconds of stepping and signals."""
+        return self.stepping_time + self.signal_time
+
+    @property
+    def realtime_rate(self) -> float:
+        """Simulated over wall-clock time of stepping and signals."""
+        return self.stop_time / self.wall_time if self.wall_time > 0 else 0.0
+
+    def _robot(self, name: str | None) -> StationRobot:
+        return self.plant.robots[named(name, list(self.plant.robots))]

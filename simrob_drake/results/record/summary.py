@@ -1,0 +1,105 @@
+"""What ``summary.json`` holds."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.results.record.locomotion import legged_robots, locomotion
+from simrob_drake.results.record.run import DIVERGED, RecordedRun
+from simrob_drake.stations.sensor_config import Force
+from simrob_drake.stations.sensors import tangential_source
+
+
+def pose_vector(pose: Vector) -> list[float]:
+    """Return x y z qw qx qy qz as a pose vector [x y z Rz Ry Rx]."""
+    return [float(value) for value in pose_from_transform(transform_from_xyz_quaternion(pose))]
+
+
+def summary_of(run: RecordedRun) -> dict[str, Any]:
+    """Return how a run ended and why, final and largest values, measures of walks, speed and versions."""
+    robots = run.plant.robots
+    only = run.config.only_robot
+    names = {name: robot.model.name for name, robot in robots.items()}
+    return {
+        "station": run.config.name,
+        "robot": names.get(only) if only else names or None,
+        "duration": run.config.duration,
+        "stopped_by": run.stopped_by,
+        "stop_time": run.stop_time,
+        "message": run.message,
+        "warnings": run.warnings,
+        "solver": run.config.solver.model_dump() if run.config.mode == "dynamic" else None,
+        "steps": len(run.step_times) - 1,
+        "wall_time": run.wall_time,
+        "realtime_rate": run.realtime_rate,
+        "final": {
+            "joint_position": _by_axis(run, "q", -1),
+            "joint_torque": _by_axis(run, "tau", -1),
+            "base_pose": _final_pose(run, "base"),
+            "tcp_pose": _final_pose(run, "tcp"),
+            "piece_pose": {piece: pose_vector(run.piece_pose(piece)[-1]) for piece in run.config.free_pieces},
+        },
+        "peak": {"joint_torque": _peaks(run, "tau"), "force": _peak_forces(run)},
+        "locomotion": _locomotion(run),
+        "sensors": {name: _sensor_note(run, name) for name in run.config.sensors},
+        "versions": {
+            "simrob_drake": version("simrob-drake"),
+            "drake": version("drake"),
+            "numpy": version("numpy"),
+            "python": platform.python_version(),
+        },
+    }
+
+
+def _locomotion(run: RecordedRun) -> dict[str, Any] | None:
+    """Return how the legged robots walked, by robot where there are several; None where nothing could be told."""
+    walkers = [] if run.ending == DIVERGED else legged_robots(run)
+    found = {name: asdict(locomotion(run, name)) for name in walkers}
+    return found.get(run.config.only_robot) if run.config.only_robot else found or None
+
+
+def _peak_forces(run: RecordedRun) -> dict[str, float]:
+    """Return the largest size of every contact force [N] by sensor."""
+    sensors = [name for name, sensor in run.config.sensors.items() if sensor.kind == "force"]
+    return {name: float(np.linalg.norm(run.vector(f"force.{name}"), axis=1).max()) for name in sensors}
+
+
+def _sensor_note(run: RecordedRun, name: str) -> dict[str, str]:
+    """Return what a sensor is, and how it was computed."""
+    sensor = run.config.sensors[name]
+    note: dict[str, str] = {"kind": sensor.kind}
+    if isinstance(sensor, Force):
+        note["tangential"] = tangential_source(run.plant, run.config, sensor)
+    return note
+
+
+def _columns(run: RecordedRun, signal: str) -> dict[str, Vector]:
+    return {
+        f"{robot.prefix}{axis}": run[f"{robot.prefix}{signal}.{axis}"]
+        for robot in run.plant.robots.values()
+        for axis in robot.axes
+    }
+
+
+def _by_axis(run: RecordedRun, signal: str, row: int) -> dict[str, float]:
+    return {axis: float(values[row]) for axis, values in _columns(run, signal).items()}
+
+
+def _peaks(run: RecordedRun, signal: str) -> dict[str, float]:
+    """Return the value of largest size of a signal, with its sign, by axis."""
+    return {axis: float(values[np.argmax(np.abs(values))]) for axis, values in _columns(run, signal).items()}
+
+
+def _final_pose(run: RecordedRun, signal: str) -> Any:
+    poses = {
+        name: pose_vector(run.pose(signal, name)[-1])
+        for name, robot in run.plant.robots.items()
+        if f"{robot.prefix}{signal}.x" in run.names
+    }
+    return poses.get(run.config.only_robot) if run.config.only_robot else poses

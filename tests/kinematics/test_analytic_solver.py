@@ -1,0 +1,209 @@
+"""The closed form: round trips against forward kinematics, all branches, limits, turns and singular postures."""
+
+import numpy as np
+import pytest
+
+from simrob_drake.errors import UnknownName
+from simrob_drake.kinematics import AnalyticSolver, NoClosedForm, Unreachable, require
+
+PROMISED = 1e-9  # m and rad
+
+
+def _error(chain, postures, targets):
+    return np.abs(chain.forward(postures) - targets).max()
+
+
+def test_round_trip_of_the_irb120(irb120_chain, random_postures, home):
+    targets = irb120_chain.forward(random_postures(irb120_chain, 10_000))
+    solutions = AnalyticSolver(irb120_chain).solve(targets, np.tile(home, (len(targets), 1)))
+    assert solutions.reached.all()
+    assert _error(irb120_chain, solutions.positions, targets) < PROMISED
+    assert (solutions.positions >= irb120_chain.lower).all()
+    assert (solutions.positions <= irb120_chain.upper).all()
+
+
+@pytest.mark.parametrize("name", ["puma560", "tx40"])
+def test_round_trip_with_offset_shoulders(name, dh_chain, random_postures, tables):
+    chain = dh_chain(tables[name])
+    postures = random_postures(chain, 2000)
+    targets = chain.forward(postures)
+    solutions = AnalyticSolver(chain).solve(targets, postures)
+    assert solutions.reached.all()
+    assert _error(chain, solutions.positions, targets) < PROMISED
+    np.testing.assert_allclose(solutions.positions, postures, atol=1e-6)  # near singular ones lose half the digits
+
+
+@pytest.mark.parametrize("name", ["irb120", "puma560", "tx40"])
+def test_all_eight_postures_reach_the_target(name, dh_chain, random_postures, tables):
+    chain = dh_chain(tables[name], limit=2 * np.pi)
+    targets = chain.forward(random_postures(chain, 300))
+    postures, reach = AnalyticSolver(chain).postures(targets, np.zeros(6))
+    assert reach.all()  # every pose has eight, as no limit is in the way
+    assert _error(chain, postures.reshape(-1, 6), np.repeat(targets, 8, axis=0)) < PROMISED
+    apart = np.abs(np.exp(1j * postures[:, :, np.newaxis]) - np.exp(1j * postures[:, np.newaxis])).max(axis=-1)
+    assert (apart[:, ~np.eye(8, dtype=bool)] > 1e-6).all()
+
+
+def test_limits_are_kept_and_counted(irb120_chain, random_postures):
+    targets = irb120_chain.forward(random_postures(irb120_chain, 500))
+    postures, reach = AnalyticSolver(irb120_chain).postures(targets, np.zeros(6))
+    within = ((postures >= irb120_chain.lower) & (postures <= irb120_chain.upper)).all(axis=-1)
+    np.testing.assert_array_equal(reach, within)
+    assert reach.any(axis=1).all()
+
+
+def test_the_nearest_posture_is_taken(irb120_chain, random_postures):
+    postures = random_postures(irb120_chain, 2000)
+    near = np.clip(postures + 0.01, irb120_chain.lower, irb120_chain.upper)
+    solutions = AnalyticSolver(irb120_chain).solve(irb120_chain.forward(postures), near)
+    away = np.linalg.norm(solutions.positions - near, axis=1)
+    assert (away <= np.linalg.norm(postures - near, axis=1) + 1e-6).all()
+
+
+def test_whole_turns_of_joint_6(irb120_chain, home):
+    solver = AnalyticSolver(irb120_chain)
+    for turned in (-6.5, -3.5, 3.5, 6.5):
+        posture = home + np.array([0.1, 0.2, -0.3, 0.1, -0.5, turned])
+        found = solver.solve(irb120_chain.forward(posture), posture).positions[0]
+        np.testing.assert_allclose(found, posture, atol=1e-9)
+    beyond = home + np.array([0, 0, 0, 0, 0, 6.9])
+    found = solver.solve(irb120_chain.forward(beyond + np.array([0, 0, 0, 0, 0, 0.3])), beyond).positions[0]
+    np.testing.assert_allclose(found[5], 7.2 - 2 * np.pi, atol=1e-9)  # 412° is too far, 52° is not
+
+
+def test_in_order_each_from_the_last(irb120_chain, home):
+    turns = np.linspace(0, 6.9, 60)[:, np.newaxis] * [0, 0, 0, 0, 0, 1]
+    path = home + np.array([0.1, 0.2, -0.3, 0.4, -0.5, 0]) + turns
+    found = AnalyticSolver(irb120_chain).solve(irb120_chain.forward(path), path[0]).positions
+    np.testing.assert_allclose(found, path, atol=1e-9)
+
+
+FLAGS = [(s, e, w) for s in ("right", "left") for e in ("up", "down") for w in ("no_flip", "flip")]
+
+
+@pytest.mark.parametrize("name", ["irb120", "puma560", "tx40"])
+@pytest.mark.parametrize(("shoulder", "elbow", "wrist"), FLAGS)
+def test_flags_are_what_they_say(name, shoulder, elbow, wrist, dh_chain, random_postures, tables):
+    """Seen in the plane of the arm, from the places of the joints' frames that Drake reports."""
+    chain = dh_chain(tables[name], limit=2 * np.pi)
+    place = chain.in_plant
+    context = place.plant.CreateDefaultContext()
+    targets = chain.forward(random_postures(chain, 20))
+    solver = AnalyticSolver(chain, shoulder=shoulder, elbow=elbow, wrist=wrist)
+    for posture in require(solver.solve(targets, np.zeros(6))):
+        place.plant.SetPositions(context, posture)
+        axes = [joint.frame_on_parent().CalcPose(context, place.base) for joint in place.joints]
+        up, second = axes[0].rotation().matrix()[:, 2], axes[1].rotation().matrix()[:, 2]
+        centre = axes[4].translation()
+        ahead = centre - axes[0].translation()
+        ahead -= up * (up @ ahead)
+        side = second * (second @ ahead)  # along axis 2, where the wrist is offset
+        ahead -= side
+        ahead /= np.linalg.norm(ahead)
+        if np.linalg.norm(side) > 1e-6:
+            assert (side @ np.cross(ahead, up) > 0) == (shoulder == "right")
+        arm, elbow_at = centre - axes[1].translation(), axes[2].translation() - axes[1].translation()
+        above = (arm @ ahead) * (elbow_at @ up) - (arm @ up) * (elbow_at @ ahead)
+        assert (above > 0) == (elbow == "up")
+        assert (np.sin(posture[4]) > 0) == (wrist == "no_flip")
+
+
+def test_home_is_right_up_no_flip(irb120_chain, home):
+    targets = irb120_chain.forward(home)
+    flagged = AnalyticSolver(irb120_chain, shoulder="right", elbow="up", wrist="no_flip")
+    np.testing.assert_allclose(require(flagged.solve(targets, np.zeros(6)))[0], home, atol=1e-9)
+
+
+def test_singular_wrist_keeps_joint_4(irb120_chain, random_postures):
+    postures = random_postures(irb120_chain, 200)
+    postures[:, 4] = 0.0
+    postures[:, 5] *= 0.5
+    targets = irb120_chain.forward(postures)
+    starts = postures + np.array([0, 0, 0, 0.05, 0.1, 0])
+    starts[:, 3] = np.clip(starts[:, 3], -2.7, 2.7)
+    solver = AnalyticSolver(irb120_chain)
+    each = solver.solve(targets, starts)
+    assert each.reached.all()
+    assert _error(irb120_chain, each.positions, targets) < PROMISED
+    straight = np.abs(each.positions[:, 4]) < 1e-9
+    assert straight.mean() > 0.9  # for some poses another shoulder or elbow lies nearer
+    np.testing.assert_array_equal(each.positions[straight, 3], starts[straight, 3])
+    in_order = solver.solve(np.repeat(targets[:1], 3, axis=0), starts[0]).positions
+    np.testing.assert_allclose(in_order, np.tile(in_order[0], (3, 1)), atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [1e-13, 1e-11, 1e-9, 1e-7, 1e-5])
+def test_nearly_singular_wrist_loses_no_digits(irb120_chain, random_postures, angle):
+    postures = random_postures(irb120_chain, 200)
+    postures[:, 4] = angle
+    postures[:, 5] *= 0.5
+    targets = irb120_chain.forward(postures)
+    assert AnalyticSolver(irb120_chain).solve(targets, postures).reached.all()
+    found = AnalyticSolver(irb120_chain).solve(targets, postures).positions
+    assert _error(irb120_chain, found, targets) < PROMISED
+
+
+def test_wrist_above_axis_1_keeps_joint_1(dh_chain, tables):
+    chain = dh_chain(tables["irb120"])
+    posture = np.array([0.4, -0.5, 0.0, 0.3, 0.6, -0.2])
+    elbow, fore = 0.27 * np.sin(posture[1]), np.hypot(0.07, 0.302)
+    posture[2] = -posture[1] - np.arctan2(0.302, 0.07) - np.arcsin(elbow / fore)  # so that the wrist is over axis 1
+    targets = chain.forward(posture)
+    found = AnalyticSolver(chain).solve(targets, posture + np.array([0.2, 0, 0, 0, 0, 0]))
+    assert found.reached.all()
+    assert _error(chain, found.positions, targets) < PROMISED
+    np.testing.assert_allclose(found.positions[0, 0], 0.6, atol=1e-9)
+
+
+def test_rounded_figures_are_polished_away(dh_chain, random_postures, tables):
+    rough = [tuple(round(value, 4) for value in row) for row in tables["irb120"]]  # alpha = 1.5708, as URDFs have it
+    chain = dh_chain(rough)
+    postures = 0.5 * random_postures(chain, 200)
+    targets = chain.forward(postures)
+    solutions = AnalyticSolver(chain).solve(targets, postures)
+    assert solutions.reached.all()
+    assert _error(chain, solutions.positions, targets) < PROMISED
+
+
+def test_other_tools_and_oblique_feet(irb120_chain, random_postures):
+    chain = irb120_chain.with_tool([0.02, -0.03, 0.148, 0.5, 0.3, -0.2])
+    postures = random_postures(chain, 200)
+    targets = chain.forward(postures)
+    assert _error(chain, require(AnalyticSolver(chain).solve(targets, postures)), targets) < PROMISED
+
+
+def test_out_of_reach_says_how_far(irb120_chain, home):
+    targets = np.repeat(irb120_chain.forward(home), 3, axis=0)
+    targets[1, 0, 3] += 1.0
+    solutions = AnalyticSolver(irb120_chain).solve(targets, home)
+    assert solutions.reached.tolist() == [True, False, True]
+    centre = targets[1, :3, 3] - 0.072 * targets[1, :3, 2]
+    short = np.linalg.norm(centre - [0, 0, 0.29]) - (0.27 + np.hypot(0.07, 0.302))
+    assert solutions.position_error[1] == pytest.approx(short, abs=1e-9)  # stretched towards it
+    with pytest.raises(Unreachable, match=rf"points\[1\] .* out of reach: .* {short:.3g} m") as caught:
+        require(solutions, "points")
+    assert caught.value.index == 1
+    assert caught.value.position_error == solutions.position_error[1]
+
+
+def test_beyond_limits_names_the_joint(irb120_chain, home):
+    turned = home + np.array([3.0, 0, 0, 0, 0, 0])  # 172°, where joint 1 ends at 165°
+    solver = AnalyticSolver(irb120_chain, shoulder="right", elbow="up", wrist="no_flip")
+    with pytest.raises(Unreachable, match=r"joint limit: all postures with these flags need joint_1 0\.12 rad"):
+        require(solver.solve(irb120_chain.forward(turned), home))
+
+
+def test_no_closed_form(dh_chain, tables, belt, irb120_chain):
+    with pytest.raises(NoClosedForm, match="do not meet in a point"):
+        AnalyticSolver(dh_chain(tables["ur5"]))
+    with pytest.raises(NoClosedForm, match="7 moving axes"):
+        AnalyticSolver(dh_chain(tables["irb120"], slide=belt))
+    skewed = list(tables["irb120"])
+    skewed[1] = (skewed[1][0], 0, 0.27, 0.1)
+    with pytest.raises(NoClosedForm, match="axis 3 is not parallel to axis 2"):
+        AnalyticSolver(dh_chain(skewed))
+
+
+def test_unknown_flag(irb120_chain):
+    with pytest.raises(UnknownName, match="did you mean 'no_flip'"):
+        AnalyticSolver(irb120_chain, wrist="noflip")
