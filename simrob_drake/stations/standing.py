@@ -10,8 +10,7 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from simrob_drake.frames import Vector
-from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.robots import StationRobot
+from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.stations.support import support_points
 
 _TOUCHING = 1e-3  # what lies less above the lowest point carries, too: contacts and servos give way by as much [m]
@@ -61,7 +60,7 @@ def standing(station: StationPlant, robot: StationRobot) -> Standing | None:
     weight = mass * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
     forces = _vertical_forces(points, com, weight)
     generalized = plant.CalcGravityGeneralizedForces(context) + np.einsum("kv,k->v", jacobians, forces)
-    torque = -robot.of_axes(generalized)
+    torque = -robot.axis_map.efforts(generalized)
     return Standing(mass, gap, len(points), _margin(points[:, :2], com[:2]), torque)
 
 

@@ -10,8 +10,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.blocks.distance_sensor import shape_corners
 from simrob_drake.frames import Vector
-from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.robots import StationRobot
+from simrob_drake.parts.site import StationPlant, StationRobot
 
 _RIM = 16  # points that stand for the rim of a cylinder
 

@@ -6,8 +6,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
-
 from simrob_drake.blocks.push import Push, add_pushes
+
 from simrob_drake.errors import InvalidParameter
 
 MASS = 2.0  # kg

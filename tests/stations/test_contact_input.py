@@ -1,11 +1,11 @@
 """Contact, sensors and monitors that cannot be are refused in words that say what would be right."""
 
 import pytest
+from simrob_drake.stations.force_limits import force_limit, quasi_static_limits
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.stations.contact_limits import largest_stiffness
-from simrob_drake.stations.force_limits import force_limit, quasi_static_limits
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 
 FORCE = {"kind": "force", "body": "load"}

@@ -1,10 +1,10 @@
 """Station files: what is accepted, what is refused, and in which words."""
 
 import pytest
+from simrob_drake.stations.reference_config import Hold
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.stations.load import load_station, station_names, station_yaml
-from simrob_drake.stations.reference_config import Hold
 
 
 @pytest.mark.parametrize("name", station_names())

@@ -1,54 +1,44 @@
-"""Monitors of poses: a box that is not to be left, and a fall."""
+"""A robot, or a free piece, that falls."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
+from pydantic import model_validator
 from pydrake.math import RotationMatrix
-from pydrake.systems.framework import Context
 
-from simrob_drake.blocks.monitor import Monitor, largest
+from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.parts.monitors.monitor import Made
+from simrob_drake.parts.monitors.of_poses import PoseMonitorSection
+from simrob_drake.parts.site import Site
+from simrob_drake.quantities import Positive
 
-_AXES = "xyz"
 
+class Fall(PoseMonitorSection):
+    """End the run when a robot's base, or a free piece, is too low or leans too far."""
 
-class WorkspaceMonitor(Monitor):
-    """End the run when a point leaves a box.
+    kind: Literal["fall"]
+    height: Positive | None = None
+    """Height of its origin below which it has fallen [m]."""
+    tilt_deg: Positive | None = None
+    """Angle from how it stood at the start beyond which it has fallen."""
 
-    Ports:
-        in  ``pose`` (7): x y z [m] qw qx qy qz of the point.
-        out ``excess`` (1): how far outside it is [m].
-    """
+    @model_validator(mode="after")
+    def _some_bound(self) -> Fall:
+        if self.height is None and self.tilt_deg is None:
+            raise ValueError("a fall needs a bound: height or tilt_deg")
+        return self
 
-    def __init__(
-        self, *, name: str, lower: npt.ArrayLike, upper: npt.ArrayLike, hold: float = 0.0, after: float = 0.0
-    ) -> None:
-        """Watch the point called ``name`` in the box from ``lower`` to ``upper``, each (3,) [m] in the world."""
-        super().__init__(hold=hold, after=after)
-        self._name = name
-        self._lower, self._upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-        if not (self._lower < self._upper).all():
-            raise InvalidParameter("lower", list(self._lower), f"below upper, {list(self._upper)} [m]")
-        self._pose = self.watch("pose", len(XYZ_QUATERNION_NAMES))
-
-    def excess(self, context: Context) -> float:
-        """Return how far outside the point is [m]."""
-        return largest(self._overshoot(context))[1]
-
-    def why(self, context: Context) -> str:
-        """Name the side."""
-        index, _ = largest(self._overshoot(context))
-        side, bound = ("above", self._upper) if index < len(_AXES) else ("below", self._lower)
-        axis = index % len(_AXES)
-        return f"{self._name} left its workspace: {_AXES[axis]} {side} {bound[axis]:g} m"
-
-    def _overshoot(self, context: Context) -> Vector:
-        point = self._pose.Eval(context)[:3]
-        return np.concatenate([point - self._upper, self._lower - point])
+    def made(self, name: str, site: Site) -> Made:
+        """Return the block."""
+        who, output, start = self.watched_pose(name, site, "base_pose")
+        tilt = None if self.tilt_deg is None else float(np.deg2rad(self.tilt_deg))
+        monitor = FallMonitor(name=who, upright=start.rotation(), height=self.height, tilt=tilt, **self.times)
+        return monitor, {"pose": output}
 
 
 class FallMonitor(Monitor):
@@ -90,28 +80,28 @@ class FallMonitor(Monitor):
             raise InvalidParameter("height", None, "given, or tilt: a fall needs a bound")
         self._name, self._height, self._tilt = name, height, tilt
         self._up: list[float] = (upright.inverse() @ np.array([0.0, 0.0, 1.0])).tolist()
-        self._pose = self.watch("pose", len(XYZ_QUATERNION_NAMES))
+        self.watch(pose=len(XYZ_QUATERNION_NAMES))
 
-    def excess(self, context: Context) -> float:
+    def excess(self, *values: Vector) -> float:
         """Return the larger part of a bound by which it is exceeded."""
-        parts = self._parts(context)
+        parts = self._parts(*values)
         return max(parts) if all(map(math.isfinite, parts)) else math.inf
 
-    def why(self, context: Context) -> str:
+    def why(self, *values: Vector) -> str:
         """Say how it fell."""
-        low, leaning = self._parts(context)
+        low, leaning = self._parts(*values)
         if not (math.isfinite(low) and math.isfinite(leaning)):
             return f"{self._name} is nowhere"
         if self._tilt is None or low >= leaning:
             return f"{self._name} fell: its height is below {self._height:g} m"
         return f"{self._name} fell: it leans by more than {np.rad2deg(self._tilt):g} deg"
 
-    def _parts(self, context: Context) -> tuple[float, float]:
+    def _parts(self, pose: Vector) -> tuple[float, float]:
         """Return the parts by which height and tilt exceed their bounds, -1 for a bound that is not given.
 
         Plain numbers, because a run asks after every step.
         """
-        _, _, z, qw, qx, qy, qz = self._pose.Eval(context).tolist()
+        _, _, z, qw, qx, qy, qz = pose.tolist()
         to_x, to_y, to_z = self._up
         upward = 2 * (qx * qz - qw * qy) * to_x + 2 * (qy * qz + qw * qx) * to_y + (1 - 2 * (qx * qx + qy * qy)) * to_z
         low = -1.0 if self._height is None else float(1 - z / self._height)

@@ -1,0 +1,71 @@
+"""What the kinds of reference share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.units import with_units
+from simrob_drake.yaml_files import Strict
+
+MANY = 8
+"""How many figures are told each for itself."""
+
+
+class Reference(Strict):
+    """A section ``reference``: what a robot is asked to do over time.
+
+    A kind has its key ``kind``, and the methods ``course(robot, start)``, which gives its course over time, and
+    ``caption(model)``, which tells it in words.
+    """
+
+    def axis_values(self) -> dict[str, AxisValues | None]:
+        """Return the figures per axis, by their keys, to be checked against a robot's axes."""
+        return {}
+
+
+class ToOnePosture(Reference):
+    """What moves to one posture share."""
+
+    target_deg: AxisValues = 0.0
+    """Posture at the end, per axis."""
+    duration: Positive = 1.0
+    """Time that the move takes [s]."""
+    start: NotNegative = 0.0
+    """When it begins [s]."""
+
+    def axis_values(self) -> dict[str, AxisValues | None]:
+        """Return the target."""
+        return {"target_deg": self.target_deg}
+
+    def told(self, kind: str, model: RobotModel) -> str:
+        """Return the move in words."""
+        late = f", from {self.start:g} s" if self.start else ""
+        return f"{kind} to {positions_told(self.target_deg, model)} in {self.duration:g} s{late}"
+
+
+def si_positions(values: AxisValues, robot: ResolvedRobot, otherwise: Vector) -> Vector:
+    """Return a user's figures per axis in SI, shape (n,); axes that a mapping leaves out stay where they were."""
+    units = robot.model.user_units
+    return np.asarray(units * robot.model.axis_vector(values, "reference.target_deg", otherwise / units))
+
+
+def positions_told(values: AxisValues, model: RobotModel) -> str:
+    """Return positions as they are written in a station, with their units."""
+    if isinstance(values, dict):
+        if len(values) > MANY:
+            return f"given angles of {len(values)} axes"
+        pairs = np.array([f"{axis} {position:g}" for axis, position in values.items()])
+        return with_units(pairs, [model.unit_names[model.axis_index(axis)] for axis in values], ", ".join)
+    return with_units(model.axis_vector(values, "reference"), model.unit_names, figures)
+
+
+def figures(values: Vector) -> str:
+    """Return the common value of ``values`` (n,), all of them where there are few, or their range."""
+    shown = [f"{value:.4g}" for value in values]
+    if len(set(shown)) == 1:
+        return shown[0]
+    return ", ".join(shown) if len(shown) <= MANY else f"{values.min():.4g} to {values.max():.4g}"
