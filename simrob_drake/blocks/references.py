@@ -222,7 +222,8 @@ def add_course(
         return ReferenceSource(source.get_output_port(), player=source)
     split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer([course.rows()] * 3))
     builder.Connect(source.get_output_port(), split.get_input_port())
-    return ReferenceSource(*(split.get_output_port(order) for order in range(3)), player=source)
+    position, velocity, acceleration = (split.get_output_port(order) for order in range(3))
+    return ReferenceSource(position, velocity, acceleration, source)
 
 
 def _add_sine(builder: DiagramBuilder, course: SineCourse, name: str) -> ReferenceSource:

@@ -15,11 +15,9 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.robots.feet import FootContact
-from simrob_drake.stations.names import named
-from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.robots import StationRobot
 
 _SHORTEST_WAY = 0.01
 """Way below which a cost of transport means nothing [m]."""
@@ -128,7 +126,7 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
         base: poses of its root, shape (m, 7).
     """
     context = station.plant.CreateDefaultContext()
-    station.set_axes(context, robot, np.zeros(len(robot.axes)))
+    robot.axis_map.set_positions(station.plant, context, np.zeros(len(robot.axes)))
     sides = {
         side: [frame.CalcPose(context, robot.root).translation() for name, frame in robot.tools.items() if side in name]
         for side in ("left", "right")
