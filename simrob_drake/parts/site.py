@@ -19,12 +19,13 @@ from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
+from simrob_drake.parts.captions import BlockRole, Drawn
 from simrob_drake.quantities import Pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.robots.pieces import PieceModel
-from simrob_drake.signals import Signal
+from simrob_drake.signals import Panel, Signal
 
 WORLD = "world"
 
@@ -232,6 +233,8 @@ class Site:
         notes: how a part was made, in words, by its name.
         edges: times at which a run must end a step: corners of references, edges of pushes [s].
         spatial_forces: what acts on the plant from outside, to be gathered into its port.
+        drawn: by the name of a system, or the part of it before a dot, the block of the picture that it belongs to;
+            None for wiring.
     """
 
     station: Surroundings
@@ -246,6 +249,7 @@ class Site:
     notes: dict[str, dict[str, str]] = field(default_factory=dict)
     edges: list[float] = field(default_factory=list)
     spatial_forces: list[OutputPort] = field(default_factory=list)
+    drawn: dict[str, Drawn | None] = field(default_factory=dict)
 
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
         """Add an output with what it is."""
@@ -254,10 +258,26 @@ class Site:
         if of_state is not None:
             self.of_state[output] = of_state
 
+    def draw(self, name: str, role: BlockRole, label: str, robot: StationRobot | None = None, *, key: str = "") -> None:
+        """Say in which block of the picture a system stands, with those whose names begin with its name and a dot.
+
+        Args:
+            name: of the system.
+            role: of the block.
+            label: its lines.
+            robot: whose it is.
+            key: of the block, where several systems share it; the system's name unless given.
+        """
+        self.drawn[name] = Drawn(key or name, role, label, robot.name if robot is not None and robot.prefix else "")
+
+    def draw_nothing(self, *names: str) -> None:
+        """Say that systems are wiring, part of the arrows of the picture."""
+        self.drawn.update(dict.fromkeys(names))
+
     def robot(self, name: str | None) -> StationRobot:
         """Return a robot by its name, or the only one."""
         return self.plant.robots[named(name, list(self.plant.robots))]
 
-    def panels(self) -> Iterator[Any]:
+    def panels(self) -> Iterator[Panel]:
         """Yield the plot panels that signals declare."""
         return (signal.panel for signal in self.signals if signal.panel is not None)

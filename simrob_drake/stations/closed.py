@@ -22,6 +22,7 @@ from simrob_drake.blocks.references import (
 )
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
@@ -84,11 +85,15 @@ def add_closed_station(
                 builder.Connect(port, ports.inputs[name])
         ports.edges.extend(corner_times(course))
         sources[robot.name] = source
+        told = station.config.reference_of(robot.name).caption(robot.model)
+        ports.draw(f"{robot.prefix}reference_source", "reference", wrapped(told), robot)
         if open_[0]:
             asked[robot.name] = course
     for name, port in ports.inputs.items():
         if not builder.IsConnectedOrExported(port):
             zero = builder.AddNamedSystem(f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
+            owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
+            ports.draw(f"{name}.zero", "reference", "0", owner)
             builder.Connect(zero.get_output_port(), port)
     return ClosedStation(ports, asked, sources)
 

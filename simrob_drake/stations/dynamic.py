@@ -16,6 +16,7 @@ from simrob_drake.blocks.wiring import joined, mapped, summed
 from simrob_drake.blocks.yielding import add_model_torque, add_yielding
 from simrob_drake.parts.site import FromState, Site, StationRobot
 from simrob_drake.signals import Role, Signal
+from simrob_drake.stations.drawing import draw_integral, draw_servos
 from simrob_drake.stations.ports import StationPorts
 
 
@@ -30,6 +31,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             block = add_external_force(builder, ports.plant.plant, robot.tools[robot.tcp], name=name)
             ports.inputs[name] = block.get_command_input_port()
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
+            ports.draw(name, "robot", f"External force\nat {robot.prefix}{robot.tcp}")
     if not config.solver.holds_joint_limits:
         stops = config.joint_stops
         add_joint_stops(builder, ports.plant.plant, stiffness=stops.stiffness, damping=stops.damping)
@@ -83,6 +85,9 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             builder, plant, robot.instance, signals, robot.gains, actuation_map=actuation, prefix=robot.prefix
         )
         declare_torque(ports, robot, torque)
+        ports.draw_nothing(f"{robot.prefix}desired_state", f"{robot.prefix}actuation")
+        if (robot.gains.ki > 0).any():
+            draw_integral(ports, robot, "servo", list(range(len(robot.axes))), f"{len(robot.axes)} joints")
     elif servo.yield_gain > 0:
         _add_yielding_servos(builder, ports, robot, signals)
     else:
@@ -103,6 +108,7 @@ def _add_servo_blocks(
         per_joint=ports.config.servo_of(robot.name).realization == "per_joint",
         saturated=not cenic,
     )
+    draw_servos(ports, robot, per_joint=ports.config.servo_of(robot.name).realization == "per_joint")
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
     actuation = mapped(builder, f"{robot.prefix}actuators", matrix, command)
     builder.Connect(actuation, plant.get_actuation_input_port(robot.instance))
@@ -122,6 +128,9 @@ def _add_yielding_servos(
     total = summed(builder, f"{prefix}feedforward_sum", *given, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
+    ports.draw(f"{prefix}yielding", "servo", f"Yielding\nintegrator, {gain:g} 1/s", robot)
+    ports.draw(f"{prefix}model_torque", "servo", "Torque of the model\nat this speed", robot)
+    ports.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}yielding.bus")
     felt = joined(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
     output, port = f"{prefix}felt_torque", mapped(builder, f"{prefix}felt_torque", difference, felt)

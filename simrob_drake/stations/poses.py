@@ -10,6 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import FromState, StationRobot
 from simrob_drake.signals import Panel, Role, Signal
 from simrob_drake.stations.ports import StationPorts
@@ -26,6 +27,7 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
         frames = {"base_pose": robot.root, **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()}}
         block = builder.AddNamedSystem(f"{robot.prefix}poses", FramePoses(plant=plant, frames=frames))
         builder.Connect(ports.state, block.get_input_port())
+        ports.draw(f"{robot.prefix}poses", "sensor", "Poses\n" + ", ".join(["base", *robot.tools]), robot)
         for name in frames:
             signals, of_state = [], None
             if name == "base_pose":
@@ -44,6 +46,7 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     frames = {f"piece_pose.{piece}": body.body_frame() for piece, body in free.items()}
     poses = builder.AddNamedSystem("piece_poses", FramePoses(plant=plant, frames=frames))
     builder.Connect(ports.state, poses.get_input_port())
+    ports.draw("piece_poses", "sensor", wrapped(f"Poses of {', '.join(free)}"))
     for piece, body in free.items():
         start = plant.num_positions() + body.floating_velocities_start_in_v()
         pick = np.zeros((6, plant.num_multibody_states()))

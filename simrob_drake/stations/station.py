@@ -15,6 +15,7 @@ from simrob_drake.parts.controllers.own import add_own_blocks
 from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.drawing import draw_plant
 from simrob_drake.stations.dynamic import add_dynamic_robots
 from simrob_drake.stations.kinematic import add_kinematic_robots, add_motion_inputs
 from simrob_drake.stations.load import load_station
@@ -92,6 +93,7 @@ def compose(
         state = plant.plant.get_state_output_port()
         ports = StationPorts(station=station, plant=plant, state=state, config=config)
         add_dynamic_robots(builder, ports)
+    draw_plant(ports)
     add_poses(builder, ports)
     _sort_by_robot(ports)
     add_free_pieces(builder, ports)
@@ -104,7 +106,8 @@ def compose(
     made = {name: section.block(f"controllers.{name}") for name, section in config.controllers.items()}
     add_own_blocks(builder, ports, made if blocks is None else blocks)
     for name, monitor in config.monitors.items():
-        add_monitor(builder if monitors else None, ports, name, monitor.made(name, ports))
+        robot = None if monitor.robot is None else ports.plant.robots[monitor.robot]
+        add_monitor(builder if monitors else None, ports, name, monitor.made(name, ports), robot)
     return ports
 
 
@@ -118,7 +121,7 @@ def _sort_by_robot(ports: StationPorts) -> None:
 
 def _add_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     for name, force in ports.config.forces.items():
-        add_force(builder, ports, name, force, force.source(builder, f"force.{name}"))
+        add_force(builder, ports, name, force, force.source(builder, f"force.{name}"), force.caption())
         ports.edges.extend(force.edges)
 
 
@@ -128,6 +131,7 @@ def _gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
         forces = builder.AddNamedSystem("external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)))
         for index, port in enumerate(found):
             builder.Connect(port, forces.get_input_port(index))
+        ports.draw_nothing("external_forces")
         builder.Connect(forces.get_output_port(), ports.plant.plant.get_applied_spatial_force_input_port())
 
 

@@ -14,6 +14,7 @@ from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 
 from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import Site
 from simrob_drake.signals import Panel, Signal
 from simrob_drake.yaml_files import Strict
@@ -137,6 +138,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
             told = f"the block {name} is part of a diagram already; make a new one for each run"
             raise SimrobError(told) from problem
         site.notes[name] = {"kind": type(block).__name__}
+        site.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
         for port in _outputs(block):
             _add_output(builder, site, name, block, port)
     for name, block in blocks.items():

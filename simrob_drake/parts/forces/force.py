@@ -42,8 +42,10 @@ class ForceSection(Strict):
         return robot.name if robot.floats or not robot.tcp else f"{robot.prefix}{robot.tcp}"
 
 
-def add_force(builder: DiagramBuilder, site: Site, name: str, section: ForceSection, source: OutputPort) -> None:
-    """Apply a force (3) [N] that a source gives; ``applied_force.<name>`` tells it.
+def add_force(
+    builder: DiagramBuilder, site: Site, name: str, section: ForceSection, source: OutputPort, told: str
+) -> None:
+    """Apply a force (3) [N] that a source gives, and that is ``told`` in words; ``applied_force.<name>`` shows it.
 
     The ports of the blocks that apply it are gathered in the site, for the plant.
     """
@@ -51,6 +53,8 @@ def add_force(builder: DiagramBuilder, site: Site, name: str, section: ForceSect
     frame, point = _place(site, place)
     block = add_external_force(builder, site.plant.plant, frame, name=f"force.{name}", point=point)
     builder.Connect(source, block.get_command_input_port())
+    site.draw(f"force.{name}", "robot", f"Force '{name}'\nat {place}")
+    site.draw(f"force.{name}.source", "reference", f"Force '{name}'\n{told}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())
     output, names = f"applied_force.{name}", tuple(f"applied_force.{name}.{axis}" for axis in "xyz")
     panel = sensor_panel(f"applied force '{name}' at {place}, in its axes", "force", names, ["N"])

@@ -55,12 +55,21 @@ def of_robot(monitor: Monitor, robot: StationRobot) -> Made:
     return monitor, {port: f"{robot.prefix}{port}" for port in monitor.watched}
 
 
-def add_monitor(builder: DiagramBuilder | None, site: Site, name: str, made: Made) -> None:
-    """Add a monitor; without a builder it is known to the site alone, for whoever records the run to ask."""
+def add_monitor(builder: DiagramBuilder | None, site: Site, name: str, made: Made, robot: StationRobot | None) -> None:
+    """Add a monitor; without a builder it is known to the site alone, for whoever records the run to ask.
+
+    Args:
+        builder: the diagram under construction.
+        site: the station.
+        name: of the monitor.
+        made: its block, and what that watches.
+        robot: whom its section names.
+    """
     monitor, sources = made
     site.monitors[name] = monitor
     site.watched[name] = [sources[port] for port in monitor.watched]
     if builder is not None:
         builder.AddNamedSystem(f"monitor.{name}", monitor)
+        site.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", robot)
         for port, source in sources.items():
             builder.Connect(site.outputs[source], monitor.GetInputPort(port))

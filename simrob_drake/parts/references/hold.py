@@ -8,7 +8,8 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import hold
 from simrob_drake.frames import Vector
-from simrob_drake.parts.references.reference import Reference, positions_told, si_positions
+from simrob_drake.parts.captions import positions_told
+from simrob_drake.parts.references.reference import Reference, si_positions
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.captions import positions_told
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.catalog import AxisValues, RobotModel
-from simrob_drake.robots.units import with_units
 from simrob_drake.yaml_files import Strict
-
-MANY = 8
-"""How many figures are told each for itself."""
 
 
 class Reference(Strict):
@@ -51,21 +48,3 @@ def si_positions(values: AxisValues, robot: ResolvedRobot, otherwise: Vector) ->
     """Return a user's figures per axis in SI, shape (n,); axes that a mapping leaves out stay where they were."""
     units = robot.model.user_units
     return np.asarray(units * robot.model.axis_vector(values, "reference.target_deg", otherwise / units))
-
-
-def positions_told(values: AxisValues, model: RobotModel) -> str:
-    """Return positions as they are written in a station, with their units."""
-    if isinstance(values, dict):
-        if len(values) > MANY:
-            return f"given angles of {len(values)} axes"
-        pairs = np.array([f"{axis} {position:g}" for axis, position in values.items()])
-        return with_units(pairs, [model.unit_names[model.axis_index(axis)] for axis in values], ", ".join)
-    return with_units(model.axis_vector(values, "reference"), model.unit_names, figures)
-
-
-def figures(values: Vector) -> str:
-    """Return the common value of ``values`` (n,), all of them where there are few, or their range."""
-    shown = [f"{value:.4g}" for value in values]
-    if len(set(shown)) == 1:
-        return shown[0]
-    return ", ".join(shown) if len(shown) <= MANY else f"{values.min():.4g} to {values.max():.4g}"

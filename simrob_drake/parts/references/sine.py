@@ -8,7 +8,8 @@ import numpy as np
 
 from simrob_drake.blocks.references import SineCourse
 from simrob_drake.frames import Vector
-from simrob_drake.parts.references.reference import Reference, positions_told
+from simrob_drake.parts.captions import positions_told
+from simrob_drake.parts.references.reference import Reference
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.quantities import Positive
 from simrob_drake.robots.catalog import AxisValues, RobotModel

@@ -8,7 +8,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.distance_sensor import DistanceSensor
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.sensors.sensor import Sensor, sampled
+from simrob_drake.parts.sensors.sensor import Sensor, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, shapes_of
 from simrob_drake.quantities import Positive
@@ -45,6 +45,7 @@ class Distance(Sensor):
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
         builder.AddNamedSystem(f"sensor.{name}", block)
+        site.draw(f"sensor.{name}", "sensor", sensor_label("Distance sensor", name, self.rate))
         builder.Connect(scene_graph.get_query_output_port(), block.get_input_port())
         port, output = sampled(builder, f"sensor.{name}.hold", block.get_output_port(), self.rate), f"distance.{name}"
         panel = sensor_panel(f"distance '{name}'", "distance", [output], ["m"])

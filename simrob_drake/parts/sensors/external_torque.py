@@ -8,7 +8,7 @@ from typing import Literal
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.momentum_observer import MomentumObserver
-from simrob_drake.parts.sensors.sensor import Sensor, axis_names, replayed
+from simrob_drake.parts.sensors.sensor import Sensor, axis_names, replayed, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.quantities import Positive
 from simrob_drake.signals import Signal, sensor_panel
@@ -52,6 +52,7 @@ class ExternalTorque(Sensor):
         inputs = {"state": site.state, "torque": site.outputs[f"{robot.prefix}torque"]}
         if self.in_loop:
             builder.AddNamedSystem(f"sensor.{name}", observer)
+            site.draw(f"sensor.{name}", "sensor", sensor_label("Momentum observer", name), robot)
             for port, source in inputs.items():
                 builder.Connect(source, observer.GetInputPort(port))
         site.notes[name] = {"kind": self.kind}

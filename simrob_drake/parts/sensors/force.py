@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import Literal
 
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
@@ -13,7 +12,7 @@ from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.sensors.momentum_balance import Balance, friction
-from simrob_drake.parts.sensors.sensor import Sensor, axis_names, sampled
+from simrob_drake.parts.sensors.sensor import Sensor, axis_names, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
 from simrob_drake.quantities import Positive
@@ -69,7 +68,8 @@ class Force(Sensor):
             normal_only=site.station.scheme == "cenic",
         )
         builder.AddNamedSystem(f"sensor.{name}", block)
-        builder.Connect(_contacts(builder, plant), block.GetInputPort("contacts"))
+        site.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
+        builder.Connect(_contacts(builder, site), block.GetInputPort("contacts"))
         builder.Connect(plant.get_body_poses_output_port(), block.GetInputPort("body_poses"))
         wrench = sampled(builder, f"sensor.{name}.hold", block.get_output_port(), self.rate)
         split = builder.AddNamedSystem(f"sensor.{name}.split", Demultiplexer([3, 3]))
@@ -108,9 +108,10 @@ class Force(Sensor):
         return "momentum balance" if free and self.rate is None else "left out"
 
 
-def _contacts(builder: DiagramBuilder, plant: MultibodyPlant) -> OutputPort:
+def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
     """Return the port of the block that reads the plant's contacts for all sensors; the first one adds it."""
     if not builder.HasSubsystemNamed(_CONTACTS):
         reader = builder.AddNamedSystem(_CONTACTS, ContactReader())
-        builder.Connect(plant.get_contact_results_output_port(), reader.get_input_port())
+        site.draw_nothing(_CONTACTS)
+        builder.Connect(site.plant.plant.get_contact_results_output_port(), reader.get_input_port())
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()

@@ -79,3 +79,8 @@ def replayed(
 def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[str, ...]:
     """Return the columns of a sensor's signal: ``<signal>.<sensor>.<axis>``."""
     return tuple(f"{signal}.{sensor}.{axis}" for axis in axes)
+
+
+def sensor_label(kind: str, name: str, rate: float | None = None) -> str:
+    """Return what a sensor's block says in the picture."""
+    return f"{kind}\n{name}" + (", sampled" if rate is not None else "")

@@ -19,6 +19,7 @@ from simrob_drake.results.block_diagram.reading import read_blocks
 from simrob_drake.stations.closed import add_closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
+from simrob_drake.stations.resolve import resolve
 
 DRAWN_SUFFIXES = (".svg", ".png", ".pdf")
 """What Graphviz draws; .dot and .mmd are written without it."""
@@ -80,8 +81,8 @@ def main(folder: Path | None = None) -> None:
 
 def _graph(config: StationConfig) -> BlockGraph:
     builder = DiagramBuilder()
-    ports = add_closed_station(builder, config)
-    return read_blocks(builder.Build(), ports)
+    closed = add_closed_station(builder, resolve(config))
+    return read_blocks(builder.Build(), closed.ports)
 
 
 def _drawn(text: str, kind: str) -> bytes:
