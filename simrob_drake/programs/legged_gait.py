@@ -146,6 +146,6 @@ def _adapted(robot: LeggedGeometry, motion: JointMotion) -> StationConfig:
 
 def _floor_size(robot: LeggedGeometry, motion: JointMotion) -> float:
     """Return the side of a floor on which a robot can go as far as planned, wherever to [m]."""
-    way = np.linalg.norm(motion.root[1][:, :2] - motion.root[1][0, :2], axis=1).max()
+    way = np.linalg.norm(motion.root[:, :2, 3] - motion.root[0, :2, 3], axis=1).max()
     here = np.abs(robot.base_pose.translation()[:2]).max()
     return float(np.ceil(2.0 * (here + way + _BESIDE)))

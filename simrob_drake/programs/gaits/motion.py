@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.frames import Vector, pose_from_transform
+from simrob_drake.frames import Vector, poses_from_matrices
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import ROBOT_FILE, AxisValues, RobotModel
 from simrob_drake.stations.config import StationConfig
@@ -30,7 +29,7 @@ class JointMotion:
         feet: the kind of feet it is planned for; the default one if None.
         times: shape (m,) [s].
         positions: of the axes, shape (m, n) [rad].
-        root: planned pose of the root in the world, rotation (m, 3, 3) and position (m, 3) [m].
+        root: planned poses of the root in the world, shape (m, 4, 4).
         servo: figures of the servos for it, in place of the station's: kp, kd.
         feed_velocity: whether the servos are told the reference's velocity, too.
     """
@@ -39,7 +38,7 @@ class JointMotion:
     feet: str | None
     times: Vector
     positions: Vector
-    root: tuple[Vector, Vector]
+    root: Vector
     servo: Mapping[str, AxisValues] = field(default_factory=dict)
     feed_velocity: bool = True
 
@@ -67,11 +66,9 @@ class JointMotion:
             name: of the station; ``<robot>_dynamic`` with steps of ``MAX_STEP`` unless given. To give that one another
                 kind of solver, override its whole section ``solver``.
         """
-        rotation, position = self.root
-        pose = pose_from_transform(RigidTransform(RotationMatrix(rotation[0]), position[0]))
-        way = float(np.abs(position[:, :2]).max())
+        way = float(np.abs(self.root[:, :2, 3]).max())
         settings: dict[str, Any] = {
-            "robot.base": [float(value) for value in pose],
+            "robot.base": poses_from_matrices(self.root)[0].tolist(),
             "robot.initial_deg": [float(value) for value in np.rad2deg(self.positions[0])],
             "inputs": ["reference_velocity"] if self.feed_velocity else [],
             "floor.size": float(np.ceil(2.0 * (way + _FLOOR_MARGIN))),

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from simrob_drake.kinematics.skeleton import Skeleton, skeleton_of
 from simrob_drake.programs.gaits.feet import Foot, feet_of
 from simrob_drake.programs.gaits.parameters import Gaits, gait, load_gaits
-from simrob_drake.programs.gaits.skeleton import Skeleton, skeleton_of
 from simrob_drake.robots.catalog import RobotModel
 
 
