@@ -16,6 +16,10 @@ from simrob_drake.blocks.events import EventTimes
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
+BLEND = (10.0, -15.0, 6.0)
+"""Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
+PEAK = 1.875
+"""Largest over mean speed of it."""
 _JUMP = 1e-9  # rad or rad/s: what counts as a corner
 
 
@@ -26,6 +30,11 @@ class ReferenceSource:
     position: OutputPort  # rad
     velocity: OutputPort | None = None  # rad/s
     acceleration: OutputPort | None = None  # rad/s²
+
+
+def smooth(part: Vector) -> Vector:
+    """Return :math:`10 s^3 - 15 s^4 + 6 s^5`, the part of a way from rest to rest at a part s of its time, 0 to 1."""
+    return np.asarray(part**3 * (BLEND[0] + BLEND[1] * part + BLEND[2] * part**2))
 
 
 def hold(position: npt.ArrayLike) -> Trajectory:
@@ -47,10 +56,9 @@ def move(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_
 def sequence(
     start: npt.ArrayLike, times: Sequence[float], targets: Sequence[npt.ArrayLike], *, start_time: float = 0.0
 ) -> Trajectory:
-    r"""Go through ``targets``, each (n,) [rad], at ``times`` [s], resting at each.
+    """Go through ``targets``, each (n,) [rad], at ``times`` [s], resting at each.
 
-    Between two of them, with :math:`s` from 0 to 1, :math:`q = q_0 + (q_1 - q_0)(10 s^3 - 15 s^4 + 6 s^5)`: the
-    shortest polynomial with zero velocity and acceleration at both ends.
+    Between two of them by the polynomial of :func:`smooth`.
 
     Raises:
         InvalidParameter: times that do not rise.
@@ -62,7 +70,7 @@ def sequence(
     segments = []
     for low, high, before, after in zip(points, points[1:], breaks, breaks[1:], strict=False):
         span, distance = after - before, high - low
-        shape = np.array([10 / span**3, -15 / span**4, 6 / span**5])
+        shape = BLEND / span ** np.array([3, 4, 5])
         segments.append(
             np.array([[Polynomial([q, 0.0, 0.0, *(shape * d)])] for q, d in zip(low, distance, strict=True)])
         )

@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.segments import Segment, named_point
-from simrob_drake.programs.trajectories import PEAK, Piece, trajectory
+from simrob_drake.programs.trajectories import Piece, trajectory
 
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits and speeds, or these and collisions."""

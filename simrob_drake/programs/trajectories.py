@@ -1,8 +1,7 @@
 r"""Smooth trajectories of joints: rest to rest, with continuous acceleration.
 
-The part of the way at the part :math:`\tau` of the time is :math:`s = 10\tau^3 - 15\tau^4 + 6\tau^5`, the shortest
-polynomial with zero velocity and acceleration at both ends. What depends on s smoothly is then interpolated by splines
-of degree five in time, which keep these zeros.
+The part of the way at a part of the time is that of :func:`~simrob_drake.blocks.references.smooth`. What depends on it
+smoothly is then interpolated by splines of degree five in time, which keep velocity and acceleration at both ends zero.
 """
 
 from __future__ import annotations
@@ -18,15 +17,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from simrob_drake.frames import Vector
 
-PEAK = 1.875
-"""Largest over mean speed of the timing law."""
-
 _DEGREE = 5
-
-
-def way(part_of_time: Vector) -> Vector:
-    """Return the part of the way at a part of the time, both from 0 to 1."""
-    return np.asarray(part_of_time**3 * (10.0 - 15.0 * part_of_time + 6.0 * part_of_time**2))
 
 
 def spline(times: Vector, postures: Vector) -> BSpline:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from simrob_drake.blocks.references import smooth
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
@@ -15,7 +16,7 @@ from simrob_drake.kinematics.skeleton import Skeleton
 from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import March, Posing
-from simrob_drake.programs.gaits.phases import SAMPLE, smooth
+from simrob_drake.programs.gaits.phases import SAMPLE
 from simrob_drake.programs.gaits.stepping import check_steps
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.catalog import AxisValues, RobotModel
