@@ -41,7 +41,7 @@ def check_collisions(
     """
     resting: set[frozenset[str]] = set()
     for row, time in enumerate(times):
-        model.place({name: postures[row] for name, postures in robots.items()})
+        model.place_robots({name: postures[row] for name, postures in robots.items()})
         query = model.query()
         found = [pair for pair in query.ComputePointPairPenetration() if pair.depth > touch]
         if row == 0:

@@ -26,10 +26,10 @@ from simrob_drake.programs.moves import (
 )
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.workcell import GOES_ON
+from simrob_drake.results.record.locomotion import fallen
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference
-from simrob_drake.stations.monitor_config import Fall
 from simrob_drake.stations.names import WORLD
 
 
@@ -255,6 +255,4 @@ class LeggedRobot(Programmed):
 
 def _goes_on(result: SimulationResult) -> bool:
     """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
-    monitor = result.config.monitors.get(result.stopped_by or "")
-    fell = isinstance(monitor, Fall) and monitor.piece is None
-    return result.ending in GOES_ON and not fell
+    return result.ending in GOES_ON and fallen(result) is None

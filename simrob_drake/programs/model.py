@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from pydrake.geometry import QueryObject
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces
-from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector, transform_from_pose, transform_from_xyz_quaternion
@@ -20,11 +15,12 @@ from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.names import carrier, piece_model
-from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.robots import StationRobot
+from simrob_drake.stations.tools import flange, tool_in_use
 
 
-class StationModel:
+class StationModel(PosedStation):
     """The plant of a station, robots' bases fixed, put into any posture.
 
     Attributes:
@@ -43,25 +39,11 @@ class StationModel:
             InvalidModel: a robot that cannot be built.
         """
         self.config = config
+        contact = (config.contact or ContactConfig()) if collision else None
+        super().__init__(config.model_copy(update={"mode": "kinematic", "contact": contact}))
+        self.robots: dict[str, StationRobot] = self.station.robots
         self._frames: dict[str, dict[str, Pose]] = {}
-        changes = {"mode": "kinematic", "contact": (config.contact or ContactConfig()) if collision else None}
-        builder = DiagramBuilder()
-        self._station = add_plant(builder, config.model_copy(update=changes))
-        self.robots: dict[str, StationRobot] = self._station.robots
-        self.plant: MultibodyPlant = self._station.plant
-        self._positions_port = self._station.add_geometry_poses(builder)
-        self._diagram = builder.Build()
-        self._scene = self._diagram.CreateDefaultContext()
-        self._context = self.plant.CreateDefaultContext()
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
-
-    def place(self, postures: Mapping[str, Vector]) -> None:
-        """Put robots into postures (n,) [rad or m]; the others stay."""
-        positions = self.plant.GetPositions(self._context)
-        for name, posture in postures.items():
-            robot = self.robots[name]
-            positions[[joint.position_start() for joint in robot.joints]] = robot.signs * posture
-        self.plant.SetPositions(self._context, positions)
 
     def place_bases(self, state: State | None) -> None:
         """Put robots that stand on their own feet where they are in a state, or where they begin if it is None."""
@@ -102,9 +84,9 @@ class StationModel:
 
     def tool_in_use(self, robot: str) -> str:
         """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""
-        own, entry = self.robots[robot], self.config.robots[robot]
+        own = self.robots[robot]
         carried = [name for name in own.tools if name in self.config.pieces]
-        return entry.tcp or (carried or list(own.model.tools) or [""])[-1 if carried else 0]
+        return tool_in_use(own.model.tools, carried, self.config.robots[robot].tcp)
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
         """Return a named frame of a piece, its tool centre point unless given.
@@ -134,26 +116,13 @@ class StationModel:
         own = self.robots[robot]
         if tool is not None and tool not in own.model.tools:
             raise UnknownName(f"tool of {robot}", tool, own.model.tools)
-        if tool is not None:
-            return own.tools[tool]
-        return next((tool for name, tool in own.tools.items() if name in own.model.tools), own.root)
+        return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, tool), own.instance)
 
     def _piece_link(self, piece: str, name: str) -> Frame:
         owner = carrier(self.config, piece)
         if owner in self.robots:
             return self.plant.GetFrameByName(name, self.robots[owner].instance)
         return self.plant.GetFrameByName(name, self.plant.GetModelInstanceByName(f"{piece}::{piece}"))
-
-    def query(self) -> QueryObject:
-        """Return the geometry in the present posture, for distances."""
-        self._positions_port.FixValue(
-            self._positions_port.get_system().GetMyMutableContextFromRoot(self._scene),
-            self.plant.GetPositions(self._context),
-        )
-        scene_graph = self._station.scene_graph
-        port = scene_graph.get_query_output_port()
-        found: QueryObject = port.Eval(scene_graph.GetMyContextFromRoot(self._scene))
-        return found
 
     def torques(
         self, robot: str, position: Vector, velocity: Vector | float = 0.0, acceleration: Vector | float = 0.0
@@ -167,7 +136,7 @@ class StationModel:
             acceleration: shape (n,) or one number.
         """
         own, plant = self.robots[robot], self.plant
-        self.place({robot: position})
+        self.place_robots({robot: position})
         places = [joint.velocity_start() for joint in own.joints]
         v, vdot = np.zeros(plant.num_velocities()), np.zeros(plant.num_velocities())
         v[places], vdot[places] = own.signs * velocity, own.signs * acceleration

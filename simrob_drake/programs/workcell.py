@@ -109,7 +109,7 @@ class Workcell:
     @property
     def model(self) -> StationModel:
         """The station's plant, where it is and in the postures that it has now."""
-        self._model.place({robot: self.position(robot) for robot in self.config.robots})
+        self._model.place_robots({robot: self.position(robot) for robot in self.config.robots})
         self._model.place_bases(self.state)
         return self._model
 
@@ -244,7 +244,7 @@ class Workcell:
             PathCollision: names the first offending point.
         """
         model = self._collision_model
-        model.place({robot: self.reference(robot) for robot in self.config.robots})
+        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
         times = look_times(plan.duration, plan.points * len(plan.arrivals))
         check_collisions(model, {plan.robot: plan.postures(times)}, times, plan.named)
 

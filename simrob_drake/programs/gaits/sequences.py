@@ -90,15 +90,8 @@ def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None)
     if skeleton.model.feet is None:
         return 0.0
     frames, contact = skeleton.frames(angles[np.newaxis]), skeleton.model.feet.kind(feet)
-    lowest = 0.0
-    for link in contact.links:
-        pose = skeleton.link_poses(link, frames)[0]
-        if link in contact.points:
-            points, under = np.array(contact.points[link]), contact.radius
-        else:
-            points, under = contact.support_points(link), 0.0
-        lowest = min(lowest, float((pose[:3, 3] + points @ pose[:3, :3].T)[:, 2].min()) - under)
-    return -lowest
+    lowest = [contact.lowest_points(link, skeleton.link_poses(link, frames))[0, :, 2].min() for link in contact.links]
+    return -min(0.0, *map(float, lowest))
 
 
 def _vector(model: RobotModel, values: AxisValues, otherwise: Vector) -> Vector:
