@@ -13,12 +13,10 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import check_limits
 from simrob_drake.programs.gaits.choice import carries, first_gait, made_for
-from simrob_drake.programs.gaits.motion import MAX_STEP, JointMotion
+from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.registry import Kind, gaits_of
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.stations.config import FloorConfig, Input, ServoConfig, StationConfig
-from simrob_drake.stations.solver_config import ContinuousSolver
 
 _READY_TIME, _SETTLE_TIME = 2.0, 0.5
 """Times to take the posture in which a gait begins, and to stand in it, from far away; nearer ones take less [s]."""
@@ -28,7 +26,6 @@ _SAME = 1e-9  # rad
 _AT_REST = 0.02
 """Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
 _SAMPLE = 0.01  # s between the samples of the way into it
-_BESIDE = 1.0  # floor beyond the way [m]
 
 
 def planned_gait(
@@ -77,7 +74,8 @@ def planned_gait(
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a gait from where a robot stands, and return the run; the floor stays as large as it had to become."""
     cell, own = robot.cell, robot.cell.config
-    adapted = _adapted(robot, motion)
+    here = float(np.abs(robot.base_pose.translation()[:2]).max())
+    adapted = motion.adapted(own, robot.name, start=here)
     times, positions, velocities = _from_here(robot, motion)
     trajectory = PiecewisePolynomial.CubicHermite(times, positions.T, velocities.T)
     cell.change(adapted)
@@ -119,33 +117,3 @@ def _from_here(robot: LeggedGeometry, motion: JointMotion) -> tuple[Vector, Vect
         np.vstack([way, motion.positions]),
         np.vstack([rates, motion.velocities]),
     )
-
-
-def _adapted(robot: LeggedGeometry, motion: JointMotion) -> StationConfig:
-    """Return the station with a floor that is large enough, the gait's servos and steps that follow it."""
-    config = robot.cell.config
-    if config.mode == "kinematic":
-        return config
-    own, entry = config.servo_of(robot.name).model_dump(exclude_unset=True), config.robots[robot.name]
-    changes: dict[str, Any] = {
-        "robots": {
-            **config.robots,
-            robot.name: entry.model_copy(update={"servo": ServoConfig(**{**own, **motion.servo})}),
-        }
-    }
-    if config.floor is not None:
-        changes["floor"] = FloorConfig(size=max(config.floor.size, _floor_size(robot, motion)))
-    if motion.feed_velocity:
-        inputs: tuple[Input, ...] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
-        changes["inputs"] = inputs
-    solver = config.solver
-    if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic":
-        changes["solver"] = solver.model_copy(update={"max_step": min(solver.max_step, MAX_STEP)})
-    return config.model_copy(update=changes)
-
-
-def _floor_size(robot: LeggedGeometry, motion: JointMotion) -> float:
-    """Return the side of a floor on which a robot can go as far as planned, wherever to [m]."""
-    way = np.linalg.norm(motion.root[:, :2, 3] - motion.root[0, :2, 3], axis=1).max()
-    here = np.abs(robot.base_pose.translation()[:2]).max()
-    return float(np.ceil(2.0 * (here + way + _BESIDE)))

@@ -55,7 +55,8 @@ def test_the_march_of_the_thesis_walks_with_its_gains():
     motion = march("humanoid", 4)
     config = motion.station()
     assert config.inputs == ()  # no reference velocity: the gains of the thesis as they are
-    assert (config.servo.kp, config.servo.kd) == (100, 100)
+    servo = config.servo_of("robot")
+    assert (servo.kp, servo.kd) == (100, 100)
     _, found = walked(motion)
     assert found.upright
     assert 0.12 < found.ahead < 0.25
