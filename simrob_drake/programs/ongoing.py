@@ -1,11 +1,11 @@
-"""A station that goes on where its last run left it, and the arms that share it."""
+"""A station that goes on where its last run left it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -17,7 +17,6 @@ from simrob_drake.programs.collisions import check_collisions
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.pieces import reparented
 from simrob_drake.programs.plan import Plan
-from simrob_drake.programs.solvers import SolverLike
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
 from simrob_drake.programs.trajectories import Piece, rest, trajectory
@@ -31,20 +30,16 @@ from simrob_drake.stations.names import WORLD
 from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.station import StationLike, config_of
 
-if TYPE_CHECKING:
-    from simrob_drake.programs.arm import Arm
-
-
 GOES_ON = ("completed", "monitor")
 """Endings of a run after which the next one begins where it ended."""
 _SAME_PLACE = 1e-9
 """How far from the robot's reference a plan may begin [rad or m]."""
 
 
-class Workcell:
+class OngoingStation:
     """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
 
-    A move that cannot be done raises an error before anything moves, and leaves the workcell as it was; so does a run
+    A move that cannot be done raises an error before anything moves, and leaves the station as it was; so does a run
     that diverges or is interrupted, whose result still tells what happened.
 
     Attributes:
@@ -80,19 +75,7 @@ class Workcell:
         """Say in one line what stands in it."""
         robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
         pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
-        return f"<Workcell {self.config.name}, {self.config.mode}: {robots}{pieces}>"
-
-    def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
-        """Return one of the station's robots, to be programmed.
-
-        Args:
-            name: of the robot; needed where there are several.
-            tool: see :meth:`simrob_drake.Arm.tool`.
-            solver: of the inverse kinematics, where a move names none.
-        """
-        from simrob_drake.programs.arm import Arm  # an arm has a workcell, which hands it out
-
-        return Arm(self, name, tool, solver=solver)
+        return f"<{type(self).__name__} {self.config.name}, {self.config.mode}: {robots}{pieces}>"
 
     def position(self, robot: str) -> Vector:
         """Return where a robot's axes are, shape (n,) [rad or m]."""
