@@ -13,7 +13,7 @@ from pydrake.solvers import Constraint, IpoptSolver, MathematicalProgram, SnoptS
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.goals import ORIGIN, Goal, JointBounds, Scene, point_in_box
+from simrob_drake.kinematics.goals import ORIGIN, Goal, JointBounds, Setting, point_in_box
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.kinematics.poses import pose_errors
 from simrob_drake.kinematics.solutions import Solutions
@@ -139,7 +139,7 @@ class _Program:
         self._chain = chain
         self._ik = InverseKinematics(place.plant)
         self._prog: MathematicalProgram = self._ik.prog()
-        self._scene = Scene(chain, self._ik.context())
+        self._setting = Setting(chain, self._ik.context())
         self._columns = np.array([joint.position_start() for joint in place.joints])
         self._rest = place.plant.GetPositions(place.plant.CreateDefaultContext())
         q = self._ik.q()
@@ -184,14 +184,14 @@ class _Program:
             asked["the target's x axis"] = ((_LEVER, 0.0, 0.0), (half, 0.0, 0.0), (free, 0.0, 0.0))
             asked["the target's y axis"] = ((0.0, _LEVER, 0.0), (-free, half, 0.0), (free, free, 0.0))
         for name, (point, lower, upper) in asked.items():
-            constraint = point_in_box(self._scene, point, box, np.array(lower), np.array(upper))
+            constraint = point_in_box(self._setting, point, box, np.array(lower), np.array(upper))
             constraint.set_description(name)
             self._prog.AddConstraint(constraint, self._ik.q())
 
     def wish_target(self, target: Vector, kind: TargetKind, position: float, rotation: float) -> None:
         """Add the costs position·(distance)² and rotation·2(1 - cos(angle)), which is about the angle squared."""
-        place, context = self._chain.in_plant, self._scene.context
-        tool, tcp = self._scene.frame("tool")
+        place, context = self._chain.in_plant, self._setting.context
+        tool, tcp = self._setting.frame("tool")
         if kind != "free" and position > 0:
             centre = tcp.translation()
             cost = PositionCost(place.plant, place.base, target[:3, 3], tool, centre, position * np.eye(3), context)
@@ -203,7 +203,7 @@ class _Program:
 
     def add(self, goal: Goal) -> None:
         """Add a goal, as a constraint or, with weights, as a cost."""
-        constraint = goal.constraint(self._scene)
+        constraint = goal.constraint(self._setting)
         q = self._ik.q()
         if isinstance(goal, JointBounds):
             q = q[self._columns[[self._chain.axis_index(goal.axis)]]]

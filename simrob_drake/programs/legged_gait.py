@@ -1,4 +1,4 @@
-"""The gaits of a robot as parts of its program: which suits it, a single step, and the way into its first posture."""
+"""The gaits of a robot as stages of its program: which suits it, a single step, and the way into its first posture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from simrob_drake.programs.checks import check_limits
 from simrob_drake.programs.gaits.choice import carries, first_gait, made_for
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import Posing, load_gaits
-from simrob_drake.programs.gaits.registry import Kind, gaits_of
+from simrob_drake.programs.gaits.registry import Section, gaits_of
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.moves import AnyMove, Walk, WalkMove, checked, move_of
 from simrob_drake.results.result import SimulationResult
@@ -61,18 +61,18 @@ def planned_gait(
     name = first_gait(model, worn, known) if name is None else name
     if name not in known:
         raise UnknownName(f"{what} of {model.name}", name, known)
-    kind, figures = known[name]
+    section, figures = known[name]
     for key in changes:
         if key not in type(figures).model_fields:
             raise UnknownName(f"figure of the {what} {name}", key, type(figures).model_fields)
-    _check_station(robot, kind, name, held=getattr(figures, "held", False))
+    _check_station(robot, section, name, held=getattr(figures, "held", False))
     made = changes.get("feet") or made_for(model, figures)
-    if kind.on_feet and not carries(model, worn, made):
+    if section.on_feet and not carries(model, worn, made):
         raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made}, for {name}: set robot.feet to {made}")
     if steps is None:
-        motion = kind.plan(model, name, **changes)
+        motion = section.plan(model, name, **changes)
     else:
-        motion = kind.plan(model, steps, name, amplitude=amplitude, **changes)
+        motion = section.plan(model, steps, name, amplitude=amplitude, **changes)
     check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
     return motion
 
@@ -95,12 +95,12 @@ def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[An
     if own is not None and carries(model, robot.worn_feet, made_for(model, own)):
         return _moves_of(model, own, move_time)
     known = gaits_of(model, steps=True)
-    kind, figures = known[first_gait(model, robot.worn_feet, known)]
+    section, figures = known[first_gait(model, robot.worn_feet, known)]
     keys = type(figures).model_fields
     changes: dict[str, Any] = {"ramp_steps": 0} if "ramp_steps" in keys else {}  # the first step has its full length
     if move_time is not None:
         changes |= {key: move_time for key in _PACES if key in keys}
-    return [WalkMove(walk=checked(Walk, steps=kind.fewest, **changes))]
+    return [WalkMove(walk=checked(Walk, steps=section.fewest, **changes))]
 
 
 def _moves_of(model: RobotModel, sequence: Posing, move_time: float | None) -> list[AnyMove]:
@@ -129,13 +129,13 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     return result
 
 
-def _check_station(robot: LeggedGeometry, kind: Kind, name: str, *, held: bool) -> None:
+def _check_station(robot: LeggedGeometry, section: Section, name: str, *, held: bool) -> None:
     """Check that a robot stands, or hangs, as a gait needs it."""
     model, config = robot.model, robot.cell.config
     floats = robot.cell.model.floats(robot.name)
     if held and floats:
         raise InvalidParameter("station", config.name, f"one that holds {model.name} by its trunk, for {name}")
-    if kind.on_feet and (not floats or config.floor is None or config.contact is None):
+    if section.on_feet and (not floats or config.floor is None or config.contact is None):
         raise InvalidParameter("station", config.name, f"a dynamic one with a floor and contact, for {name}")
 
 

@@ -13,7 +13,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
 from simrob_drake.programs.legged_gait import step_moves
 from simrob_drake.programs.legged_geometry import LeggedGeometry
-from simrob_drake.programs.legged_parts import check_some, joint_reference, parts_of
+from simrob_drake.programs.legged_stages import check_some, joint_reference, stages_of
 from simrob_drake.programs.moves import (
     MOVE_TIME,
     Act,
@@ -21,7 +21,7 @@ from simrob_drake.programs.moves import (
     AnyMove,
     Attach,
     AttachMove,
-    Move,
+    JointMove,
     Release,
     ReleaseMove,
     Walk,
@@ -91,7 +91,7 @@ class LeggedRobot(LeggedGeometry):
         return [*super()._described(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
 
     def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
-        """Move from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
+        """JointMove from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
 
         Args:
             target_deg: where axes go [deg], by name or alias.
@@ -105,7 +105,7 @@ class LeggedRobot(LeggedGeometry):
         return self._do([move_of(target_deg, duration)])[-1]
 
     def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
-        """Move from the last state, and store the move at the end of the program (AddMove).
+        """JointMove from the last state, and store the move at the end of the program (AddMove).
 
         A run that diverges or in which the robot falls is not stored. Arguments and errors are those of
         :meth:`test_move`.
@@ -282,7 +282,7 @@ class LeggedRobot(LeggedGeometry):
         """
         self.program.removed(index)  # there is one
         old = self.program.moves[index]
-        before = (old.target_deg, old.duration) if isinstance(old, Move) else (old, MOVE_TIME)
+        before = (old.target_deg, old.duration) if isinstance(old, JointMove) else (old, MOVE_TIME)
         new = any_move(before[0] if move is None else move, duration, otherwise=before[1])
         self._replace(self.program.edited(index, new))
 
@@ -348,14 +348,14 @@ class LeggedRobot(LeggedGeometry):
     def _do(
         self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False, file: str = ""
     ) -> list[SimulationResult]:
-        """Do moves part by part, and return the runs; what goes wrong leaves robot and program as they were."""
-        parts = parts_of(self, moves, self._start if from_start else self.cell.config, file)
+        """Do moves stage by stage, and return the runs; what goes wrong leaves robot and program as they were."""
+        stages = stages_of(self, moves, self._start if from_start else self.cell.config, file)
         snapshot, runs = self._snapshot(), list[SimulationResult]()
         try:
             if from_start:
                 self._back_to_start()
-            for part in parts:
-                result = part.run(self)
+            for stage in stages:
+                result = stage.run(self)
                 if result is not None:
                     runs.append(result)
                     if result.ending != "completed":
@@ -377,7 +377,7 @@ class LeggedRobot(LeggedGeometry):
         self.cell.state = State.at_start_of(self._start)
 
     def _replace(self, program: Program, file: str = "") -> None:
-        parts_of(self, program.moves, self._start, file)  # the robot can do them
+        stages_of(self, program.moves, self._start, file)  # the robot can do them
         self._remember()
         self.program = program
 

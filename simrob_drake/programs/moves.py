@@ -36,10 +36,10 @@ MOVE_TIME = 1.0
 """Time of a move unless told otherwise [s]; ``tinc`` of the thesis."""
 
 Targets = Annotated[dict[str, Number], Field(min_length=1)]
-"""Where axes are to be [deg], and m for an axis that slides, by name or alias; the others stay where they were."""
+"""Where axes are to be [deg], and m for a prismatic one, by name or alias; the others stay where they were."""
 
 
-class Move(Strict):
+class JointMove(Strict):
     """Axes that go to their targets at the same time."""
 
     target_deg: Targets
@@ -147,9 +147,9 @@ class ReleaseMove(Strict):
     release: Release
 
 
-AnyMove = Move | WalkMove | ActMove | AttachMove | ReleaseMove
+AnyMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove
 KINDS: dict[str, type[AnyMove]] = {
-    "target_deg": Move,
+    "target_deg": JointMove,
     "walk": WalkMove,
     "act": ActMove,
     "attach": AttachMove,
@@ -163,13 +163,13 @@ def kind_of(content: Mapping[str, Any]) -> type[AnyMove] | None:
     return next((kind for key, kind in KINDS.items() if key in content), None)
 
 
-def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> Move:
+def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:
     """Return a checked move of what a user gave.
 
     Raises:
         InvalidParameter: no axis, an angle that is no finite number, or a duration that is not positive.
     """
-    return checked(Move, target_deg=target_deg, duration=duration)
+    return checked(JointMove, target_deg=target_deg, duration=duration)
 
 
 def cell_of(target_deg: Mapping[str, Any]) -> Cell:

@@ -19,7 +19,7 @@ from simrob_drake.programs.pieces import reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
-from simrob_drake.programs.trajectories import Piece, rest, trajectory
+from simrob_drake.programs.trajectories import Stretch, rest, trajectory
 from simrob_drake.programs.window import Window
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
@@ -147,10 +147,10 @@ class OngoingStation:
         for plan in plans:
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
                 raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
-        own = {plan.robot: plan.pieces for plan in plans}
-        pieces = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
-        take = Take(self.config, self.state, pieces, end)
-        result = self.follow({robot: trajectory(motion) for robot, motion in pieces.items()}, end)
+        own = {plan.robot: plan.stretches for plan in plans}
+        stretches = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
+        take = Take(self.config, self.state, stretches, end)
+        result = self.follow({robot: trajectory(motion) for robot, motion in stretches.items()}, end)
         if result.ending in GOES_ON:
             self.tape.keep(take)
         return result
@@ -265,9 +265,9 @@ class OngoingStation:
         return StationModel(self.config, collision=True)
 
 
-def _until(pieces: tuple[Piece, ...], posture: Vector, end: float) -> tuple[Piece, ...]:
+def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[Stretch, ...]:
     """Return motions with a rest behind them, so that they last until ``end`` [s]."""
-    begin = float(pieces[-1].times[-1]) if pieces else 0.0
+    begin = float(stretches[-1].times[-1]) if stretches else 0.0
     if begin >= end:
-        return pieces
-    return (*pieces, rest(pieces[-1].postures[-1] if pieces else posture, begin, end))
+        return stretches
+    return (*stretches, rest(stretches[-1].postures[-1] if stretches else posture, begin, end))

@@ -29,27 +29,27 @@ def spline(times: Vector, postures: Vector) -> BSpline:
 
 
 @dataclass(frozen=True)
-class Piece:
+class Stretch:
     """A motion from rest to rest: the spline through postures (k, n) [rad or m] at times (k,) [s]."""
 
     times: Vector
     postures: Vector
 
-    def at(self, begin: float, stretch: float = 1.0) -> Piece:
-        """Return the same motion later by ``begin`` [s], its times multiplied by ``stretch``."""
-        return Piece(begin + stretch * self.times, self.postures)
+    def at(self, begin: float, factor: float = 1.0) -> Stretch:
+        """Return the same motion later by ``begin`` [s], its times multiplied by ``factor``."""
+        return Stretch(begin + factor * self.times, self.postures)
 
 
-def rest(posture: Vector, begin: float, end: float) -> Piece:
+def rest(posture: Vector, begin: float, end: float) -> Stretch:
     """Return the motion that stays at a posture (n,) from one time to another [s]."""
-    return Piece(np.array([begin, end]), np.array([posture, posture]))
+    return Stretch(np.array([begin, end]), np.array([posture, posture]))
 
 
-def trajectory(pieces: Sequence[Piece]) -> Trajectory:
+def trajectory(stretches: Sequence[Stretch]) -> Trajectory:
     """Return the trajectory of shape (n, 1) of motions that follow each other without a gap in time."""
     curves = []
-    for piece in pieces:
-        fitted = spline(piece.times, piece.postures)
+    for stretch in stretches:
+        fitted = spline(stretch.times, stretch.postures)
         basis = BsplineBasis(_DEGREE + 1, fitted.t.tolist())
         curves.append(BsplineTrajectory(basis, list(fitted.c[:, :, np.newaxis])))
     return curves[0] if len(curves) == 1 else CompositeTrajectory(curves)
