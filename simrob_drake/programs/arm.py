@@ -12,12 +12,12 @@ from pydrake.math import RigidTransform
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform, poses_from_matrices
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.solutions import require
+from simrob_drake.kinematics.registry import SolverLike, solver_for
+from simrob_drake.kinematics.solver import require
 from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.ongoing import OngoingStation
 from simrob_drake.programs.plan import How
 from simrob_drake.programs.planner import Planner
-from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, WorkObject, world_poses
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig

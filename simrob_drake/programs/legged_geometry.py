@@ -16,8 +16,8 @@ from simrob_drake.frames import (
     poses_from_matrices,
 )
 from simrob_drake.kinematics import Chain, NumericSolver, require
+from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.programs.cell_robot import CellRobot
-from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, is_place, world_poses
 from simrob_drake.robots.catalog import RobotModel
 

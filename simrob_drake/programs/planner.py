@@ -14,11 +14,11 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import Arc, line, stacked, turn
 from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.checks import check_limits, check_speeds, look_times, speed_ratio
 from simrob_drake.programs.plan import Check, How, Plan, arrivals, joined, target_name
 from simrob_drake.programs.segments import Segment, joint_segment, pose_segment
-from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
 
 POINTS, ARC_POINTS = 10, 20

@@ -16,8 +16,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.interpolation import turned_by
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.incremental import IncrementalSolver
-from simrob_drake.kinematics.solutions import Solutions
-from simrob_drake.kinematics.solver import Solver
+from simrob_drake.kinematics.solver import Solutions, Solver
 from simrob_drake.programs.errors import BrokenPath
 from simrob_drake.programs.trajectories import spline
 
