@@ -58,14 +58,8 @@ class LeggedGeometry(CellRobot):
         """
         model = self.cell.model
         robot = model.robots[self.name]
-        return Chain.of_plant(
-            model.plant,
-            joints=robot.joints,
-            base=robot.root if base == "trunk" else robot.tools[self._tool(base)],
-            tool=robot.tools[self._tool(tool)],
-            signs=robot.signs,
-            names=robot.axes,
-        )
+        start = robot.root if base == "trunk" else robot.tools[self._tool(base)]
+        return model.chain(self.name, robot.tools[self._tool(tool)], start)
 
     def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
         """Return where a tool is (forward kinematics).

@@ -64,13 +64,13 @@ class StationModel(PosedStation):
         moved = self._moved.get(frame.model_instance())
         return pose if moved is None else moved @ pose
 
-    def chain(self, robot: str, tool: Frame) -> Chain:
-        """Return the chain of a robot's axes from the world to a frame."""
+    def chain(self, robot: str, tool: Frame, base: Frame | None = None) -> Chain:
+        """Return the chain of a robot's axes from the world, or another frame, to a frame."""
         own = self.robots[robot]
         return Chain.of_plant(
             self.plant,
             joints=own.joints,
-            base=self.plant.world_frame(),
+            base=base or self.plant.world_frame(),
             tool=tool,
             signs=own.signs,
             names=own.axes,
