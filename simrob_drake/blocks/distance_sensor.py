@@ -27,6 +27,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
+_RIM = np.arange(16) * np.pi / 8  # angles of the points that stand for the rim of a cylinder
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
@@ -80,12 +81,13 @@ class DistanceSensor(LeafSystem):
         distances = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._pairs]
         for shape_id, shape, corners, plane in self._above:
             base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
-            distances.append(lowest_point(shape, base @ query.GetPoseInWorld(shape_id), corners))
+            points = lowest_points(shape, base @ query.GetPoseInWorld(shape_id), corners)
+            distances.append(float(points[:, 2].min()))
         output.SetAtIndex(0, min(distances))
 
 
-def lowest_point(shape: Shape, pose: RigidTransform, corners: Vector) -> float:
-    """Return the smallest z of a convex shape [m].
+def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector:
+    """Return points of a convex shape, of which one is its lowest, shape (k, 3) [m].
 
     Args:
         shape: sphere, cylinder, capsule, ellipsoid, or one that its corners describe.
@@ -93,18 +95,23 @@ def lowest_point(shape: Shape, pose: RigidTransform, corners: Vector) -> float:
         corners: of the shape in its frame, shape (m, 3) [m]; of those with corners only.
     """
     up = pose.rotation().matrix()[2]  # the world's z axis in the frame of the shape
-    height = float(pose.translation()[2])
     match shape:
         case Sphere():
-            return float(height - shape.radius())
+            points = -shape.radius() * up[np.newaxis]
         case Ellipsoid():
-            return height - float(np.linalg.norm(up * [shape.a(), shape.b(), shape.c()]))
+            axes = np.array([shape.a(), shape.b(), shape.c()])
+            points = -(axes**2 * up / np.linalg.norm(axes * up))[np.newaxis]
         case Capsule():
-            return float(height - shape.radius() - abs(up[2]) * shape.length() / 2)
+            ends = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1, 1)])
+            points = ends - shape.radius() * up
         case Cylinder():
-            return float(height - shape.radius() * np.hypot(up[0], up[1]) - abs(up[2]) * shape.length() / 2)
+            turns = np.arctan2(-up[1], -up[0]) + _RIM  # the first is the lowest of the rim
+            rim = shape.radius() * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))])
+            middle = np.array([0.0, 0.0, shape.length() / 2])
+            points = np.vstack([rim - middle, rim + middle])
         case _:
-            return height + float((corners @ up).min())
+            points = corners
+    return np.asarray((pose @ points.T).T)
 
 
 def shape_corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:

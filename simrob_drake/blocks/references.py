@@ -16,6 +16,10 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
+BLEND = (10.0, -15.0, 6.0)
+"""Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
+PEAK = 1.875
+"""Largest over mean speed of it."""
 _JUMP = 1e-9  # rad or rad/s: what counts as a corner
 
 
@@ -73,6 +77,11 @@ def course_values(course: Course, times: Vector) -> Vector:
     return np.asarray(course.vector_values(inside.tolist())).T
 
 
+def smooth(part: Vector) -> Vector:
+    """Return :math:`10 s^3 - 15 s^4 + 6 s^5`, the part of a way from rest to rest at a part s of its time, 0 to 1."""
+    return np.asarray(part**3 * (BLEND[0] + BLEND[1] * part + BLEND[2] * part**2))
+
+
 def hold(position: npt.ArrayLike) -> Trajectory:
     """Stay at ``position``, shape (n,) [rad]."""
     return PiecewisePolynomial(np.asarray(position, dtype=float)[:, np.newaxis])
@@ -92,10 +101,9 @@ def move(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_
 def sequence(
     start: npt.ArrayLike, times: Sequence[float], targets: Sequence[npt.ArrayLike], *, start_time: float = 0.0
 ) -> Trajectory:
-    r"""Go through ``targets``, each (n,) [rad], at ``times`` [s], resting at each.
+    """Go through ``targets``, each (n,) [rad], at ``times`` [s], resting at each.
 
-    Between two of them, with :math:`s` from 0 to 1, :math:`q = q_0 + (q_1 - q_0)(10 s^3 - 15 s^4 + 6 s^5)`: the
-    shortest polynomial with zero velocity and acceleration at both ends.
+    Between two of them by the polynomial of :func:`smooth`.
 
     Raises:
         InvalidParameter: times that do not rise.
@@ -107,7 +115,7 @@ def sequence(
     segments = []
     for low, high, before, after in zip(points, points[1:], breaks, breaks[1:], strict=False):
         span, distance = after - before, high - low
-        shape = np.array([10 / span**3, -15 / span**4, 6 / span**5])
+        shape = BLEND / span ** np.array([3, 4, 5])
         segments.append(
             np.array([[Polynomial([q, 0.0, 0.0, *(shape * d)])] for q, d in zip(low, distance, strict=True)])
         )

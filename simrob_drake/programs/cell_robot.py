@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.programs.workcell import Workcell
-from simrob_drake.stations.station import StationLike
+from simrob_drake.programs.ongoing import OngoingStation
 
 
 class CellRobot:
@@ -16,19 +15,19 @@ class CellRobot:
         name: of the robot in the station.
     """
 
-    def __init__(self, station: Workcell | StationLike, robot: str | None = None) -> None:
+    def __init__(self, cell: OngoingStation, robot: str | None = None) -> None:
         """Take a robot of a station.
 
         Args:
-            station: a workcell, or what makes one: a station's name, file or configuration.
+            cell: the station.
             robot: its name in the station; needed where there are several.
 
         Raises:
-            UnknownName: no such station or robot.
+            UnknownName: no such robot.
             InvalidParameter: a station without a robot, or no robot named where there are several.
         """
-        self.cell = station if isinstance(station, Workcell) else Workcell(station)
-        robots, wanted = self.cell.config.robots, robot or self.cell.config.only_robot
+        self.cell = cell
+        robots, wanted = cell.config.robots, robot or cell.config.only_robot
         if not robots:
             raise InvalidParameter("station", self.cell.config.name, "one with a robot; it has none")
         if wanted is None:

@@ -16,8 +16,8 @@ from simrob_drake.frames import (
     poses_from_matrices,
 )
 from simrob_drake.kinematics import Chain, NumericSolver, require
+from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.programs.cell_robot import CellRobot
-from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, is_place, world_poses
 from simrob_drake.robots.catalog import RobotModel
 
@@ -58,14 +58,8 @@ class LeggedGeometry(CellRobot):
         """
         model = self.cell.model
         robot = model.robots[self.name]
-        return Chain.of_plant(
-            model.plant,
-            joints=robot.joints,
-            base=robot.root if base == "trunk" else robot.tools[self._tool(base)],
-            tool=robot.tools[self._tool(tool)],
-            signs=robot.signs,
-            names=robot.axes,
-        )
+        start = robot.root if base == "trunk" else robot.tools[self._tool(base)]
+        return model.chain(self.name, robot.tools[self._tool(tool)], start)
 
     def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
         """Return where a tool is (forward kinematics).

@@ -16,7 +16,7 @@ from simrob_drake.parts.kinds import models_by_kind
 from simrob_drake.parts.references import ReferenceConfig
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import SolverConfig
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml, validated
 
@@ -97,7 +97,7 @@ def _loaded(path: Path, overrides: Mapping[str, Any], where: Path | str) -> Stat
     except InvalidConfig as problem:
         raise InvalidConfig(where, _as_written(problem.key), _as_written(problem.problem)) from problem
     try:
-        resolve(config)
+        check_parts(resolve(config))
     except SimrobError as problem:
         raise InvalidConfig(where, "", _as_written(str(problem))) from problem
     return config

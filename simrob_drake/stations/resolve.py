@@ -16,6 +16,7 @@ from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.stations.config import RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.piece_sources import piece_of
+from simrob_drake.stations.tools import flange, tool_in_use
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -31,19 +32,18 @@ class ResolvedStation(Surroundings):
 
 
 def resolve(config: StationConfig) -> ResolvedStation:
-    """Read the robots and pieces of a station, and check that every name in it stands for something.
+    """Read the robots and pieces of a station.
 
     Raises:
-        SimrobError: the first thing that cannot be; the message names the key, and what would be right.
+        SimrobError: a name that stands for nothing, or a figure that does not fit; the message names the key.
     """
-    _check_movers(config)
     models = {name: _robot_model(entry) for name, entry in config.robots.items()}
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
         if name in config.robots or name == WORLD:
             raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
     robots = {name: _robot(config, name, model, pieces) for name, model in models.items()}
-    station = ResolvedStation(
+    return ResolvedStation(
         mode=config.mode,
         scheme=config.solver.scheme if config.mode == "dynamic" else "",
         has_contact=config.contact is not None,
@@ -53,12 +53,16 @@ def resolve(config: StationConfig) -> ResolvedStation:
         sensors=config.sensors,
         config=config,
     )
-    _check_parts(station)
-    return station
 
 
-def _check_parts(station: ResolvedStation) -> None:
+def check_parts(station: ResolvedStation) -> None:
+    """Check that a station can do what it is asked: that something moves, and that its parts find what they name.
+
+    Raises:
+        SimrobError: the first thing that cannot be; the message names the key, and what would be right.
+    """
     config = station.config
+    _check_movers(config)
     for name, sensor in config.sensors.items():
         sensor.check(f"sensors.{name}", station)
     for name, monitor in config.monitors.items():
@@ -83,7 +87,7 @@ def _robot(config: StationConfig, name: str, model: RobotModel, pieces: Mapping[
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
     frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
-    tcp = entry.tcp or tool_in_use(model, carried)
+    tcp = tool_in_use(model.tools, carried, entry.tcp)
     if tcp and tcp not in frames:
         raise UnknownName(f"tool of {name}", tcp, frames)
     return ResolvedRobot(
@@ -100,11 +104,6 @@ def _robot(config: StationConfig, name: str, model: RobotModel, pieces: Mapping[
         tcp_offset=entry.tcp_offset,
         feet=model.feet.kind(entry.feet) if model.feet else None,
     )
-
-
-def tool_in_use(model: RobotModel, carried: tuple[str, ...]) -> str:
-    """Return the tool of a robot that has not been told which: the last piece it carries, else its first tool."""
-    return carried[-1] if carried else next(iter(model.tools), "")
 
 
 def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
@@ -226,7 +225,7 @@ def _mount(
         tools = robots[parent].tools
         if frame is not None and frame not in tools:
             raise UnknownName(f"tool of {parent} for {key}", frame, tools)
-        return tools[frame] if frame is not None else next(iter(tools.values()), robots[parent].root)
+        return flange(tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:
             raise InvalidParameter(key, frame, "left out: it hangs on the world, which has no frames")

@@ -19,3 +19,5 @@ MonitorConfig = Annotated[
     Field(discriminator="kind"),
 ]
 Monitors = Annotated[dict[str, MonitorConfig], named_by_kind(MonitorConfig)]
+
+__all__ = ["Fall", "MonitorConfig", "Monitors"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.registry import Kind
+from simrob_drake.programs.gaits.registry import Section
 from simrob_drake.robots.catalog import RobotModel
 
 _AS_LARGE = 0.8
@@ -30,7 +30,7 @@ def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
     return ours.keys() == theirs.keys() and all((ours[link] >= _AS_LARGE * theirs[link]).all() for link in ours)
 
 
-def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, tuple[Kind, Any]]) -> str:
+def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, tuple[Section, Any]]) -> str:
     """Return the name of the first gait that is made for the feet worn, else of the first that they carry.
 
     Raises:

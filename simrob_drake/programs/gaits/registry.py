@@ -16,7 +16,7 @@ from simrob_drake.robots.catalog import RobotModel
 
 
 @dataclass(frozen=True)
-class Kind:
+class Section:
     """What the gaits of a section of ``gaits.yaml`` have in common.
 
     Attributes:
@@ -31,23 +31,23 @@ class Kind:
     on_feet: bool = True
 
 
-KINDS: Mapping[str, Kind] = {
-    "walks": Kind(walk, FEWEST_STEPS),
-    "trots": Kind(trot, FEWEST_STEPS),
-    "crawls": Kind(crawl, FEWEST_LEGS),
-    "marches": Kind(march, FEWEST_STEPS),
-    "stands": Kind(three_legs),
-    "sequences": Kind(posing, on_feet=False),
+SECTIONS: Mapping[str, Section] = {
+    "walks": Section(walk, FEWEST_STEPS),
+    "trots": Section(trot, FEWEST_STEPS),
+    "crawls": Section(crawl, FEWEST_LEGS),
+    "marches": Section(march, FEWEST_STEPS),
+    "stands": Section(three_legs),
+    "sequences": Section(posing, on_feet=False),
 }
 """By section of ``gaits.yaml``; a robot's gaits all have different names."""
 
 
-def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Kind, Any]]:
-    """Return the gaits of a robot that go some steps, or the others: by name, their kind and their figures.
+def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Section, Any]]:
+    """Return the gaits of a robot that go some steps, or the others: by name, their section and their figures.
 
     Raises:
         InvalidParameter: a robot without gaits.
     """
     gaits = load_gaits(robot)
-    kinds = {section: kind for section, kind in KINDS.items() if (kind.fewest > 0) == steps}
-    return {name: (kind, own) for section, kind in kinds.items() for name, own in getattr(gaits, section).items()}
+    fitting = {key: section for key, section in SECTIONS.items() if (section.fewest > 0) == steps}
+    return {name: (section, own) for key, section in fitting.items() for name, own in getattr(gaits, key).items()}

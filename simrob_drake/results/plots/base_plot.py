@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.plots.panels import fit, head_height, mark_stop, style, trusted, write_head
 from simrob_drake.results.record.locomotion import headings
 from simrob_drake.results.record.run import RecordedRun
-from simrob_drake.stations.robots import StationRobot
 
 _SIZE = 10.5, 6.0  # inches, without the head
 _COLOURS = {"x": "#1f6fb4", "y": "#e08214", "z": "#4d9221", "tilt": "#8c2d7a", "yaw": "#01665e", "path": "0.35"}

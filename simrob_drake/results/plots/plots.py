@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from simrob_drake.errors import OutputError
+from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.plots.base_plot import base_figure
 from simrob_drake.results.plots.panels import NOTE, Cell, Curve, Panel, Span, grid_figure, is_dense
 from simrob_drake.results.plots.sensor_plots import sensor_figures
 from simrob_drake.results.plots.side_groups import side_groups
 from simrob_drake.results.record.locomotion import legged_robots
 from simrob_drake.results.record.run import RecordedRun
-from simrob_drake.stations.robots import StationRobot
 
 _DPI = 110
 _VALUE, _REFERENCE, _ERROR = "#1f6fb4", "#e08214", "#8c2d7a"

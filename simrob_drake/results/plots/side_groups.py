@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.plots.panels import Curve
-from simrob_drake.stations.robots import StationRobot
 
 _COLOURS = {"right": "#4f9bd9", "left": "#35721b", "middle": "0.35"}
 _WEIGHTS = {"right": 1.5, "left": 0.8}  # so that both are seen where they are equal

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from simrob_drake import simulate
+from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
-from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.results.record.locomotion import locomotion
 
@@ -18,7 +18,7 @@ def walked(motion, overrides=None):
 
 
 def planned_way(motion):
-    return float(np.linalg.norm(motion.root[1][-1, :2]))
+    return float(np.linalg.norm(motion.root[-1, :2, 3]))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,8 @@ def test_the_march_of_the_thesis_walks_with_its_gains():
     motion = march("humanoid", 4)
     config = motion.station()
     assert config.inputs == ()  # no reference velocity: the gains of the thesis as they are
-    assert (config.servo.kp, config.servo.kd) == (100, 100)
+    servo = config.servo_of("robot")
+    assert (servo.kp, servo.kd) == (100, 100)
     _, found = walked(motion)
     assert found.upright
     assert 0.12 < found.ahead < 0.25
@@ -64,7 +65,7 @@ def test_the_march_of_the_thesis_walks_with_its_gains():
 
 def test_a_turning_walk_turns_the_robot():
     motion = walk("zjudancer", 10, "turn")
-    planned = np.rad2deg(np.arctan2(motion.root[0][-1, 1, 0], motion.root[0][-1, 0, 0]))
+    planned = np.rad2deg(np.arctan2(motion.root[-1, 1, 0], motion.root[-1, 0, 0]))
     _, found = walked(motion)
     assert found.upright
     assert planned == pytest.approx(30)

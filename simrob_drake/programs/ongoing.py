@@ -1,39 +1,33 @@
-"""A station that goes on where its last run left it, and the arms that share it."""
+"""A station that goes on where its last run left it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform
+from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.checks import look_times
 from simrob_drake.programs.collisions import check_collisions
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.pieces import reparented
 from simrob_drake.programs.plan import Plan
-from simrob_drake.programs.solvers import SolverLike
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
-from simrob_drake.programs.trajectories import Piece, rest, trajectory
+from simrob_drake.programs.trajectories import Stretch, rest, trajectory
 from simrob_drake.programs.window import Window
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference, simulate
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
-from simrob_drake.stations.names import WORLD
-from simrob_drake.stations.robots import StationRobot
 from simrob_drake.stations.station import StationLike, config_of
-
-if TYPE_CHECKING:
-    from simrob_drake.programs.arm import Arm
-
 
 GOES_ON = ("completed", "monitor")
 """Endings of a run after which the next one begins where it ended."""
@@ -41,10 +35,10 @@ _SAME_PLACE = 1e-9
 """How far from the robot's reference a plan may begin [rad or m]."""
 
 
-class Workcell:
+class OngoingStation:
     """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
 
-    A move that cannot be done raises an error before anything moves, and leaves the workcell as it was; so does a run
+    A move that cannot be done raises an error before anything moves, and leaves the station as it was; so does a run
     that diverges or is interrupted, whose result still tells what happened.
 
     Attributes:
@@ -80,19 +74,7 @@ class Workcell:
         """Say in one line what stands in it."""
         robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
         pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
-        return f"<Workcell {self.config.name}, {self.config.mode}: {robots}{pieces}>"
-
-    def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
-        """Return one of the station's robots, to be programmed.
-
-        Args:
-            name: of the robot; needed where there are several.
-            tool: see :meth:`simrob_drake.Arm.tool`.
-            solver: of the inverse kinematics, where a move names none.
-        """
-        from simrob_drake.programs.arm import Arm  # an arm has a workcell, which hands it out
-
-        return Arm(self, name, tool, solver=solver)
+        return f"<{type(self).__name__} {self.config.name}, {self.config.mode}: {robots}{pieces}>"
 
     def position(self, robot: str) -> Vector:
         """Return where a robot's axes are, shape (n,) [rad or m]."""
@@ -109,7 +91,7 @@ class Workcell:
     @property
     def model(self) -> StationModel:
         """The station's plant, where it is and in the postures that it has now."""
-        self._model.place({robot: self.position(robot) for robot in self.config.robots})
+        self._model.place_robots({robot: self.position(robot) for robot in self.config.robots})
         self._model.place_bases(self.state)
         return self._model
 
@@ -164,10 +146,10 @@ class Workcell:
         for plan in plans:
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
                 raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
-        own = {plan.robot: plan.pieces for plan in plans}
-        pieces = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
-        take = Take(self.config, self.state, pieces, end)
-        result = self.follow({robot: trajectory(motion) for robot, motion in pieces.items()}, end)
+        own = {plan.robot: plan.stretches for plan in plans}
+        stretches = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
+        take = Take(self.config, self.state, stretches, end)
+        result = self.follow({robot: trajectory(motion) for robot, motion in stretches.items()}, end)
         if result.ending in GOES_ON:
             self.tape.keep(take)
         return result
@@ -244,7 +226,7 @@ class Workcell:
             PathCollision: names the first offending point.
         """
         model = self._collision_model
-        model.place({robot: self.reference(robot) for robot in self.config.robots})
+        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
         times = look_times(plan.duration, plan.points * len(plan.arrivals))
         check_collisions(model, {plan.robot: plan.postures(times)}, times, plan.named)
 
@@ -282,9 +264,9 @@ class Workcell:
         return StationModel(self.config, collision=True)
 
 
-def _until(pieces: tuple[Piece, ...], posture: Vector, end: float) -> tuple[Piece, ...]:
+def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[Stretch, ...]:
     """Return motions with a rest behind them, so that they last until ``end`` [s]."""
-    begin = float(pieces[-1].times[-1]) if pieces else 0.0
+    begin = float(stretches[-1].times[-1]) if stretches else 0.0
     if begin >= end:
-        return pieces
-    return (*pieces, rest(pieces[-1].postures[-1] if pieces else posture, begin, end))
+        return stretches
+    return (*stretches, rest(stretches[-1].postures[-1] if stretches else posture, begin, end))

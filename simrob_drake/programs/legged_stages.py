@@ -1,7 +1,7 @@
-"""A program of a legged robot in parts that run one after the other.
+"""A program of a legged robot in stages that run one after the other.
 
 Moves of joints that follow each other are one run, each walk and act is one, and pieces change hands between runs. All
-of a program is checked before the first part runs.
+of a program is checked before the first stage runs.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.moves import ActMove, AnyMove, AttachMove, Move, ReleaseMove, WalkMove
+from simrob_drake.programs.moves import ActMove, AnyMove, AttachMove, JointMove, ReleaseMove, WalkMove
 from simrob_drake.programs.pieces import reparented
 from simrob_drake.programs.postures import move_name, postures_of, targets_on
 from simrob_drake.results.result import SimulationResult
@@ -25,8 +25,8 @@ from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
 
 
-class Part(Protocol):
-    """A part of a program, checked and ready."""
+class Stage(Protocol):
+    """A stage of a program, checked and ready."""
 
     def run(self, robot: LeggedGeometry) -> SimulationResult | None:
         """Do it from where the robot is; returns the run, or None if it takes no time."""
@@ -36,7 +36,7 @@ class Part(Protocol):
 class JointMoves:
     """Moves of joints, one after the other."""
 
-    moves: tuple[Move, ...]
+    moves: tuple[JointMove, ...]
 
     def run(self, robot: LeggedGeometry) -> SimulationResult:
         """Run them as one."""
@@ -66,8 +66,8 @@ class HandOver:
         robot.cell.change(handed_over(robot.cell.model, robot.name, self.move))
 
 
-def parts_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationConfig, file: str = "") -> list[Part]:
-    """Cut a program into parts, after checking all of it.
+def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationConfig, file: str = "") -> list[Stage]:
+    """Cut a program into stages, after checking all of it.
 
     Args:
         robot: who does it.
@@ -78,29 +78,29 @@ def parts_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationCo
     Raises:
         SimrobError: what the robot cannot do; names the move.
     """
-    parts: list[Part] = []
+    stages: list[Stage] = []
     for number, move in enumerate(moves):
         name = move_name(number, len(moves), file)
-        if isinstance(move, Move):
+        if isinstance(move, JointMove):
             targets_on(robot.model, move.target_deg, name, move.duration)
-            before = parts[-1] if parts else None
+            before = stages[-1] if stages else None
             if isinstance(before, JointMoves):
-                parts[-1] = JointMoves((*before.moves, move))
+                stages[-1] = JointMoves((*before.moves, move))
             else:
-                parts.append(JointMoves((move,)))
+                stages.append(JointMoves((move,)))
             continue
         with _naming(name if len(moves) > 1 or file else ""):
             match move:
                 case WalkMove(walk=walk):
                     figures = walk.model_extra or {}
                     amplitude = walk.amplitude
-                    parts.append(Gait(planned_gait(robot, walk.gait, figures, steps=walk.steps, amplitude=amplitude)))
+                    stages.append(Gait(planned_gait(robot, walk.gait, figures, steps=walk.steps, amplitude=amplitude)))
                 case ActMove(act=act):
-                    parts.append(Gait(planned_gait(robot, act.name, act.model_extra or {})))
+                    stages.append(Gait(planned_gait(robot, act.name, act.model_extra or {})))
                 case AttachMove() | ReleaseMove():
                     station = handed_over(StationModel(station), robot.name, move)
-                    parts.append(HandOver(move))
-    return parts
+                    stages.append(HandOver(move))
+    return stages
 
 
 def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Reference, float]:
@@ -111,9 +111,9 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Re
         SimrobError: what the robot cannot do; names the move.
     """
     check_some(moves)
-    joint_moves = [move for move in moves if isinstance(move, Move)]
+    joint_moves = [move for move in moves if isinstance(move, JointMove)]
     for number, move in enumerate(moves):
-        if not isinstance(move, Move):
+        if not isinstance(move, JointMove):
             kind = next(iter(type(move).model_fields))
             raise InvalidParameter(f"move {number}", kind, "a move of joints, to be run with other robots'")
     times, postures = postures_of(robot.model, joint_moves, robot.reference)
