@@ -18,6 +18,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.computed import contacts_at, with_computed
 from simrob_drake.results.record.history import Recorder
+from simrob_drake.results.record.panels import panels_of
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.record.signals import Sampler, sampled
 from simrob_drake.results.record.state import State
@@ -251,6 +252,7 @@ def _evaluated(
         stepping_time=stepping_time,
         signal_time=perf_counter() - began,
         references=dict(given),
+        panels=tuple(panels_of(run.ports, names)),
         contacts_at=contacts_at(sampler, run.ports),
         warnings=_warnings(run),
         start=start,

@@ -13,6 +13,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.results.record.state import State
+from simrob_drake.signals import Panel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.free_pieces import VELOCITY_NAMES
 from simrob_drake.stations.names import named
@@ -46,6 +47,7 @@ class RecordedRun:
         start: where it began; None at the configuration's initial posture.
         contacts_at: Drake's contact results at any times of the run; None in a station without contact.
         references: what was given to simulate() in place of the configuration's references, by robot.
+        panels: what plots show of pieces, sensors and blocks, in order.
     """
 
     config: StationConfig
@@ -65,6 +67,7 @@ class RecordedRun:
     references: dict[str, Trajectory | Samples] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     contacts_at: Callable[[Vector], Iterator[ContactResults]] | None = None
+    panels: tuple[Panel, ...] = ()
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
