@@ -43,7 +43,7 @@ def save_result(
         OutputError: the folder cannot be written, or exists.
     """
     # matplotlib and Meshcat are loaded where they are needed: most commands do without
-    from simrob_drake.results.animation.film_strip import frame_writer, save_film_strip, save_video
+    from simrob_drake.results.animation.pictures import frame_writer, save_film_strip, save_video
     from simrob_drake.results.plots.files import save_plots
 
     if video:

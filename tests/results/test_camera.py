@@ -9,8 +9,7 @@ from simrob_drake import load_station, simulate
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.results.animation.camera import side, walked_way
-from simrob_drake.results.animation.film_strip import save_film_strip
-from simrob_drake.results.animation.rendering import Studio
+from simrob_drake.results.animation.pictures import Studio, save_film_strip
 from simrob_drake.results.animation.scene import Scene
 from simrob_drake.stations.plant import add_plant
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from simrob_drake.errors import OutputError
+from simrob_drake.folders import writing
 from simrob_drake.results.plots.base_plot import base_figure
 from simrob_drake.results.plots.grid import grid_figure, is_dense
 from simrob_drake.results.plots.joint_plots import position_stacks, tcp_stacks, torque_stacks
@@ -39,13 +39,11 @@ def save_plots(result: RecordedRun, folder: Path) -> list[Path]:
         OutputError: a file cannot be written.
     """
     written = []
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in _figures(result):
             written.append(folder / f"{name}.png")
             figure.savefig(written[-1], dpi=_DPI)
-    except OSError as problem:
-        raise OutputError(f"{folder}: plots cannot be written: {problem.strerror}") from problem
     return written
 
 
