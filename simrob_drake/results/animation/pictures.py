@@ -34,6 +34,7 @@ from simrob_drake.results.animation.camera import (
     side,
     walked_way,
 )
+from simrob_drake.results.animation.floor_grid import with_floor_under
 from simrob_drake.results.animation.scene import RENDERER, Scene
 from simrob_drake.results.record.run import RecordedRun
 
@@ -169,7 +170,9 @@ class Studio:
         self._result = result
         self.way = walked_way(result)
         engine = MakeRenderEngineVtk(_engine_params())
-        self._scene = Scene(result.config, engine=engine, way=None if self.way is None else self.way(result.times))
+        gone = None if self.way is None else self.way(result.times)
+        config = result.config if gone is None else with_floor_under(result.config, gone)
+        self._scene = Scene(config, engine=engine, way=gone)
         azimuth = side(self._scene.station)
         points = self._scene.extents_of_run(result, self.way)
         width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,13 +17,15 @@ from pydrake.multibody.plant import ContactResults
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.folders import writing
 from simrob_drake.frames import Vector
-from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera, camera_on, frame_times, side
+from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera, camera_on, frame_times, side, walked_way
+from simrob_drake.results.animation.floor_grid import SPACING, floor_lines, with_floor_under
 from simrob_drake.results.animation.scene import Scene
 from simrob_drake.results.record.run import RecordedRun
 
 ASPECT = 1.4
 """Width over height of a browser window that still shows all: most are wider."""
 
+_SCRIPT = Path(__file__).with_suffix(".js")
 _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
 _TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
 _PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(0.10, 0.55, 0.30, 1.0)]
@@ -87,8 +90,29 @@ def look(meshcat: Meshcat, camera: Camera) -> None:
 
 
 def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
-    meshcat = open_meshcat()
-    scene = Scene(result.config, meshcat=meshcat)
+    meshcat, way = open_meshcat(), walked_way(result)
+    gone = np.zeros((len(times), 3)) if way is None else way(times)
+    config = with_floor_under(result.config, gone)
+    scene = Scene(config, meshcat=meshcat)
+    _record(meshcat, scene, result, times, frames_per_second)
+    draw_tool_paths(meshcat, result)
+    points = scene.extents_of_run(result, way)
+    look(meshcat, camera_on(points, aspect=ASPECT, azimuth=side(scene.station)))
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    run = {
+        "way": [] if way is None else np.round(gone[:, :2], 4).tolist(),
+        "rate": frames_per_second,
+        "middle": middle.tolist(),
+        "radius": float(np.linalg.norm(points - middle, axis=1).max()),
+        "lines": floor_lines(gone, size=config.floor.size).round(4).tolist() if config.floor else [],
+        "spacing": SPACING,
+    }
+    script = f"<script>const RUN = {json.dumps(run)};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
+    before, end, after = meshcat.StaticHtml().rpartition("</body>")
+    return f"{before}{script}{end}{after}"
+
+
+def _record(meshcat: Meshcat, scene: Scene, result: RecordedRun, times: Vector, frames_per_second: float) -> None:
     visualizer = scene.visualizer
     assert visualizer is not None
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
@@ -101,10 +125,6 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     animation.set_repetitions(_LOOPS)
     visualizer.StopRecording()
     visualizer.PublishRecording()
-    draw_tool_paths(meshcat, result)
-    look(meshcat, camera_on(scene.extents_of_run(result), aspect=ASPECT, azimuth=side(scene.station)))
-    page: str = meshcat.StaticHtml()
-    return page
 
 
 def _draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, shown: Sequence[float]) -> None:
