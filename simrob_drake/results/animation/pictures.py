@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -49,24 +50,19 @@ _ASPECTS = 0.6, 1.6  # narrowest and widest picture
 _SHADOW_MAP = 1024  # pixels a side
 
 
-def save_film_strip(result: RecordedRun, file: Path, *, frames: int = 7, height: int = 360) -> Path:
-    """Write frames at even times, side by side, with the time under each.
+def film_strip(result: RecordedRun, *, frames: int = 7, height: int = 360) -> bytes:
+    """Return frames at even times, side by side, with the time under each, as PNG.
 
     The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
     every 0.1 m.
 
     Args:
         result: the run.
-        file: where to, ``.png``.
         frames: how many, from the start to the end of the run.
         height: of a frame [pixels].
 
-    Returns:
-        the file.
-
     Raises:
         InvalidParameter: fewer than two frames, or a height of less than 16 pixels.
-        OutputError: the file cannot be written.
     """
     if frames < 2:
         raise InvalidParameter("frames", frames, "at least 2")
@@ -74,9 +70,21 @@ def save_film_strip(result: RecordedRun, file: Path, *, frames: int = 7, height:
         raise InvalidParameter("height", height, "at least 16 [pixels]")
     times = np.linspace(0.0, result.stop_time, frames)
     studio = Studio(result, height=height, oversampling=2)
-    figure = _strip(list(studio.images(times)), _captions(times, studio.way))
+    strip = BytesIO()
+    _strip(list(studio.images(times)), _captions(times, studio.way)).savefig(strip, dpi=_DPI, format="png")
+    return strip.getvalue()
+
+
+def save_film_strip(result: RecordedRun, file: Path, *, frames: int = 7, height: int = 360) -> Path:
+    """Write a :func:`film_strip` to a file, ``.png``, and return that.
+
+    Raises:
+        InvalidParameter: as there.
+        OutputError: the file cannot be written.
+    """
+    strip = film_strip(result, frames=frames, height=height)
     with writing(file):
-        figure.savefig(file, dpi=_DPI, format="png")
+        file.write_bytes(strip)
     return file
 
 
