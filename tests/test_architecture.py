@@ -35,6 +35,7 @@ BASE = {
     "csv_files",
     "progress",
     "quantities",
+    "signals",
 }
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 

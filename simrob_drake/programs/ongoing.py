@@ -21,7 +21,7 @@ from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
 from simrob_drake.programs.trajectories import Stretch, rest, trajectory
-from simrob_drake.programs.window import Window
+from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference, simulate
@@ -67,7 +67,7 @@ class OngoingStation:
         self.state = State.at_start_of(self.config)
         self.tape = Tape()
         self.progress = False
-        self._window: Window | None = None
+        self._window: LiveView | None = None
         self._model = StationModel(self.config)
 
     def __repr__(self) -> str:
@@ -237,7 +237,7 @@ class OngoingStation:
             its address, on this computer only.
         """
         if self._window is None:
-            self._window = Window(self.config, self._shown_state())
+            self._window = LiveView(self.config, self._shown_state())
         return self._window.url
 
     def draw(self, postures: dict[str, Vector]) -> None:

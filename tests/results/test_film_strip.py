@@ -8,8 +8,7 @@ from matplotlib.image import imread
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
-from simrob_drake.results.animation.film_strip import save_film_strip, save_video
-from simrob_drake.results.animation.rendering import Studio
+from simrob_drake.results.animation.pictures import Studio, save_film_strip, save_video
 
 
 @pytest.fixture(scope="module")

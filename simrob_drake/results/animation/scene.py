@@ -113,12 +113,6 @@ class Scene(PosedStation):
         return np.array(points)
 
 
-def frame_times(end: float, frames_per_second: float) -> Vector:
-    """Return the times [s] of the frames of a motion; its end is the last one, wherever it lies."""
-    count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)
-    return np.append(np.arange(count) / frames_per_second, end)
-
-
 def _add_visualizer(builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat) -> MeshcatVisualizer:
     params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
     return MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
