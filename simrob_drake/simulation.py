@@ -15,6 +15,7 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import InvalidParameter, UnknownName, shortened
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import built
 from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.computed import contacts_at, with_computed
 from simrob_drake.results.record.history import Recorder
@@ -128,7 +129,7 @@ class _Run:
     ) -> tuple[Diagram, StationPorts]:
         builder = DiagramBuilder()
         ports = add_closed_station(builder, config, references, began_at)
-        return builder.Build(), ports
+        return built(builder), ports
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ BASE = {
     "paths",
     "folders",
     "frames",
+    "lifetime",
     "interpolation",
     "yaml_files",
     "csv_files",

@@ -13,6 +13,7 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context, LeafSystem
 
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class ContactReader(LeafSystem):
         """Make the block."""
         super().__init__()
         self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
-        self.DeclareAbstractOutputPort("contacts", Value[object], self._read)
+        self.DeclareAbstractOutputPort("contacts", Value[object], weakly(self._read))
 
     def _read(self, context: Context, output: AbstractValue) -> None:
         output.set_value(Contacts.of(self._results.Eval(context)))

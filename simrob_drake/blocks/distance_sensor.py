@@ -26,6 +26,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
@@ -58,7 +59,7 @@ class DistanceSensor(LeafSystem):
         self._pairs = [pair for pair in pairs if not self._is_flat(inspector, *pair)]
         self._above = [self._over_plane(inspector, *pair) for pair in pairs if self._is_flat(inspector, *pair)]
         self._query = self.DeclareAbstractInputPort("query", Value[QueryObject]())
-        self.DeclareVectorOutputPort("distance", 1, self._calc_distance)
+        self.DeclareVectorOutputPort("distance", 1, weakly(self._calc_distance))
 
     @staticmethod
     def _is_flat(inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> bool:

@@ -14,6 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 
 class ForceSensor(LeafSystem):
@@ -55,7 +56,7 @@ class ForceSensor(LeafSystem):
         self._pose = frame.CalcPoseInWorld(plant.CreateDefaultContext())  # where it stays, if it does
         self._contacts = self.DeclareAbstractInputPort("contacts", Value[object]())
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
-        self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench)
+        self.DeclareVectorOutputPort("wrench", 6, weakly(self._calc_wrench))
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
         contacts: Contacts = self._contacts.Eval(context)

@@ -11,6 +11,7 @@ from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 
 class JointTorqueSensor(LeafSystem):
@@ -32,7 +33,7 @@ class JointTorqueSensor(LeafSystem):
             for joint, sign in zip(joints, signs, strict=True)
         ]
         self._forces = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
-        self.DeclareVectorOutputPort("torque", len(joints), self._calc_torque)
+        self.DeclareVectorOutputPort("torque", len(joints), weakly(self._calc_torque))
 
     def _calc_torque(self, context: Context, output: BasicVector) -> None:
         forces = self._forces.Eval(context)

@@ -14,6 +14,8 @@ Lightweight Manipulator Arm", IROS 2006; here in discrete time.
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyForces
@@ -21,6 +23,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 _EPSILON = 1e-5  # s: how far along the motion the mass matrix is looked at for its rate
 
@@ -62,16 +65,17 @@ class MomentumObserver(LeafSystem):
             if not (np.isfinite(value) and value > 0):
                 raise InvalidParameter(name, value, "positive and finite")
         count = len(joints)
-        self._plant, self._signs, self._tool, self.period = plant, signs, tool, period
+        self._plant, self._signs, self.period = weakref.proxy(plant), signs, period
+        self._tool = None if tool is None else tool.index()
         self._share = 1 - np.exp(-gain * period)
         self._rows = [joint.velocity_start() for joint in joints]
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         self._torque = self.DeclareVectorInputPort("torque", count)
         self._memory = self.DeclareDiscreteState(np.full(3 * count, np.inf))  # r, p, f; unknown before the first sample
-        self.DeclareVectorOutputPort("external_torque", count, self._calc_torque)
+        self.DeclareVectorOutputPort("external_torque", count, weakly(self._calc_torque))
         if tool is not None:
-            self.DeclareVectorOutputPort("external_force", 3, self._calc_force)
+            self.DeclareVectorOutputPort("external_force", 3, weakly(self._calc_force))
         if sampled:
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
@@ -94,10 +98,10 @@ class MomentumObserver(LeafSystem):
     def force(self, state: Vector, torque: Vector) -> Vector:
         """Return the force at the tool, shape (3,) [N] in its axes, that explains torques (n,) [N·m] best."""
         assert self._tool is not None
-        plant, nothing = self._plant, np.zeros(3)
+        plant, tool, nothing = self._plant, self._plant.get_frame(self._tool), np.zeros(3)
         plant.SetPositionsAndVelocities(self._scratch, state)
         jacobian = plant.CalcJacobianTranslationalVelocity(
-            self._scratch, JacobianWrtVariable.kV, self._tool, nothing, plant.world_frame(), self._tool
+            self._scratch, JacobianWrtVariable.kV, tool, nothing, plant.world_frame(), tool
         )
         columns = self._signs * jacobian[:, self._rows]
         return np.asarray(np.linalg.lstsq(columns.T, torque, rcond=1e-6)[0])
@@ -108,7 +112,7 @@ class MomentumObserver(LeafSystem):
         positions, velocities = np.split(state, [plant.num_positions()])
         plant.SetPositionsAndVelocities(context, state)
         step = _EPSILON * plant.MapVelocityToQDot(context, velocities)
-        forces = MultibodyForces(plant)
+        forces = MultibodyForces(nb=plant.num_bodies(), nv=plant.num_velocities())
         plant.CalcForceElementsContribution(context, forces)
         known = -plant.CalcInverseDynamics(context, np.zeros_like(velocities), forces)
         momentum = plant.CalcMassMatrix(context) @ velocities

@@ -17,6 +17,7 @@ from pydrake.systems.framework import (
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 _NOT_YET = np.inf
 
@@ -49,7 +50,7 @@ class Monitor(LeafSystem):
                 raise InvalidParameter(name, value, "a finite time, not negative [s]")
         self.hold, self.after = hold, after
         self._onset = self.DeclareDiscreteState(np.array([_NOT_YET]))
-        self.DeclareVectorOutputPort("excess", 1, self._calc_excess)
+        self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
         self.DeclarePerStepPublishEvent(self._watch)
         if hold > 0:
             self.DeclarePerStepDiscreteUpdateEvent(self._remember)

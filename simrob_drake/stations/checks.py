@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import built
 from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
@@ -49,7 +50,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     """
     builder = DiagramBuilder()
     ports = add_closed_station(builder, config)
-    diagram = builder.Build()
+    diagram = built(builder)
     check_references(diagram, ports)
     findings = [Finding("ok", "references", "all within the joint limits")]
     for robot in ports.plant.robots.values():

@@ -8,6 +8,7 @@ from typing import TypeAlias
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from simrob_drake.errors import InvalidParameter, shortened
+from simrob_drake.lifetime import release
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import add_dynamic_robots
 from simrob_drake.stations.free_pieces import add_free_pieces
@@ -87,6 +88,7 @@ class Station(Diagram):
         for name, output in self.ports.outputs.items():
             builder.ExportOutput(output, name)
         builder.BuildInto(self)
+        release(builder, self)
         self.set_name(self.config.name)
 
 
