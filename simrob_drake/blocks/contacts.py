@@ -10,8 +10,9 @@ import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import ContactResults
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
 
@@ -84,7 +85,7 @@ class Contacts:
 _NOTHING = np.zeros(3)
 
 
-class ContactReader(LeafSystem):
+class ContactReader(Block):
     """Hand on a plant's contact results as :class:`Contacts`, read once for all blocks that need them.
 
     Ports:

@@ -22,8 +22,9 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
@@ -31,7 +32,7 @@ from simrob_drake.lifetime import weakly
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
-class DistanceSensor(LeafSystem):
+class DistanceSensor(Block):
     """Measure the signed distance between two sets of shapes: that of the nearest, or deepest, pair.
 
     Drake finds it for all pairs of convex shapes (a mesh counts as its convex hull), but of half spaces for spheres

@@ -10,14 +10,15 @@ from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
 
 
-class ForceSensor(LeafSystem):
+class ForceSensor(Block):
     r"""Measure the contact force on a body, and its moment about the origin of a frame.
 
     .. math:: f = \sum_i f_i, \qquad m = \sum_i (p_i - p_F) \times f_i + m_i

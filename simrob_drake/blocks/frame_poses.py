@@ -8,13 +8,14 @@ from functools import partial
 
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, FrameIndex
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, xyz_quaternion_from_transform
 from simrob_drake.lifetime import weakly
 
 
-class FramePoses(LeafSystem):
+class FramePoses(Block):
     """Give the poses of frames in the world, from the state of their plant.
 
     The plant need not be part of the diagram, so the block serves dynamic and kinematic stations alike. One block

@@ -19,8 +19,9 @@ import weakref
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyForces
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
@@ -28,7 +29,7 @@ from simrob_drake.lifetime import weakly
 _EPSILON = 1e-5  # s: how far along the motion the mass matrix is looked at for its rate
 
 
-class MomentumObserver(LeafSystem):
+class MomentumObserver(Block):
     """Estimate the torques from outside at the joints of a robot, and the force at its tool that would cause them.
 
     Ports:

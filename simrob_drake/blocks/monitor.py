@@ -11,10 +11,10 @@ from pydrake.systems.framework import (
     DiscreteValues,
     EventStatus,
     InputPort,
-    LeafSystem,
     OutputPort,
 )
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import weakly
@@ -22,7 +22,7 @@ from simrob_drake.lifetime import weakly
 _NOT_YET = np.inf
 
 
-class Monitor(LeafSystem):
+class Monitor(Block):
     """End a run once a condition has lasted for a given time.
 
     A subclass declares the ports it watches and says by how much its condition is exceeded. The run ends at the first
