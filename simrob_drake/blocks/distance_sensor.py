@@ -22,16 +22,18 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 _RIM = np.arange(16) * np.pi / 8  # angles of the points that stand for the rim of a cylinder
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
-class DistanceSensor(LeafSystem):
+class DistanceSensor(Block):
     """Measure the signed distance between two sets of shapes: that of the nearest, or deepest, pair.
 
     Drake finds it for all pairs of convex shapes (a mesh counts as its convex hull), but of half spaces for spheres
@@ -59,7 +61,7 @@ class DistanceSensor(LeafSystem):
         self._pairs = [pair for pair in pairs if not self._is_flat(inspector, *pair)]
         self._above = [self._over_plane(inspector, *pair) for pair in pairs if self._is_flat(inspector, *pair)]
         self._query = self.DeclareAbstractInputPort("query", Value[QueryObject]())
-        self.DeclareVectorOutputPort("distance", 1, self._calc_distance)
+        self.DeclareVectorOutputPort("distance", 1, weakly(self._calc_distance))
 
     @staticmethod
     def _is_flat(inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> bool:

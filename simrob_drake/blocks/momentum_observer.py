@@ -14,19 +14,23 @@ Lightweight Manipulator Arm", IROS 2006; here in discrete time.
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, MultibodyForces
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 from simrob_drake.robots.axis_map import AxisMap
 
 _EPSILON = 1e-5  # s: how far along the motion the mass matrix is looked at for its rate
 
 
-class MomentumObserver(LeafSystem):
+class MomentumObserver(Block):
     """Estimate the torques from outside at the joints of a robot, and the force at its tool that would cause them.
 
     Ports:
@@ -59,16 +63,16 @@ class MomentumObserver(LeafSystem):
             if not (np.isfinite(value) and value > 0):
                 raise InvalidParameter(name, value, "positive and finite")
         count = len(axes.signs)
-        self._plant, self._axes, self.period = plant, axes, period
-        self._tool = None if tool is None else tool.index()  # a block that keeps a frame keeps its plant for ever
+        self._plant, self._axes, self.period = weakref.proxy(plant), axes, period
+        self._tool = None if tool is None else tool.index()
         self._share = 1 - np.exp(-gain * period)
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         self._torque = self.DeclareVectorInputPort("torque", count)
         self._memory = self.DeclareDiscreteState(np.full(3 * count, np.inf))  # r, p, f; unknown before the first sample
-        self.DeclareVectorOutputPort("external_torque", count, self._calc_torque)
+        self.DeclareVectorOutputPort("external_torque", count, weakly(self._calc_torque))
         if tool is not None:
-            self.DeclareVectorOutputPort("external_force", 3, self._calc_force)
+            self.DeclareVectorOutputPort("external_force", 3, weakly(self._calc_force))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def next_state(self, memory: Vector, state: Vector, torque: Vector) -> Vector:
@@ -104,7 +108,7 @@ class MomentumObserver(LeafSystem):
         positions, velocities = np.split(state, [plant.num_positions()])
         plant.SetPositionsAndVelocities(context, state)
         step = _EPSILON * plant.MapVelocityToQDot(context, velocities)
-        forces = MultibodyForces(plant)
+        forces = MultibodyForces(nb=plant.num_bodies(), nv=plant.num_velocities())
         plant.CalcForceElementsContribution(context, forces)
         known = -plant.CalcInverseDynamics(context, np.zeros_like(velocities), forces)
         momentum = plant.CalcMassMatrix(context) @ velocities

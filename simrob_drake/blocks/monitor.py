@@ -11,17 +11,18 @@ from pydrake.systems.framework import (
     DiscreteValues,
     EventStatus,
     InputPort,
-    LeafSystem,
 )
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 NOT_YET = np.inf
 """The onset of a condition that does not hold [s]."""
 
 
-class Monitor(LeafSystem):
+class Monitor(Block):
     """End a run once a condition has lasted for a given time.
 
     A subclass declares the signals it watches and says of their values by how much its condition is exceeded. The run
@@ -51,7 +52,7 @@ class Monitor(LeafSystem):
         self.hold, self.after = hold, after
         self._watched: list[InputPort] = []
         self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
-        self.DeclareVectorOutputPort("excess", 1, self._calc_excess)
+        self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
         self.DeclarePerStepPublishEvent(self._watch)
         if hold > 0:
             self.DeclarePerStepDiscreteUpdateEvent(self._remember)

@@ -13,6 +13,7 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import Course, ReferenceSource, SineCourse, corner_times
 from simrob_drake.errors import SimrobError
+from simrob_drake.lifetime import built
 from simrob_drake.parts.controllers.own import DRIVABLE, driven_inputs
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.forces.push import Push
@@ -133,7 +134,7 @@ class StationDiagrams:
             blocks=self._blocks,
         )
         try:
-            diagram = builder.Build()
+            diagram = built(builder)
         except RuntimeError as problem:
             if not self._blocks:
                 raise

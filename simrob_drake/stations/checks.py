@@ -10,6 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from simrob_drake.blocks.references import Course
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import built
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.stations.closed import add_closed_station, check_course, course_samples
 from simrob_drake.stations.config import StationConfig
@@ -50,7 +51,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     """
     builder = DiagramBuilder()
     closed = add_closed_station(builder, resolve(config))
-    ports, diagram = closed.ports, builder.Build()
+    ports, diagram = closed.ports, built(builder)
     for name, course in closed.courses.items():
         check_course(ports.plant.robots[name], course, config.duration)
     findings = [Finding("ok", "references", "all within the joint limits")]

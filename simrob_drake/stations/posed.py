@@ -9,6 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import built
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import add_plant
@@ -44,7 +45,7 @@ class PosedStation:
         stepped = config.mode == "dynamic"
         self._positions_port = None if stepped else self.station.add_geometry_poses(builder)
         add(builder, self.station)
-        self._diagram = builder.Build()
+        self._diagram = built(builder)
         self._scene = self._diagram.CreateDefaultContext()
         own = self.plant.CreateDefaultContext()
         self._context = self.plant.GetMyMutableContextFromRoot(self._scene) if stepped else own

@@ -11,6 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from simrob_drake.blocks.events import EventTimes
 from simrob_drake.errors import InvalidParameter, shortened
+from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers.own import add_own_blocks
 from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
@@ -155,6 +156,7 @@ class Station(Diagram):
         for name, output in self.ports.outputs.items():
             builder.ExportOutput(output, name)
         builder.BuildInto(self)
+        release(builder, self)
         self.set_name(self.config.name)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.lifetime import built
 from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
@@ -82,7 +83,7 @@ def main(folder: Path | None = None) -> None:
 def _graph(config: StationConfig) -> BlockGraph:
     builder = DiagramBuilder()
     closed = add_closed_station(builder, resolve(config))
-    return read_blocks(builder.Build(), closed.ports)
+    return read_blocks(built(builder), closed.ports)
 
 
 def _drawn(text: str, kind: str) -> bytes:
