@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from traceback import walk_tb
-from typing import Any
 
 from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, LeafSystem
 
 from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
-from simrob_drake.results.record.signals import Sampler
 from simrob_drake.results.record.watch import Watch
-from simrob_drake.simulation.built import Built
 from simrob_drake.stations.checks import likely_cause
+from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver
 
@@ -44,7 +42,7 @@ class Stepper:
     def __init__(
         self,
         config: StationConfig,
-        diagram_at: Callable[[float], Built],
+        diagram_at: Callable[[float], ClosedStation],
         edges: list[float],
         *,
         blocks: Mapping[str, LeafSystem],
@@ -127,7 +125,7 @@ class Stepper:
         self.simulator.Initialize()
         recorder.attach(self.simulator)
 
-    def _simulator(self, built: Built) -> Simulator:
+    def _simulator(self, built: ClosedStation) -> Simulator:
         simulator = Simulator(built.diagram)
         apply_solver(simulator, self._config)
         return simulator
@@ -164,14 +162,6 @@ class Stepper:
 def interrupted(recorder: Recorder) -> Outcome:
     """Return the outcome of a run that its user interrupted."""
     return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
-
-
-def watched(
-    site: Any, sampler: Sampler, simulator: Simulator, *watchers: Callable[[Context], None]
-) -> tuple[Recorder, Watch]:
-    """Return a recorder of a simulator, and the watch that asks the station's monitors what it records."""
-    watch = Watch(site, sampler)
-    return Recorder(simulator, *watchers, look=watch.look if site.monitors else None), watch
 
 
 def _copy_state(source: Context, target: Context) -> None:
