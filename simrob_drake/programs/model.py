@@ -11,6 +11,7 @@ from simrob_drake.frames import Vector, transform_from_pose, transform_from_xyz_
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.quantities import Pose
 from simrob_drake.results.record.state import State
+from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
@@ -137,12 +138,10 @@ class StationModel(PosedStation):
         """
         own, plant = self.robots[robot], self.plant
         self.place_robots({robot: position})
-        places = [joint.velocity_start() for joint in own.joints]
-        v, vdot = np.zeros(plant.num_velocities()), np.zeros(plant.num_velocities())
-        v[places], vdot[places] = own.signs * velocity, own.signs * acceleration
-        plant.SetVelocities(self._context, v)
+        axes = AxisMap.of_joints(plant, own.joints, own.signs)
+        plant.SetVelocities(self._context, axes.spread_velocities(velocity))
         forces = MultibodyForces(plant)
         plant.CalcForceElementsContribution(self._context, forces)
-        torque = plant.CalcInverseDynamics(self._context, vdot, forces)
+        torque = plant.CalcInverseDynamics(self._context, axes.spread_velocities(acceleration), forces)
         plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
-        return np.asarray(own.signs * torque[places])
+        return axes.efforts(torque)
