@@ -115,11 +115,15 @@ class RobotModel(Strict):
         return links_without_inertia(self.element, floating=self.base == "floating")
 
     @property
+    def signs(self) -> Vector:
+        """The senses of the axes against their joints, 1.0 or -1.0, shape (n,)."""
+        return np.array([float(axis.sign) for axis in self.axes.values()])
+
+    @property
     def axis_limits(self) -> tuple[Vector, Vector]:
         """Lower and upper limit of every axis [rad or m], each of shape (n,), in the sense of the axes."""
         pairs = np.array([joint_limits(self.element, axis.joint) for axis in self.axes.values()])
-        signs = np.array([axis.sign for axis in self.axes.values()])
-        lower, upper = np.sort(pairs * signs[:, np.newaxis], axis=1).T
+        lower, upper = np.sort(pairs * self.signs[:, np.newaxis], axis=1).T
         return lower, upper
 
     @property

@@ -8,16 +8,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-from pydrake.multibody.tree import RotationalInertia
-
 from simrob_drake.errors import InvalidModel
 from simrob_drake.robots.urdf import LIMITED_JOINTS, MOVABLE_JOINTS, link_of, mass_of, name_of
+from simrob_drake.robots.urdf_elements import MOMENTS, impossible, moments_of
 
 _NUMBERS = {
     **dict.fromkeys(("xyz", "rpy", "size"), (3,)),
     **dict.fromkeys(("lower", "upper", "effort", "velocity", "damping", "friction", "radius", "length", "value"), (1,)),
-    **dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), (1,)),
+    **dict.fromkeys(MOMENTS, (1,)),
     "scale": (1, 3),
     "rgba": (4,),
 }
@@ -163,14 +161,12 @@ def _check_inertial(link: ET.Element, refuse: _Refuse) -> None:
         raise refuse(where, "needs <mass> and <inertia>")
     if mass_of(link) < 0:
         raise refuse(where, f"mass {mass.get('value')} kg is negative")
-    xx, yy, zz, xy, xz, yz = (float(inertia.get(k, 0)) for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
-    if mass_of(link) == 0 and any((xx, yy, zz)):
+    moments = moments_of(inertial)
+    if mass_of(link) == 0 and moments.diagonal().any():
         raise refuse(where, "has moments of inertia but no mass; Drake would give it 1 kg in silence")
-    if not RotationalInertia(xx, yy, zz, xy, xz, yz).CouldBePhysicallyValid():  # Drake would put a sphere's in silence
-        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        listed = ", ".join(f"{moment:.9g}" for moment in moments)
-        rule = "none is negative, none exceeds the others' sum"
-        raise refuse(where, f"no body has the principal moments {listed} kg m²: {rule}")
+    problem = impossible(moments)  # Drake would put a sphere's in silence
+    if problem:
+        raise refuse(where, problem)
 
 
 def _check_shape(shape: ET.Element, where: str, refuse: _Refuse) -> None:

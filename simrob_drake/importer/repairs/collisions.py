@@ -25,8 +25,8 @@ from simrob_drake.importer.repairs.shape_elements import (
     tell_mesh,
 )
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.merge import place, pose_of
 from simrob_drake.robots.urdf import DRAKE, drop_collision
+from simrob_drake.robots.urdf_elements import place, pose_of
 
 
 @dataclass

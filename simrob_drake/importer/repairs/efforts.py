@@ -12,11 +12,11 @@ import numpy as np
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import find_base
-from simrob_drake.importer.repairs.numbers import number, written
+from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.tree import children_of
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.merge import pose_of
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, link_of, mass_of, name_of, root_link
+from simrob_drake.robots.urdf_elements import pose_of, written
 
 SAFETY = 3.0
 """How many times a motor can hold, stretched out, what hangs on it."""

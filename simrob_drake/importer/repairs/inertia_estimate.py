@@ -10,8 +10,8 @@ from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, Shape, S
 from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
 from simrob_drake.importer.repairs.numbers import number
-from simrob_drake.robots.merge import pose_of
 from simrob_drake.robots.urdf import DRAKE
+from simrob_drake.robots.urdf_elements import pose_of
 
 SMALL_MASS = 0.1
 """Of a link that has neither mass nor shape, such as the one between two axes that cross [kg]."""

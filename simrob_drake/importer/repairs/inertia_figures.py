@@ -10,8 +10,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.repairs.numbers import number, written
-from simrob_drake.robots.merge import pose_of
+from simrob_drake.importer.repairs.numbers import number
+from simrob_drake.robots.urdf_elements import pose_of, written
 
 ROUNDING = 1e-3
 """Moments that miss what a body can have by less than this part of the largest are rounded ones, and are mended."""

@@ -13,11 +13,11 @@ from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.inertia_estimate import SMALL_MASS, ball, inertia_of_shapes, with_mass
 from simrob_drake.importer.repairs.inertia_figures import Figures, mended, read_figures, write_inertia, write_moments
 from simrob_drake.importer.repairs.inertia_judgement import judge_inertia
-from simrob_drake.importer.repairs.numbers import written
 from simrob_drake.importer.repairs.points_on_axes import take_out_points_on_axes
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.bodies import bodies, carriers
 from simrob_drake.robots.urdf import link_of, mass_of, name_of, root_link
+from simrob_drake.robots.urdf_elements import written
 
 
 def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport) -> None:

@@ -10,10 +10,11 @@ import numpy as np
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.limits import repair_limits
-from simrob_drake.importer.repairs.numbers import number, written
+from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.tree import children_of, drop_lost_frames
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, link_of, movable_joints, name_of
+from simrob_drake.robots.urdf_elements import written
 
 _TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")
 _OF_OTHER_FORMATS = ("revolute2", "screw", "ball", "universal", "gearbox", "spherical", "cylindrical")

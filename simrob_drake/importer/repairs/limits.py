@@ -8,10 +8,10 @@ import xml.etree.ElementTree as ET
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.importer.repairs.numbers import number, written
+from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.merge import place, pose_of
 from simrob_drake.robots.urdf import DRAKE
+from simrob_drake.robots.urdf_elements import place, pose_of, written
 
 DEFAULT_STROKE = 1.0
 """Of a prismatic joint without limits, to each side [m]."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from simrob_drake.importer.repairs.names import free_name
-from simrob_drake.importer.repairs.numbers import written
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf_elements import written
 
 DEFAULT_RGBA = "0.7 0.7 0.7 1"
 """Of a material that is not defined: a light grey."""

@@ -91,11 +91,6 @@ def number(element: ET.Element | None, key: str) -> float | None:
     return None if text is None else float(text)
 
 
-def written(value: float) -> str:
-    """Return a number as it is written into a URDF: as short as it can be without loss."""
-    return repr(float(value) + 0.0).removesuffix(".0")
-
-
 def _placed(robot: ET.Element) -> Iterator[tuple[str, ET.Element]]:
     """Yield every element with the words that say where it is."""
     yield "<robot>", robot

@@ -10,8 +10,8 @@ from pydrake.math import RigidTransform
 from simrob_drake.frames import Vector
 from simrob_drake.importer.repairs.inertia_figures import Figures, read_figures
 from simrob_drake.robots.bodies import bodies, carriers
-from simrob_drake.robots.merge import pose_of
 from simrob_drake.robots.urdf import link_of, mass_of, name_of
+from simrob_drake.robots.urdf_elements import pose_of
 
 _ON_AXIS = 1e-6  # m
 

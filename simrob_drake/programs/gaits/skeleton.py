@@ -156,7 +156,7 @@ def skeleton(model: RobotModel) -> Skeleton:
         parents=parents,
         order=_outward(parents),
         before=(_stack([x.rotation().matrix() for x in before]), _stack([x.translation() for x in before])),
-        directions=alone.signs[:, np.newaxis] * _stack([joint.revolute_axis() for joint in joints]),
+        directions=alone.axes.signs[:, np.newaxis] * _stack([joint.revolute_axis() for joint in joints]),
         after=(_stack([x.rotation().matrix() for x in after]), _stack([x.translation() for x in after])),
         points=_stack([_points(body) for body in bodies]),
         masses=np.array([body.default_mass() for body in bodies]),
