@@ -7,8 +7,9 @@ from collections import Counter
 
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf_check import SHAPE_SIZES
 
-_SHAPES = {"box", "cylinder", "sphere", "mesh", "capsule", f"{DRAKE}capsule", f"{DRAKE}ellipsoid"}
+_SHAPES = {"mesh", *SHAPE_SIZES}
 _VISUAL = {f"{DRAKE}{name}" for name in ("illustration_properties", "perception_properties", "accepting_renderer")}
 _KNOWN: dict[str, set[str]] = {
     "robot": {"link", "joint", "material", "transmission", "frame"},

@@ -9,13 +9,14 @@ import numpy as np
 from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, Shape, Sphere
 from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
-from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.robots.urdf import DRAKE
+from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
 from simrob_drake.robots.urdf_elements import pose_of
 
 SMALL_MASS = 0.1
 """Of a link that has neither mass nor shape, such as the one between two axes that cross [kg]."""
 
+_MAKERS = {"box": Box, "cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere, "ellipsoid": Ellipsoid}
 _LEAST_VOLUME = 1e-9  # m³, a cube of 1 mm: less is a decal, not a body
 
 
@@ -71,20 +72,14 @@ def _solid(element: ET.Element, folder: Path | None, density: float) -> SpatialI
 
 
 def _shape(element: ET.Element, folder: Path | None) -> Shape | None:
-    tag = element.tag.removeprefix(DRAKE)
-    if tag == "mesh":
+    if element.tag == "mesh":
         scale = [float(word) for word in element.get("scale", "1").split()]
         name = element.get("filename", "")
         if folder is None or not name or not all(scale):
             return None
         return Convex(str(folder / name), scale * 3 if len(scale) == 1 else scale)
-    round_one = ("radius", "length")
-    keys = {"cylinder": round_one, "capsule": round_one, "sphere": ("radius",), "ellipsoid": "abc"}
-    if tag == "box":
-        figures: list[float | None] = [float(word) for word in element.get("size", "").split()]
-    else:
-        figures = [number(element, key) for key in keys.get(tag, ())]
-    if not figures or any(figure is None or figure <= 0 for figure in figures):
+    if element.tag not in SHAPE_SIZES or shape_defect(element):
         return None
-    makers = {"box": Box, "cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere, "ellipsoid": Ellipsoid}
-    return makers[tag](*figures)
+    return _MAKERS[element.tag.removeprefix(DRAKE)](
+        *(float(word) for key in SHAPE_SIZES[element.tag] for word in element.attrib[key].split())
+    )

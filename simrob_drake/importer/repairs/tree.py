@@ -8,6 +8,7 @@ from simrob_drake.errors import nearest
 from simrob_drake.importer.repairs.names import names
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, link_of, name_of
+from simrob_drake.robots.urdf_check import check_parents
 
 _GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")
 
@@ -21,9 +22,7 @@ def repair_tree(robot: ET.Element, report: ImportReport) -> None:
     if not names(robot, "link"):
         raise report.refusal("", "has no link")
     dangling = _drop_dangling(robot, report)
-    _refuse_two_parents(robot, report)
-    _refuse_loops(robot, report)
-    _keep_one_tree(robot, dangling, report)
+    _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
     drop_lost_frames(robot, report)
 
 
@@ -101,37 +100,8 @@ def _drop_dangling(robot: ET.Element, report: ImportReport) -> list[tuple[str, s
     return dropped
 
 
-def _refuse_two_parents(robot: ET.Element, report: ImportReport) -> None:
-    held: dict[str, str] = {}
-    for joint in robot.iterfind("joint"):
-        name, child = name_of(joint), link_of(joint, "child")
-        if link_of(joint, "parent") == child:
-            raise report.refusal(f"joint '{name}'", f"joins link '{child}' to itself")
-        if child in held:
-            raise report.refusal(
-                f"link '{child}'", f"is the child of two joints, '{held[child]}' and '{name}'; a URDF is a tree"
-            )
-        held[child] = name
-
-
-def _refuse_loops(robot: ET.Element, report: ImportReport) -> None:
-    parents = {link_of(joint, "child"): link_of(joint, "parent") for joint in robot.iterfind("joint")}
-    sound: set[str] = set()
-    for link in names(robot, "link"):
-        way: dict[str, None] = {}  # in order, and quick to ask
-        while link not in way and link not in sound and link in parents:
-            way[link] = None
-            link = parents[link]  # noqa: PLW2901  # walk up
-        if link in way:
-            listed = list(way)
-            loop = [link, *reversed(listed[listed.index(link) :])]
-            raise report.refusal("", f"has a loop: {' - '.join(loop)}; a URDF is a tree, so leave one joint out")
-        sound.update(way)
-
-
-def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], report: ImportReport) -> None:
+def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], held: set[str], report: ImportReport) -> None:
     """Keep the one tree that is the robot: the only one that moves, or if none does, the largest."""
-    held = {link_of(joint, "child") for joint in robot.iterfind("joint")}
     roots = [name for name in names(robot, "link") if name not in held]
     if len(roots) == 1:
         return
