@@ -8,12 +8,11 @@ from pathlib import Path
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.folders import cache_entry, written_at_once
-from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.mending import mend
 from simrob_drake.importer.meshes.parts import Part, joined
 from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
 from simrob_drake.importer.meshes.reading import content_of, read_mesh
-from simrob_drake.importer.meshes.references import MESH_FORMATS
 from simrob_drake.importer.meshes.writing import obj_text
 
 _CODE = [Path(__file__), Path(__file__).parents[1] / "importer" / "meshes"]

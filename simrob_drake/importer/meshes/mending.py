@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.meshes.parts import Faces, Part, face_count, size_of, unit
-from simrob_drake.importer.meshes.textures import mean_colour
+from simrob_drake.importer.meshes.parts import Faces, Part, face_count, mean_colour, size_of, unit
 
 MOST_FACES = 50_000
 """A shape with more is decimated; with its own texture, which decimation loses, from four times as many on."""

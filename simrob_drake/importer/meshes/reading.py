@@ -17,10 +17,8 @@ from xml.etree.ElementTree import ParseError
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.meshes.checks import UnreadableMesh, checked
-from simrob_drake.importer.meshes.parts import Part, Rgba, of_one_look
-from simrob_drake.importer.meshes.references import LARGEST_FILE, MESH_FORMATS, decoded
-from simrob_drake.importer.meshes.textures import usable
+from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
+from simrob_drake.importer.meshes.parts import Part, Rgba, of_one_look, usable
 
 _MOST_FACES = 1_500_000
 """More take more than a gigabyte of memory to decimate."""

@@ -11,8 +11,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.mending import distinct, shaded
-from simrob_drake.importer.meshes.parts import Part
-from simrob_drake.importer.meshes.textures import as_png
+from simrob_drake.importer.meshes.parts import Part, as_png
 
 FOLDER = "meshes"
 _MATERIAL = "texture"

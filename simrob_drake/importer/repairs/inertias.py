@@ -12,8 +12,16 @@ from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import find_base
-from simrob_drake.importer.repairs.inertia_estimate import SMALL_MASS, ball, inertia_of_shapes, with_mass
-from simrob_drake.importer.repairs.inertia_figures import Figures, mended, read_figures, write_inertia
+from simrob_drake.importer.repairs.inertia_figures import (
+    SMALL_MASS,
+    Figures,
+    ball,
+    inertia_of_shapes,
+    mended,
+    read_figures,
+    with_mass,
+    write_inertia,
+)
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.bodies import bodies, carriers
 from simrob_drake.robots.urdf import link_of, mass_of, name_of, root_link
