@@ -41,17 +41,24 @@ class Axis(Strict):
     """One axis of a robot: a joint of its URDF and the sense that counts as positive."""
 
     joint: str
+    """The joint's name in the URDF."""
     sign: Literal[-1, 1] = 1
+    """-1 where the axis is positive in the other sense than its joint."""
     aliases: tuple[str, ...] = ()
+    """Other names by which users may call it."""
 
 
 class Gains(Strict):
     """Servo gains that a robot brings along; a station may set others."""
 
     kp: AxisValues | None = None
+    """Proportional gain [N·m/rad, or N/m of a prismatic axis]."""
     ki: AxisValues | None = None
+    """Integral gain [N·m/(rad·s) or N/(m·s)]."""
     kd: AxisValues | None = None
+    """Derivative gain [N·m·s/rad or N·s/m]."""
     torque_limit: AxisValues | None = None
+    """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""
 
 
 def _axes_by_name(axes: Any) -> Any:
@@ -69,18 +76,35 @@ class RobotModel(Strict):
     """
 
     name: FileName
+    """What it is called; as its folder or its file unless given."""
     folder: Path
+    """Where its file lies, which all its file names start from."""
     description: str = ""
+    """What it is, in one line."""
     source: str = ""
+    """Where its figures are from, and which are estimates."""
     urdf: str | None = None
+    """Its URDF; a table takes its place."""
     dh: DhTable | None = None
+    """Its table of Denavit-Hartenberg parameters, in place of a URDF; it tells root, axes and tools, too."""
     base: Literal["fixed", "floating"] = "fixed"
+    """Whether its root link is fixed to the world, as an arm's is, or moves freely."""
     root: str
-    axes: Annotated[dict[str, Axis], BeforeValidator(_axes_by_name), Field(min_length=1)]
+    """The root link of the URDF."""
+    axes: Annotated[
+        dict[str, Axis],
+        BeforeValidator(_axes_by_name, json_schema_input_type=dict[str, Axis] | list[str]),
+        Field(min_length=1),
+    ]
+    """Its axes by name, in the order of every vector; a plain list where they are called as their joints."""
     tools: dict[str, str] = Field(default_factory=dict)
+    """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
+    """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
     servo: Gains = Gains()
+    """Gains of its servos, which a station may change."""
     feet: Feet | None = None
+    """What it stands on."""
 
     @model_validator(mode="before")
     @classmethod

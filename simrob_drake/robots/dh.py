@@ -27,6 +27,7 @@ class DhRow(Strict):
     joint: str | None = None
     """Its name; `joint_1` and so on unless given."""
     type: Literal["revolute", "prismatic"] = "revolute"
+    """Whether it turns about z or slides along it."""
     a: Number = 0.0
     """Length along x [m]."""
     alpha_deg: Number = 0.0
@@ -88,7 +89,9 @@ class DhTable(Strict):
     """
 
     convention: Literal["classical", "modified"]
+    """How the figures of a row are meant; modified ones are Craig's."""
     rows: Annotated[tuple[DhRow, ...], Field(min_length=1)]
+    """One a joint, from the base outward."""
     base: Pose = ORIGIN
     """Pose of the table's first frame in the base link, [x y z Rz Ry Rx]."""
     tool: Pose = ORIGIN

@@ -73,7 +73,9 @@ class Feet(Strict):
     """The kinds of feet that a robot has."""
 
     default: str
+    """The kind that a station takes unless it names another."""
     contacts: dict[str, FootContact] = Field(min_length=1)
+    """The kinds by name."""
 
     @model_validator(mode="after")
     def _default_is_one(self) -> Feet:
