@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 from simrob_drake.blocks.monitor import Monitor, largest
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.robots.units import TURNS, AxisUnit
+from simrob_drake.robots.units import REVOLUTE, AxisUnit
 
 _AT_LIMIT = 1e-6
 """Part of a torque limit that may be missing where a servo counts as saturated."""
@@ -37,7 +37,7 @@ class JointLimitMonitor(Monitor):
     ) -> None:
         """Watch ``axes``, all of which turn unless ``units`` says so, from ``margin`` before their limits (n,)."""
         super().__init__(hold=hold, after=after)
-        self._units = list(units) or [TURNS] * len(axes)
+        self._units = list(units) or [REVOLUTE] * len(axes)
         self._axes, self._lower, self._upper = list(axes), lower + margin, upper - margin
         self._position = self.watch("position", len(axes))
 
@@ -78,7 +78,7 @@ class TorqueLimitMonitor(Monitor):
         super().__init__(hold=hold, after=after)
         if not (limit > 0).all():
             raise InvalidParameter("limit", limit, "positive [N·m or N]")
-        self._axes, self._limit, self._units = list(axes), limit, list(units) or [TURNS] * len(axes)
+        self._axes, self._limit, self._units = list(axes), limit, list(units) or [REVOLUTE] * len(axes)
         self._torque = self.watch("torque", len(axes))
 
     def excess(self, context: Context) -> float:
@@ -129,7 +129,7 @@ class SettledMonitor(Monitor):
             if value is not None and not np.all(np.greater(value, 0)):
                 raise InvalidParameter(name, value, "positive")
         self._speed, self._error = np.broadcast_to(speed, size), error
-        self._units = list(units) or [TURNS] * size
+        self._units = list(units) or [REVOLUTE] * size
         self._velocity = self.watch("velocity", size)
         if error is not None:
             self._position, self._reference = self.watch("position", size), self.watch("reference", size)
@@ -170,7 +170,7 @@ class DivergenceMonitor(Monitor):
         super().__init__(hold=hold, after=after)
         if not speed_limit > 0:
             raise InvalidParameter("speed_limit", speed_limit, "positive [rad/s or m/s]")
-        self._axes, self._limit, self._units = list(axes), speed_limit, list(units) or [TURNS] * len(axes)
+        self._axes, self._limit, self._units = list(axes), speed_limit, list(units) or [REVOLUTE] * len(axes)
         self._velocity = self.watch("velocity", len(axes))
 
     def excess(self, context: Context) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, link_of, mass_of, name_of, root_link
+from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, mass_of, name_of, outward, root_link
 from simrob_drake.robots.urdf_elements import add_frame, moments_of, place, pose_of, set_inertia
 
 _SHAPES = ("visual", "collision")
@@ -23,13 +23,10 @@ _SHAPES = ("visual", "collision")
 
 def carriers(robot: ET.Element) -> dict[str, str]:
     """Return, by link, the link that carries its body: the first one on the way to the root that a joint moves."""
-    fixed = {link_of(j, "child"): link_of(j, "parent") for j in robot.iterfind("joint") if j.get("type") == "fixed"}
-    found: dict[str, str] = {}
-    for link in (name_of(element) for element in robot.iterfind("link")):
-        way = [link]
-        while way[-1] in fixed and way[-1] not in found:
-            way.append(fixed[way[-1]])
-        found.update(dict.fromkeys(way, found.get(way[-1], way[-1])))
+    found = {root_link(robot): root_link(robot)}
+    for joint in outward(joints_at(robot), root_link(robot)):
+        child = link_of(joint, "child")
+        found[child] = found[link_of(joint, "parent")] if joint.get("type") == "fixed" else child
     return found
 
 

@@ -19,7 +19,7 @@ from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.tools import tool_links
-from simrob_drake.robots.units import SLIDES, TURNS, AxisUnit
+from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
 from simrob_drake.robots.urdf import (
     joint_effort,
     joint_limits,
@@ -156,19 +156,19 @@ class RobotModel(Strict):
         return np.array([joint_effort(self.element, axis.joint) for axis in self.axes.values()])
 
     @cached_property
-    def slides(self) -> tuple[bool, ...]:
-        """Whether each axis slides instead of turning; then keys in ``..._deg`` hold metres, and torques are forces."""
+    def prismatic(self) -> tuple[bool, ...]:
+        """Whether each axis is prismatic, not revolute; keys in ``..._deg`` hold metres, and its torques are forces."""
         kinds = {name_of(joint): joint.get("type") for joint in self.element.iterfind("joint")}
         return tuple(kinds.get(axis.joint) == "prismatic" for axis in self.axes.values())
 
     @property
     def units(self) -> list[AxisUnit]:
         """The units of every axis."""
-        return [SLIDES if slides else TURNS for slides in self.slides]
+        return [PRISMATIC if prismatic else REVOLUTE for prismatic in self.prismatic]
 
     @property
     def user_units(self) -> Vector:
-        """What one unit of a user's figures is in SI, shape (n,): rad per degree, or 1 m for an axis that slides."""
+        """What one unit of a user's figures is in SI, shape (n,): rad per degree, or 1 m of a prismatic axis."""
         return np.array([unit.size for unit in self.units])
 
     @property
@@ -187,8 +187,8 @@ class RobotModel(Strict):
         return [unit.effort for unit in self.units]
 
     def bounds(self, degrees: float, metres: float) -> Vector:
-        """Return one bound for axes that turn [deg] and one for those that slide [m], in SI, shape (n,)."""
-        return np.where(self.slides, metres, np.deg2rad(degrees))
+        """Return one bound for revolute axes [deg] and one for prismatic ones [m], in SI, shape (n,)."""
+        return np.where(self.prismatic, metres, np.deg2rad(degrees))
 
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
         """Spread a number, a list or a mapping over the axes.
@@ -280,7 +280,7 @@ def load_robot_from_urdf(path: Path) -> RobotModel:
 
 
 def _midway(robot: RobotModel) -> dict[str, float]:
-    """Return the axes that cannot be at zero, in the middle of their range [deg, or m where they slide]."""
+    """Return the axes that cannot be at zero, in the middle of their range [deg, or m of prismatic ones]."""
     lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
     return {
         axis: float(f"{(low + high) / 2:.6g}")

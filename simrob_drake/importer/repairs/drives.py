@@ -14,9 +14,18 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.names import free_name
 from simrob_drake.importer.repairs.numbers import number
-from simrob_drake.importer.repairs.tree import children_of
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, link_of, mass_of, movable_joints, name_of, root_link
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    MOVABLE_JOINTS,
+    joints_at,
+    link_of,
+    mass_of,
+    movable_joints,
+    name_of,
+    outward,
+    root_link,
+)
 from simrob_drake.robots.urdf_elements import add_motor, pose_of, written
 
 SIMPLE = "SimpleTransmission"
@@ -27,7 +36,7 @@ UNKNOWN_EFFORT = 10.0
 """Where nothing is known of the masses [N·m or N]."""
 LEAST_TORQUE, LEAST_FORCE = 1.0, 10.0
 """Least default efforts [N·m, N]."""
-TURNING, SLIDING = math.pi, 1.0
+REVOLUTE_SPEED, PRISMATIC_SPEED = math.pi, 1.0
 """Default velocities [rad/s, m/s]."""
 _SHARE = 0.1  # of the strongest motor: less would be a toy on the same robot
 _ENDLESS = 1e9  # N·m or N; what absurd masses would ask for
@@ -156,17 +165,17 @@ def _repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportRep
     loads, floats = _loads(robot), find_base(robot, options)[0] == "floating"
     whole = loads[root_link(robot)].mass if floats else 0.0
     joints = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
-    for slides in (False, True):
-        group = [joint for joint in joints if (joint.get("type") == "prismatic") == slides]
+    for prismatic in (False, True):
+        group = [joint for joint in joints if (joint.get("type") == "prismatic") == prismatic]
         given = [number(joint.find("limit"), "effort") or 0.0 for joint in group]
         missing = [joint for joint, effort in zip(group, given, strict=True) if effort <= 0]
-        held = [_effort(loads[link_of(joint, "child")], whole, slides) for joint in missing]
+        held = [_effort(loads[link_of(joint, "child")], whole, prismatic) for joint in missing]
         measures = [_SHARE * effort for effort in (*given, *held) if effort <= _STRONGEST]
-        least = max([LEAST_FORCE if slides else LEAST_TORQUE, *measures])
+        least = max([LEAST_FORCE if prismatic else LEAST_TORQUE, *measures])
         for joint, effort in zip(missing, held, strict=True):
             known = loads[link_of(joint, "child")].mass > 0
             _set_effort(joint, effort, least, known, report)
-        _set_velocities(group, slides, report)
+        _set_velocities(group, prismatic, report)
 
 
 @dataclass(frozen=True)
@@ -186,16 +195,14 @@ class _Load:
 
 def _loads(robot: ET.Element) -> Mapping[str, _Load]:
     """Return what hangs on each link, itself included."""
-    joints_at = children_of(robot)
+    starts = joints_at(robot)
     own = {name_of(link): (mass_of(link), _offset(link.find("inertial"))) for link in robot.iterfind("link")}
-    order = [root_link(robot)]
-    for link in order:
-        order.extend(link_of(joint, "child") for joint in joints_at[link])
+    order = [root_link(robot), *(link_of(joint, "child") for joint in outward(starts, root_link(robot)))]
     loads: dict[str, _Load] = {}
     for link in reversed(order):
         mass, reach = own[link]
         moment = mass * reach
-        for joint in joints_at[link]:
+        for joint in starts[link]:
             hung, offset = loads[link_of(joint, "child")], _offset(joint)
             mass += hung.mass
             moment += hung.moment + hung.mass * offset
@@ -209,7 +216,7 @@ def _offset(element: ET.Element | None) -> float:
     return 0.0 if element is None else float(np.linalg.norm(pose_of(element).translation()))
 
 
-def _effort(load: _Load, whole: float, slides: bool) -> float:
+def _effort(load: _Load, whole: float, prismatic: bool) -> float:
     """Return a default effort [N·m or N].
 
     It holds three times what hangs on the joint and, where the robot floats, the rest of it once, which stands on
@@ -218,7 +225,7 @@ def _effort(load: _Load, whole: float, slides: bool) -> float:
     if load.mass == 0:
         return UNKNOWN_EFFORT
     rest = max(whole - load.mass, 0.0)
-    if slides:
+    if prismatic:
         return STANDARD_GRAVITY * max(SAFETY * load.mass, rest)
     return STANDARD_GRAVITY * max(SAFETY * load.moment, rest * load.reach)
 
@@ -235,9 +242,9 @@ def _set_effort(joint: ET.Element, held: float, least: float, known: bool, repor
     report.add("defaulted", f"joint '{name_of(joint)}' <limit>", f"{said}; {effort:g} {unit}, {why}")
 
 
-def _set_velocities(joints: list[ET.Element], slides: bool, report: ImportReport) -> None:
+def _set_velocities(joints: list[ET.Element], prismatic: bool, report: ImportReport) -> None:
     slow = [joint for joint in joints if (number(joint.find("limit"), "velocity") or 0.0) <= 0]
-    speed, unit = (SLIDING, "m/s") if slides else (TURNING, "rad/s")
+    speed, unit = (PRISMATIC_SPEED, "m/s") if prismatic else (REVOLUTE_SPEED, "rad/s")
     for joint in slow:
         _limit(joint).set("velocity", written(speed))
     if slow:

@@ -13,9 +13,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.numbers import number
-from simrob_drake.importer.repairs.tree import children_of, drop_lost_frames
+from simrob_drake.importer.repairs.tree import drop_lost_frames
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, link_of, movable_joints, name_of
+from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, movable_joints, name_of
 from simrob_drake.robots.urdf_elements import place, pose_of, written
 
 _TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")
@@ -75,7 +75,7 @@ def _free_root(robot: ET.Element, report: ImportReport) -> None:
     """Turn a floating joint at an empty root into what it means: the link behind it is a root that floats."""
     held = {link_of(joint, "child") for joint in robot.iterfind("joint")}
     roots = [link for link in robot.iterfind("link") if name_of(link) not in held]
-    joints = children_of(robot)[name_of(roots[0])] if roots else []
+    joints = joints_at(robot)[name_of(roots[0])] if roots else []
     if len(joints) != 1 or joints[0].get("type") != "floating" or len(roots[0]):
         return
     robot.remove(joints[0])

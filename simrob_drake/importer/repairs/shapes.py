@@ -16,7 +16,7 @@ from typing import Literal
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, Scale
-from simrob_drake.importer.meshes.parts import Part, Rgba, points_of
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, points_of
 from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
 from simrob_drake.importer.meshes.writing import MeshWriter
 from simrob_drake.importer.options import ImportOptions
@@ -128,7 +128,7 @@ class Visuals:
         self._done[key] = loaded.remembered(), drawn
         return loaded, drawn
 
-    def _file(self, link: ET.Element, loaded: Mesh, part: Part) -> _Drawn:
+    def _file(self, link: ET.Element, loaded: Mesh, part: MeshPart) -> _Drawn:
         name = self.writer.write(part, role="visual", stem=self.names.next(link, "visual"), original=loaded.original)
         return _Drawn(name, part.rgba, part.image is not None)
 
