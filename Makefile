@@ -27,9 +27,10 @@ bench: $(READY)  ## measure speed and memory
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --outdir dist .
 
-pictures: $(READY)  ## renew the block pictures and the schema beside the stations, and the pictures of README and docs
+pictures: $(READY)  ## renew the block pictures beside the stations, the schemas, and the pictures of README and docs
 	$(BIN)/python -m simrob_drake.results.block_diagram.picture
 	$(BIN)/python -m simrob_drake.stations.schema
+	$(BIN)/python -m simrob_drake.programs.schemas
 	$(BIN)/simrob run irb120_dynamic --duration 1.2 --out runs/readme --force
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
 	$(BIN)/simrob walk roid1_dynamic --steps 20 --out runs/docs --force

@@ -88,7 +88,7 @@ def test_the_way_counts_in_the_first_heading():
 def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
     result = simulate(load_station("irb120_on_belt", {"robot.base": [0, 0, 0.14, 0.4, 0, 0]}), duration=0.02)
     robot = result.plant.robots["robot"]
-    assert any(robot.model.slides)
+    assert any(robot.model.prismatic)
     np.testing.assert_allclose(headings(result.plant, robot, result.pose("base")), 0.4)
 
 
