@@ -30,7 +30,7 @@ from simrob_drake.stations.checks import step_findings
 from simrob_drake.stations.closed import ClosedStation, check_course, station_courses
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.stations.station import StationLike, config_of
 
@@ -152,8 +152,8 @@ class Runner:
         if known is None or not known.fits(courses):
             station = self._station
             if config.forces != self.config.forces:
-                forced = station.config.model_copy(update={"forces": config.forces})
-                station = resolve(forced)
+                station = resolve(station.config.model_copy(update={"forces": config.forces}))
+                check_parts(station)
             known = self._diagrams[places] = StationDiagrams(station, courses, self._blocks)
         return known
 

@@ -30,7 +30,9 @@ def costs() -> Table:
     """Stepping time with each part against that without."""
     table = Table("part of humanoid_dynamic", "ratio of stepping time", title="what parts cost, standing for 3 s")
     runners = {"": Runner(load_station("humanoid_dynamic", {"duration": 3.0}))}
-    runners |= {name: Runner(load_station("humanoid_dynamic", {"duration": 3.0, **part})) for name, part in PARTS.items()}
+    runners |= {
+        name: Runner(load_station("humanoid_dynamic", {"duration": 3.0, **part})) for name, part in PARTS.items()
+    }
     times = in_turn({name: lambda runner=runner: runner.run().stepping_time for name, runner in runners.items()}, 25)
     for name in PARTS:
         table.add_row(name, f"{np.median(times[name] / times['']):.3f}")
