@@ -27,6 +27,7 @@ from simrob_drake.results.block_diagram.reading import read_blocks
 from simrob_drake.stations.closed import add_closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import build_station
 
 PLUMBING = (Selector, Multiplexer, Demultiplexer, PassThrough, MatrixGain, EventTimes, SteadySteps, ContactReader)
@@ -48,7 +49,7 @@ VARIANTS = [
 
 def graph_of(config: StationConfig) -> tuple[BlockGraph, list]:
     builder = DiagramBuilder()
-    ports = add_closed_station(builder, config)
+    ports = add_closed_station(builder, resolve(config)).ports
     diagram = builder.Build()
     return read_blocks(diagram, ports), diagram.GetSystems()
 
@@ -113,7 +114,7 @@ def test_texts_are_the_same_every_time_and_name_every_block(name: str, changes: 
 def test_every_arrow_of_the_picture_is_a_way_in_the_diagram(name: str, changes: dict | None) -> None:
     config = load_station(name, changes)
     builder = DiagramBuilder()
-    ports = add_closed_station(builder, config)
+    ports = add_closed_station(builder, resolve(config)).ports
     diagram = builder.Build()
     graph = read_blocks(diagram, ports)
     onward: dict[str, set[str]] = {}
@@ -202,7 +203,7 @@ def test_several_robots_share_one_plant() -> None:
 
 def test_every_output_of_the_station_is_drawn() -> None:
     builder = DiagramBuilder()
-    ports = add_closed_station(builder, load_station("irb120_dynamic"))
+    ports = add_closed_station(builder, resolve(load_station("irb120_dynamic"))).ports
     graph = read_blocks(builder.Build(), ports)
     shown = {name for b in graph.blocks.values() if b.shape == "port" for name in b.label.split("\n")}
     assert shown == set(ports.outputs) - {"reference"}
@@ -210,7 +211,7 @@ def test_every_output_of_the_station_is_drawn() -> None:
 
 def test_a_users_own_block_has_a_cluster_of_its_own() -> None:
     builder = DiagramBuilder()
-    ports = add_closed_station(builder, load_station("double_pendulum"))
+    ports = add_closed_station(builder, resolve(load_station("double_pendulum"))).ports
     mine = builder.AddNamedSystem("my_controller", PidController([1.0], [0.0], [1.0]))
     builder.Connect(ports.outputs["position"], mine.get_input_port_estimated_state())
     graph = read_blocks(builder.Build(), ports)

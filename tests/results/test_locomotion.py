@@ -145,7 +145,7 @@ def test_a_walk_is_measured_in_the_summary():
 
 
 def test_who_falls_is_told_when():
-    push = {"robot.pushes": [{"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}], "duration": 3.0}
+    push = {"forces.push": {"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}, "duration": 3.0}
     result = simulate(load_station("humanoid_dynamic", push), progress=False)
     assert result.stopped_by == "fall"
     assert fallen(result) == "robot"

@@ -16,6 +16,7 @@ from simrob_drake.results.plots.files import save_plots
 from simrob_drake.results.plots.joint_plots import side_groups
 from simrob_drake.signals import Panel
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +150,7 @@ def test_right_and_left_joints_share_a_panel_and_none_is_lost(standing, drawn):
 
 
 def test_the_sides_of_a_quadruped_are_told_apart_in_front_and_behind():
-    robot = next(iter(add_plant(DiagramBuilder(), load_station("yobotics_dynamic")).robots.values()))
+    robot = next(iter(add_plant(DiagramBuilder(), resolve(load_station("yobotics_dynamic"))).robots.values()))
     found = {group.name: [robot.axes[place] for place in group.places.values()] for group in side_groups(robot)}
     assert found["rear_knee"] == ["rear_right_knee", "rear_left_knee"]
     assert found["front_knee"] == ["front_right_knee", "front_left_knee"]

@@ -12,6 +12,7 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.feet import Feet, FootContact, put_on_feet
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.plant import StationPlant, add_plant
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.yaml_files import validated
 
 # The base pattern of the Simulink models [mm], times the scale of each area; facts of the humanoid.
@@ -21,7 +22,7 @@ AREAS = {"spheres_A": (3.15, -0.01575, 1e4), "spheres_B": (0.945, -0.020475, 1e4
 
 def station(overrides: dict[str, object]) -> tuple[StationPlant, DiagramBuilder]:
     builder = DiagramBuilder()  # it owns the plant
-    return add_plant(builder, load_station("humanoid_dynamic", overrides)), builder
+    return add_plant(builder, resolve(load_station("humanoid_dynamic", overrides))), builder
 
 
 @pytest.mark.parametrize("area", AREAS)

@@ -17,6 +17,7 @@ from simrob_drake.programs.gaits.walk import planned_walk, walk
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.standing import standing
 
 WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("zjudancer", "walk")]
@@ -166,7 +167,7 @@ def test_changes_keep_the_other_figures():
 def test_a_walk_begins_in_balance_with_its_soles_on_the_floor(robot, name):
     motion = walk(robot, 4, name)
     config = motion.station()
-    plant = add_plant(DiagramBuilder(), config)
+    plant = add_plant(DiagramBuilder(), resolve(config))
     found = standing(plant, plant.robots["robot"])
     assert found.gap == pytest.approx(0, abs=1e-5)
     assert found.margin > 0.01
