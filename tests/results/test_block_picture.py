@@ -1,7 +1,6 @@
 """Block pictures: what stands in the Diagram stands in the picture, and the committed pictures are the present ones."""
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
@@ -281,7 +280,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         save_block_picture(load_station("double_pendulum"), tmp_path / "missing" / "picture.dot")
 
 
-@pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
+@pytest.mark.graphviz
 def test_the_pictures_of_all_stations_are_drawn(tmp_path: Path) -> None:
     block_picture.main(tmp_path)
     for name in station_names():
