@@ -13,12 +13,11 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.skeleton import Skeleton
-from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import March, Posing
 from simrob_drake.programs.gaits.phases import SAMPLE
 from simrob_drake.programs.gaits.stepping import check_steps
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
 

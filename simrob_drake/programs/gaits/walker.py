@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from simrob_drake.errors import UnknownName
+from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import Skeleton, skeleton_of
 from simrob_drake.programs.gaits.feet import Foot, feet_of
 from simrob_drake.programs.gaits.parameters import Gaits, load_gaits
@@ -14,6 +17,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.yaml_files import validated
 
 _SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
+_SIDES = {"left": "right", "right": "left"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,3 +72,14 @@ class Walker:
     def feet(self, kind: str | None = None) -> list[Foot]:
         """Return the feet of a kind, of the default one unless given; see :func:`feet_of`."""
         return feet_of(self.skeleton, self.gaits.facing_deg, kind)
+
+
+def mirrored(model: RobotModel, values: Vector) -> Vector:
+    """Return per-axis values (n,) with left and right exchanged; turns to a side change their sense."""
+    names = list(model.axes)
+    result = np.empty_like(values)
+    for place, name in enumerate(names):
+        side, _, rest = name.partition("_")
+        other = names.index(f"{_SIDES[side]}_{rest}") if side in _SIDES else place
+        result[place] = -values[other] if name.endswith("yaw") else values[other]
+    return result

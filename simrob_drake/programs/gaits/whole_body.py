@@ -18,15 +18,12 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.feet import UP, facing_rotation, rotations_about
+from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about
 from simrob_drake.programs.gaits.leg_angles import leg_angles
-from simrob_drake.programs.gaits.lipm import com_from_zmp
-from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
-from simrob_drake.programs.gaits.rolling import rolled
-from simrob_drake.programs.gaits.walker import Walker
-from simrob_drake.programs.gaits.zmp import whole_body_zmp
+from simrob_drake.programs.gaits.walker import Walker, mirrored
+from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
 from simrob_drake.robots.catalog import AxisValues
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
