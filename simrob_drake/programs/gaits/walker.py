@@ -1,4 +1,4 @@
-"""A robot as its gaits are planned for it: its skeleton, its feet, and the figures of its gaits."""
+"""A robot as its gaits are planned for it: its skeleton, its feet, and the parameters of its gaits."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ class Walker:
         return self.skeleton.model
 
     def gait(self, section: str, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
-        """Return the figures of a gait, some of them changed.
+        """Return the parameters of a gait, some of them changed.
 
         Args:
             section: of its file, such as ``walks``.
             name: which.
-            changes: figures in place of the gait's own.
+            changes: parameters in place of the gait's own.
             amplitude: scales lengths and turns of its steps.
 
         Raises:
             UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
-            InvalidConfig: a figure that cannot be.
+            InvalidConfig: a parameter that cannot be.
         """
         known: Mapping[str, Any] = getattr(self.gaits, section)
         if name not in known:

@@ -75,7 +75,7 @@ def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = ST
         c, shape (m, k) [m]; at its ends it is p.
 
     Raises:
-        InvalidParameter: fewer than three samples, or a figure that is not positive.
+        InvalidParameter: fewer than three samples, or a parameter that is not positive.
     """
     for name, value in (("step", step), ("height", height), ("gravity", gravity)):
         if not (np.isfinite(value) and value > 0):
