@@ -52,17 +52,9 @@ def trot(
         landing = on_path(pose, *(share * move))
         between = on_path((pose + landing) / 2, *(share * gait.lead * move))  # of pairs that stand and that land
         goals = {foot: on_path(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
-        phases.append(
-            Phase(
-                gait.step_time,
-                between[:2],
-                gait.step_time,
-                goals,
-                lift=gait.lift,
-                rest=stand,
-                heading=between[2],
-            )
-        )
+        *over, heading = between
+        time = gait.step_time
+        phases.append(Phase(time, np.array(over), time, goals, lift=gait.lift, rest=stand, heading=heading))
         pose = landing
     phases.append(Phase(gait.settle + gait.rest, pose[:2], gait.settle, heading=pose[2]))
     return _solved(walker, gait, start, phases)
@@ -96,17 +88,8 @@ def crawl(
         swinging = CRAWL_ORDER[number % 4]
         triangle = np.array([place[foot][:2] for foot in place if foot != swinging])
         middle = np.mean([at[:2] for at in place.values()], axis=0)
-        goal = on_path(place[swinging], gait.stride)
-        phases.append(
-            Phase(
-                gait.leg_time,
-                moved_inside(middle, triangle, gait.inside),
-                shift,
-                {swinging: goal},
-                lift=gait.lift,
-                delay=shift,
-            )
-        )
+        goal, over = on_path(place[swinging], gait.stride), moved_inside(middle, triangle, gait.inside)
+        phases.append(Phase(gait.leg_time, over, shift, {swinging: goal}, lift=gait.lift, delay=shift))
         place[swinging] = goal
     end = np.mean([at[:2] for at in place.values()], axis=0)
     phases.append(Phase(gait.settle + gait.rest, end, gait.settle))

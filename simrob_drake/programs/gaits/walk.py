@@ -68,18 +68,9 @@ def _phases(steps: int, gait: Walk, start: dict[str, Vector]) -> list[Phase]:
         move = share * np.array([gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)])
         pose = on_path(pose, *move)
         goal = on_path(pose, left=start[swinging][1])
-        first = number == 0  # the weight is on the standing foot already
-        phases.append(
-            Phase(
-                gait.step_time,
-                under(standing),
-                0.0 if first else shift,
-                {swinging: goal},
-                lift=gait.lift,
-                delay=0.0 if first else shift,
-                heading=pose[2],
-            )
-        )
+        delay = shift if number else 0.0  # at first the weight is on the standing foot already
+        step = Phase(gait.step_time, under(standing), delay, {swinging: goal}, gait.lift, delay, heading=pose[2])
+        phases.append(step)
         place[swinging] = goal
     middle = on_path(pose, gait.zmp_ahead)[:2]
     phases.append(Phase(gait.settle, middle, gait.settle, heading=pose[2]))
