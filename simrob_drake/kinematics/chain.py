@@ -26,20 +26,14 @@ from simrob_drake.robots.urdf import with_absolute_meshes
 
 @dataclass(frozen=True, eq=False)
 class ChainInPlant:
-    """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive.
-
-    Attributes:
-        joints: one an axis.
-        axes: where they stand in the plant, and their senses.
-        tcp: pose of the tool centre point in the frame ``tool``, shape (4, 4).
-    """
+    """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive."""
 
     plant: MultibodyPlant
-    joints: tuple[Joint, ...]
-    axes: AxisMap
+    joints: tuple[Joint, ...]  # one an axis
+    axes: AxisMap  # where they stand in the plant, and their senses
     base: Frame
     tool: Frame
-    tcp: Vector
+    tcp: Vector  # pose of the tool centre point in the frame ``tool``, shape (4, 4)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -25,29 +25,18 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Foot:
-    """A foot, in the frame in which the robot walks along x and has y at its left.
+    """A foot, in the frame in which the robot walks along x and has y at its left."""
 
-    Attributes:
-        name: such as left_foot.
-        link: the frame of its link.
-        axes: of the leg, the hip first.
-        leg: these axes from the root to the point, in a frame that is the world's when the foot stands and looks ahead.
-        point: middle of the contact, in the link [m]: of the spheres' middles, or of a sole's top and bottom.
-        over: height of the point over the floor when the foot stands [m].
-        upright: rotation of the link when the foot stands flat and looks ahead, shape (3, 3).
-        home: the point when all axes are zero, seen from the root [m].
-        half: half of the contact's length and width, from the middle [m]; zeros for a ball.
-    """
-
-    name: str
-    link: str
-    axes: tuple[int, ...]
+    name: str  # such as left_foot
+    link: str  # the frame of its link
+    axes: tuple[int, ...]  # of the leg, the hip first
+    # these axes from the root to the point, in a frame that is the world's when the foot stands and looks ahead
     leg: Chain
-    point: Vector
-    over: float
-    upright: Vector
-    home: Vector
-    half: Vector
+    point: Vector  # middle of the contact, in the link [m]: of the spheres' middles, or of a sole's top and bottom
+    over: float  # height of the point over the floor when the foot stands [m]
+    upright: Vector  # rotation of the link when the foot stands flat and looks ahead, shape (3, 3)
+    home: Vector  # the point when all axes are zero, seen from the root [m]
+    half: Vector  # half of the contact's length and width, from the middle [m]; zeros for a ball
 
     def poses(self, angles: Vector, root: Vector) -> Vector:
         """Return the poses of the point, turned from flat and ahead, for angles (m, n) of all axes: (m, 4, 4)."""
