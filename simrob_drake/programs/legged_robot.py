@@ -35,8 +35,8 @@ from simrob_drake.programs.moves import (
 from simrob_drake.programs.ongoing import GOES_ON
 from simrob_drake.programs.postures import targets_on
 from simrob_drake.programs.program import Program, counted
-from simrob_drake.results.record.locomotion import fallen
 from simrob_drake.results.record.state import State
+from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig

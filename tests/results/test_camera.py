@@ -12,8 +12,8 @@ from matplotlib.image import imread
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.results.animation.camera import side, walked_way
 from simrob_drake.results.animation.floor_grid import SPACING, floor_lines, with_floor_under
 from simrob_drake.results.animation.pictures import Studio, save_film_strip
