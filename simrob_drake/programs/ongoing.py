@@ -13,10 +13,8 @@ from pydrake.math import RigidTransform
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.programs.checks import look_times
-from simrob_drake.programs.collisions import check_collisions
-from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.pieces import reparented
+from simrob_drake.programs.checks import check_collisions, look_times
+from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject

@@ -16,9 +16,9 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.phases import FEWEST_STEPS
 from simrob_drake.programs.gaits.quadruped import FEWEST_LEGS, crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
-from simrob_drake.programs.gaits.stepping import FEWEST_STEPS
 from simrob_drake.robots.catalog import RobotModel
 
 
