@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from pydrake.geometry import GeometryId, PenetrationAsPointPair, QueryObject
+from pydrake.geometry import GeometryId, QueryObject
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.frames import Vector
@@ -128,22 +128,21 @@ def check_collisions(
     for row, time in enumerate(times):
         model.place_robots({name: postures[row] for name, postures in robots.items()})
         query = model.query()
-        found = [pair for pair in query.ComputePointPairPenetration() if pair.depth > touch]
+        found = [
+            (float(pair.depth), (_owner(model, query, pair.id_A), _owner(model, query, pair.id_B)))
+            for pair in query.ComputePointPairPenetration()
+            if pair.depth > touch
+        ]
         if row == 0:
-            resting = {frozenset(_names(model, query, pair)) for pair in found}
-        for pair in sorted(found, key=lambda pair: float(pair.depth)):  # through thin shapes depths are too large
-            names = _names(model, query, pair)
-            if frozenset(names) not in resting:
+            resting = {frozenset(bodies) for _, bodies in found}
+        for depth, bodies in sorted(found):  # through thin shapes depths are too large
+            if frozenset(bodies) not in resting:
                 number, name = named(float(time))
-                raise PathCollision(name, point=number, time=float(time), bodies=names, depth=float(pair.depth))
-
-
-def _names(model: StationModel, query: QueryObject, pair: PenetrationAsPointPair) -> tuple[str, str]:
-    """Return what two shapes belong to: pieces, links of robots, the floor."""
-    return _owner(model, query, pair.id_A), _owner(model, query, pair.id_B)
+                raise PathCollision(name, point=number, time=float(time), bodies=bodies, depth=depth)
 
 
 def _owner(model: StationModel, query: QueryObject, geometry: GeometryId) -> str:
+    """Return what a shape belongs to: a piece, a link of a robot, the floor."""
     inspector = query.inspector()
     piece = piece_of_shape(model.resolved, inspector, geometry)
     if piece is not None:

@@ -25,9 +25,7 @@ _PLACE_ONLY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 class LeggedGeometry(CellRobot):
     """A robot whose root moves: its axes, and kinematics from the trunk to hands, feet and head. Nothing moves.
 
-    Attributes:
-        cell: the station and its state.
-        name: of the robot in the station.
+    Attributes: those of :class:`CellRobot`.
     """
 
     @property

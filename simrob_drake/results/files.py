@@ -53,6 +53,7 @@ def save_result(
     """
     # matplotlib and Meshcat are loaded where they are needed: most commands do without
     from simrob_drake.results.animation.pictures import frame_writer, save_film_strip, save_video
+    from simrob_drake.results.animation.recording import save_recording
     from simrob_drake.results.plots.files import save_plots
 
     if video:
@@ -69,8 +70,6 @@ def save_result(
         (work / "plots").mkdir()
         save_plots(result, work / "plots")
         if recording:
-            from simrob_drake.results.animation.recording import save_recording
-
             save_recording(result, work / "recording.html")
             save_film_strip(result, work / "film_strip.png")
         if video:
@@ -92,18 +91,17 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     for robot in config.robots:
         reference, given = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes
-        columns, way = list(axes), _way_through_samples(config)
+        way = _way_through_samples(config)
         if isinstance(given, Trajectory):
-            columns, way = [*axes, *speed_columns(axes)], "hermite"
-            times, values = _rows_of(given, config.duration)
+            way, samples = "hermite", _rows_of(given, config.duration)
         elif given is not None:
-            times, values = _arrays(given)
+            samples = given
         elif isinstance(reference, Table):
-            way = reference.interpolation
-            columns = [*axes, *speed_columns(axes)] if way == "hermite" else columns
-            times, values = _arrays(reference.rows(axes))
+            way, samples = reference.interpolation, reference.rows(axes)
         else:
             continue
+        columns = [*axes, *speed_columns(axes)] if way == "hermite" else axes
+        times, values = (np.asarray(part, dtype=float) for part in samples)
         file = Path("reference.csv" if config.only_robot else f"{robot}_reference.csv")
         write_table(folder / file, columns, times, values)
         config = _with_reference(config, robot, Table(kind="table", file=file, interpolation=way))
@@ -115,7 +113,7 @@ def _way_through_samples(config: StationConfig) -> Interpolation:
     return "linear" if config.mode == "dynamic" and "reference_velocity" not in config.inputs else "cubic"
 
 
-def _rows_of(reference: Trajectory, duration: float) -> tuple[Vector, Vector]:
+def _rows_of(reference: Trajectory, duration: float) -> Samples:
     """Return times (m,) and positions with velocities (m, 2n) of a trajectory, as far as a run follows it."""
     first, last = reference.start_time(), reference.end_time()
     start, end = max(first, 0.0), min(last, duration)
@@ -124,10 +122,6 @@ def _rows_of(reference: Trajectory, duration: float) -> tuple[Vector, Vector]:
         return np.array([0.0, duration]), np.tile(np.append(held, np.zeros_like(held)), (2, 1))
     times, positions, velocities = hermite_samples(reference, start, end, _TRAJECTORY_RATE)
     return times, np.hstack([positions, velocities])
-
-
-def _arrays(samples: Samples) -> tuple[Vector, Vector]:
-    return np.asarray(samples[0], dtype=float), np.asarray(samples[1], dtype=float)
 
 
 def _with_reference(config: StationConfig, robot: str, table: Table) -> StationConfig:

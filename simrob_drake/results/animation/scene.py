@@ -75,7 +75,8 @@ class Scene(PosedStation):
             if way is not None and config.floor is not None:
                 add_floor_grid(station.scene_graph, way, size=config.floor.size)
             if meshcat is not None:
-                self.visualizer = _add_visualizer(builder, station.scene_graph, meshcat)
+                params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
+                self.visualizer = MeshcatVisualizer.AddToBuilder(builder, station.scene_graph, meshcat, params)
 
         super().__init__(config.model_copy(update={"contact": None}), add)
 
@@ -121,11 +122,6 @@ class Scene(PosedStation):
             origins = np.array([query.GetPoseInWorld(link).translation() for link in links]).reshape(-1, 3)
             points.append(np.vstack([origins, *((query.GetPoseInWorld(g) @ c).T for g, c in boxes.items())]))
         return np.array(points)
-
-
-def _add_visualizer(builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat) -> MeshcatVisualizer:
-    params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
-    return MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
 
 
 def with_floor_under(config: StationConfig, way: Vector) -> StationConfig:
