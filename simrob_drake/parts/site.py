@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -25,7 +25,7 @@ from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.robots.pieces import PieceModel
-from simrob_drake.signals import Panel, Signal
+from simrob_drake.signals import Signal
 
 WORLD = "world"
 
@@ -81,11 +81,6 @@ class ResolvedRobot:
     def axes(self) -> list[str]:
         """The names of the axes, in order."""
         return list(self.model.axes)
-
-    @property
-    def tool_names(self) -> list[str]:
-        """The names of the tools, of carried pieces and, with an offset, of the tool centre point itself."""
-        return list(dict.fromkeys([*self.tool_frames, *([self.tcp] if self.tcp else [])]))
 
 
 @dataclass(frozen=True)
@@ -279,7 +274,3 @@ class Site:
     def robot(self, name: str | None) -> StationRobot:
         """Return a robot by its name, or the only one."""
         return self.plant.robots[named(name, list(self.plant.robots))]
-
-    def panels(self) -> Iterator[Panel]:
-        """Yield the plot panels that signals declare."""
-        return (signal.panel for signal in self.signals if signal.panel is not None)

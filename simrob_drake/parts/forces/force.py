@@ -58,7 +58,7 @@ def add_force(
     site.spatial_forces.append(block.get_spatial_forces_output_port())
     output, names = f"applied_force.{name}", tuple(f"applied_force.{name}.{axis}" for axis in "xyz")
     panel = sensor_panel(f"applied force '{name}' at {place}, in its axes", "force", names, ["N"])
-    site.add(output, source, Signal(names, ("N",) * 3, "force", output, part=name, panel=panel))
+    site.add(output, source, Signal(names, ("N",) * 3, "applied", output, part=name, panel=panel))
 
 
 def _place(site: Site, place: str) -> tuple[Frame, Vector]:

@@ -67,7 +67,7 @@ class ExternalTorque(Sensor):
             signal = Signal(
                 names,
                 tuple(units),
-                "force" if force else "effort",
+                "estimate",
                 output if self.in_loop else "",
                 compute=None if self.in_loop else partial(replayed, block=observer, inputs=inputs, output=port),
                 part=name,
