@@ -1,10 +1,15 @@
 """A robot alone in a plant."""
 
+import xml.etree.ElementTree as ET
+from copy import deepcopy
+
 import numpy as np
 import pytest
+from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import load_robot
+from simrob_drake.robots.parse import add_urdf
 
 
 def test_the_robot_stands_at_its_home_posture():
@@ -35,3 +40,14 @@ def test_a_free_base_can_move():
 def test_size_is_the_spread_of_the_links():
     lone = lone_robot(load_robot("irb120").model_copy(update={"home_deg": 0.0}))
     assert lone.size == pytest.approx(0.63, abs=1e-9)  # the highest joint above the foot, facts of the arm
+
+
+def test_gears_that_drake_does_not_heed_make_no_noise(caplog):
+    robot = load_robot("irb120")
+    element = deepcopy(robot.element)
+    for actuator in element.iterfind("transmission/actuator"):
+        ET.SubElement(actuator, "mechanicalReduction").text = "50"
+    with caplog.at_level("WARNING", logger="drake"):
+        add_urdf(MultibodyPlant(0.0), element, name="arm", where="arm.urdf", collision=False)
+    assert caplog.records == []
+    assert element.find("transmission/actuator/mechanicalReduction") is not None  # what was given stays

@@ -160,7 +160,7 @@ class MeshPlaces:
 
     def _by_end(self, told: _Name) -> Iterator[Path]:
         """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
-        parts = [part for part in PurePosixPath(told.path).parts if part not in ("/", "..", ".")][-_ENDS:]
+        parts = [part for part in PurePosixPath(told.package, told.path).parts if part not in ("/", "..", ".")][-_ENDS:]
         for start in range(len(parts)):
             for folder in dict.fromkeys((self.root, self.source.parent, *self.mesh_path)):
                 yield folder.joinpath(*parts[start:])
