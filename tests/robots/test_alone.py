@@ -1,6 +1,5 @@
 """A robot alone in a plant."""
 
-import xml.etree.ElementTree as ET
 from copy import deepcopy
 
 import numpy as np
@@ -45,9 +44,12 @@ def test_size_is_the_spread_of_the_links():
 def test_gears_that_drake_does_not_heed_make_no_noise(caplog):
     robot = load_robot("irb120")
     element = deepcopy(robot.element)
-    for actuator in element.iterfind("transmission/actuator"):
-        ET.SubElement(actuator, "mechanicalReduction").text = "50"
+    gears = element.findall("transmission/actuator/mechanicalReduction")
+    for gear in gears:
+        gear.text = "50"
+    plant = MultibodyPlant(0.0)
     with caplog.at_level("WARNING", logger="drake"):
-        add_urdf(MultibodyPlant(0.0), element, name="arm", where="arm.urdf", collision=False)
+        add_urdf(plant, element, name="arm", where="arm.urdf", collision=False)
     assert caplog.records == []
-    assert element.find("transmission/actuator/mechanicalReduction") is not None  # what was given stays
+    assert len(gears) == 6
+    assert element.findall("transmission/actuator/mechanicalReduction") == gears  # what was given stays
