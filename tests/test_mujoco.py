@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 
 from simrob_drake import load_station
 from simrob_drake.stations.plant import StationPlant, add_plant
+from simrob_drake.stations.resolve import resolve
 
 mujoco = pytest.importorskip("mujoco", reason="a cross-check, installed with the extra dev")
 
@@ -29,7 +30,7 @@ class Both:
 def both(request: pytest.FixtureRequest) -> Both:
     from tests.benchmarks.mujoco_model import mujoco_spec
 
-    station = add_plant(DiagramBuilder(), load_station(request.param))
+    station = add_plant(DiagramBuilder(), resolve(load_station(request.param)))
     (robot,) = station.robots.values()
     model = mujoco_spec(station, robot).compile()
     data, context = mujoco.MjData(model), station.plant.CreateDefaultContext()

@@ -11,22 +11,24 @@ from pydrake.systems.framework import (
     DiscreteValues,
     EventStatus,
     InputPort,
-    LeafSystem,
-    OutputPort,
 )
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
-_NOT_YET = np.inf
+NOT_YET = np.inf
+"""The onset of a condition that does not hold [s]."""
 
 
-class Monitor(LeafSystem):
+class Monitor(Block):
     """End a run once a condition has lasted for a given time.
 
-    A subclass declares the ports it watches and says by how much its condition is exceeded. The run ends at the first
-    accepted step at which the condition holds and has held for ``hold`` seconds; between the steps nothing is forced,
-    so a monitor does not change the motion. The time of the condition's onset is kept in discrete state.
+    A subclass declares the signals it watches and says of their values by how much its condition is exceeded. The run
+    ends at the first accepted step at which the condition holds and has held for ``hold`` seconds; between the steps
+    nothing is forced, so a monitor does not change the motion. The time of the condition's onset is kept in discrete
+    state. Whoever records a run need not have the block in the diagram: :meth:`holds` and :meth:`why` tell all.
 
     Ports:
         in  what the subclass watches, named as the station's output ports.
@@ -48,54 +50,62 @@ class Monitor(LeafSystem):
             if not (np.isfinite(value) and value >= 0):
                 raise InvalidParameter(name, value, "a finite time, not negative [s]")
         self.hold, self.after = hold, after
-        self._onset = self.DeclareDiscreteState(np.array([_NOT_YET]))
-        self.DeclareVectorOutputPort("excess", 1, self._calc_excess)
+        self._watched: list[InputPort] = []
+        self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
+        self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
         self.DeclarePerStepPublishEvent(self._watch)
         if hold > 0:
             self.DeclarePerStepDiscreteUpdateEvent(self._remember)
 
-    def watch(self, name: str, size: int) -> InputPort:
-        """Declare that the monitor watches the signal ``name`` of ``size`` values."""
-        return self.DeclareVectorInputPort(name, size)
+    def watch(self, **sizes: int) -> None:
+        """Declare the signals that the monitor watches, each of so many values."""
+        self._watched += [self.DeclareVectorInputPort(name, size) for name, size in sizes.items()]
 
     @property
-    def excess_port(self) -> OutputPort:
-        """The output that tells by how much the condition is exceeded."""
-        return self.GetOutputPort("excess")
+    def watched(self) -> list[str]:
+        """The names of the signals that it watches, in the order of the arguments below."""
+        return [port.get_name() for port in self._watched]
 
     @abstractmethod
-    def excess(self, context: Context) -> float:
+    def excess(self, *values: Vector) -> float:
         """Return by how much the condition is exceeded; it holds where this is not negative."""
 
     @abstractmethod
-    def why(self, context: Context) -> str:
+    def why(self, *values: Vector) -> str:
         """Return the reason, in words and figures, at a time when the condition holds."""
 
-    def onset(self, context: Context) -> float:
-        """Return the end of the first step since which the condition has held [s]; inf while it does not."""
-        return float(context.get_discrete_state(self._onset).value()[0])
+    def holds(self, time: float, values: list[Vector]) -> bool:
+        """Tell whether the condition holds at a time [s] at which the watched signals have these values."""
+        return time >= self.after and self.excess(*values) >= 0
 
-    def holds(self, context: Context) -> bool:
-        """Tell whether the condition holds now."""
-        return context.get_time() >= self.after and self.excess(context) >= 0
+    def next_onset(self, onset: float, time: float, values: list[Vector]) -> float:
+        """Return since when the condition holds [s], after a step's end; it held since ``onset`` before."""
+        if not self.holds(time, values):
+            return NOT_YET
+        return time if onset == NOT_YET else onset
+
+    def ends(self, onset: float, time: float, values: list[Vector]) -> bool:
+        """Tell whether the run ends at a step's end, before which the condition held since ``onset``."""
+        return self.holds(time, values) and not (self.hold > 0 and time - onset < self.hold)
+
+    def _values(self, context: Context) -> list[Vector]:
+        return [port.Eval(context) for port in self._watched]
 
     def _calc_excess(self, context: Context, output: BasicVector) -> None:
-        output.SetAtIndex(0, self.excess(context))
+        output.SetAtIndex(0, self.excess(*self._values(context)))
 
     def _watch(self, context: Context) -> EventStatus:
-        if not self.holds(context):
-            return EventStatus.DidNothing()
-        if self.hold > 0 and context.get_time() - self.onset(context) < self.hold:
-            return EventStatus.DidNothing()
-        return EventStatus.ReachedTermination(self, self.why(context))
+        values = self._values(context)
+        if self.ends(self._known_onset(context), context.get_time(), values):
+            return EventStatus.ReachedTermination(self, self.why(*values))
+        return EventStatus.DidNothing()
 
     def _remember(self, context: Context, state: DiscreteValues) -> None:
-        onset = self.onset(context)
-        if not self.holds(context):
-            onset = _NOT_YET
-        elif onset == _NOT_YET:
-            onset = context.get_time()
+        onset = self.next_onset(self._known_onset(context), context.get_time(), self._values(context))
         state.set_value(self._onset, np.array([onset]))
+
+    def _known_onset(self, context: Context) -> float:
+        return float(context.get_discrete_state(self._onset).value()[0])
 
 
 def largest(values: Vector) -> tuple[int, float]:

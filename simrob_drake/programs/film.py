@@ -70,6 +70,7 @@ def joined(runs: Sequence[SimulationResult]) -> SimulationResult:
         positions_at=positions_at,
         start=runs[0].start,
         contacts_at=None,
+        panels=tuple(panel for panel in last.panels if set(panel.columns) <= set(names)),
     )
 
 
@@ -78,7 +79,7 @@ def _places(run: SimulationResult) -> dict[str, Any]:
 
 
 def _writers() -> Mapping[str, Callable[[SimulationResult, Path], Path]]:
-    from simrob_drake.results.animation.film_strip import save_film_strip, save_video  # which load matplotlib
+    from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which load matplotlib
     from simrob_drake.results.animation.recording import save_recording
 
     return {".html": save_recording, ".png": save_film_strip, ".mp4": save_video}

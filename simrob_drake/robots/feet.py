@@ -68,6 +68,21 @@ class FootContact(Strict):
         corners = np.array([(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
         return np.asarray(sole.centre + corners * np.array(sole.size) / 2)
 
+    def lowest_points(self, link: str, poses: Vector) -> Vector:
+        """Return the lowest point of each sphere of a foot, or its sole's lower corners, in the world.
+
+        Args:
+            link: of the foot.
+            poses: of the link, shape (m, 4, 4).
+
+        Returns:
+            shape (m, k, 3) [m].
+        """
+        under = self.radius if link in self.points else 0.0
+        own = np.array(self.points[link]) if link in self.points else self.support_points(link)
+        points = poses[:, np.newaxis, :3, 3] + own @ poses[:, :3, :3].transpose(0, 2, 1)
+        return np.asarray(points - [0.0, 0.0, under])
+
 
 class Feet(Strict):
     """The kinds of feet that a robot has."""

@@ -9,8 +9,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties
 from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
+from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.robots import StationRobot
 
 
 def mujoco_spec(station: StationPlant, robot: StationRobot) -> mujoco.MjSpec:

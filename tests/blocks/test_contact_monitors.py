@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
-
 from simrob_drake.blocks.contact_monitors import ContactMonitor, ForceLimitMonitor
 from simrob_drake.blocks.pose_monitors import FallMonitor, WorkspaceMonitor
+
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import xyz_quaternion_from_transform
 

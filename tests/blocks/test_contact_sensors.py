@@ -21,7 +21,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
 from simrob_drake.blocks.contacts import ContactReader, Contacts
-from simrob_drake.blocks.distance_sensor import DistanceSensor, lowest_point
+from simrob_drake.blocks.distance_sensor import DistanceSensor, lowest_points
 from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.errors import InvalidParameter
@@ -173,7 +173,15 @@ def test_the_distance_to_the_floor_is_that_of_the_lowest_point(shape):
     pose = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
     points = surface_points(shape)
     corners = points if isinstance(shape, Box) else np.zeros((0, 3))
-    assert lowest_point(shape, pose, corners) == pytest.approx((pose @ points.T)[2].min(), abs=1e-4)
+    found = lowest_points(shape, pose, corners)[:, 2].min()
+    assert found == pytest.approx((pose @ points.T)[2].min(), abs=1e-4)
+
+
+def test_the_lowest_point_of_a_tilted_cylinder_is_exact():
+    pose = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
+    up = pose.rotation().matrix()[2]
+    exact = 0.5 - 0.1 * np.hypot(up[0], up[1]) - 0.15 * abs(up[2])
+    assert lowest_points(Cylinder(0.1, 0.3), pose, np.zeros((0, 3)))[:, 2].min() == pytest.approx(exact, abs=1e-15)
 
 
 def test_a_distance_is_measured_between_bodies_and_to_the_floor():

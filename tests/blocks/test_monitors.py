@@ -9,10 +9,10 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
+from simrob_drake.blocks.monitors import DivergenceMonitor, JointLimitMonitor, SettledMonitor, TorqueLimitMonitor
 
 from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.monitor import Monitor
-from simrob_drake.blocks.monitors import DivergenceMonitor, JointLimitMonitor, SettledMonitor, TorqueLimitMonitor
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.robots.units import PRISMATIC, REVOLUTE
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.parts.references.sequence import Waypoint
 from simrob_drake.paths import models_root
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.catalog import AxisValues, RobotModel, robot_names
-from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 GAITS_FILE = "gaits.yaml"
-_SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
 
 
 class Bearing(Strict):
@@ -197,28 +196,3 @@ def load_gaits(robot: str | RobotModel) -> Gaits:
     if not file.is_file():
         raise InvalidParameter(f"robot {name}", "one without gaits", f"one with a file {GAITS_FILE}")
     return validated(Gaits, read_yaml(file), file)
-
-
-def gait(robot: str, gaits: Gaits, section: str, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
-    """Return a gait by its name, with some of its figures changed.
-
-    Args:
-        robot: its name, for messages.
-        gaits: of the robot.
-        section: of its file, such as ``walks``.
-        name: which.
-        changes: figures in place of the gait's own.
-        amplitude: scales lengths and turns of its steps.
-
-    Raises:
-        UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
-        InvalidConfig: a figure that cannot be.
-    """
-    known: Mapping[str, Any] = getattr(gaits, section)
-    if name not in known:
-        sections = [key for key in type(gaits).model_fields if isinstance(getattr(gaits, key), dict)]
-        others = [f"{other} ({key})" for key in sections for other in getattr(gaits, key)]
-        raise UnknownName(f"gait of {robot} under {section}", name, known or others)
-    found = known[name]
-    scaled = {key: amplitude * value for key in _SCALED if (value := getattr(found, key, 0.0))}
-    return validated(type(found), {**found.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")
