@@ -16,7 +16,7 @@ def peak():  # of the memory of this process [MB]
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
 
 config = load_station(sys.argv[1], {"duration": 0.2})
-for _ in range(10):
+for _ in range(30):  # until what waits to be collected is as much as it will be
     simulate(config, progress=False)
 before = peak()
 for _ in range(30):

@@ -134,7 +134,7 @@ class StationDiagrams:
             blocks=self._blocks,
         )
         try:
-            diagram = built(builder)
+            diagram = built(builder, closed.ports.monitors.values())
         except RuntimeError as problem:
             if not self._blocks:
                 raise
