@@ -10,7 +10,6 @@ from pydrake.systems.framework import (
     Context,
     DiscreteValues,
     EventStatus,
-    InputPort,
 )
 
 from simrob_drake.blocks.block import Block
@@ -33,6 +32,10 @@ class Monitor(Block):
     Ports:
         in  what the subclass watches, named as the station's output ports.
         out ``excess`` (1): by how much the condition is exceeded; it holds where this is not negative.
+
+    Attributes:
+        hold, after: as given [s].
+        watched: the names of the signals that it watches, in the order of the arguments below.
     """
 
     def __init__(self, *, hold: float = 0.0, after: float = 0.0) -> None:
@@ -50,7 +53,7 @@ class Monitor(Block):
             if not (np.isfinite(value) and value >= 0):
                 raise InvalidParameter(name, value, "a finite time, not negative [s]")
         self.hold, self.after = hold, after
-        self._watched: list[InputPort] = []
+        self.watched: list[str] = []
         self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
         self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
         self.DeclarePerStepPublishEvent(self._watch)
@@ -59,12 +62,7 @@ class Monitor(Block):
 
     def watch(self, **sizes: int) -> None:
         """Declare the signals that the monitor watches, each of so many values."""
-        self._watched += [self.DeclareVectorInputPort(name, size) for name, size in sizes.items()]
-
-    @property
-    def watched(self) -> list[str]:
-        """The names of the signals that it watches, in the order of the arguments below."""
-        return [port.get_name() for port in self._watched]
+        self.watched += [self.DeclareVectorInputPort(name, size).get_name() for name, size in sizes.items()]
 
     @abstractmethod
     def excess(self, *values: Vector) -> float:
@@ -89,7 +87,7 @@ class Monitor(Block):
         return self.holds(time, values) and not (self.hold > 0 and time - onset < self.hold)
 
     def _values(self, context: Context) -> list[Vector]:
-        return [port.Eval(context) for port in self._watched]
+        return [self.get_input_port(index).Eval(context) for index in range(len(self.watched))]
 
     def _calc_excess(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self.excess(*self._values(context)))

@@ -66,8 +66,9 @@ def simulate(
         start: where the station begins, such as the ``final_state`` of another result; time begins at zero all the
             same, and the configuration's references begin where that run's reference ended.
         progress: show a bar on a terminal.
-        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,); it
-            cannot change the run. What it raises goes on to the caller; KeyboardInterrupt ends the run.
+        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
+            a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
+            KeyboardInterrupt ends the run.
 
     Returns:
         the result, also when a monitor ended the run, when the simulation diverged, or when a block failed.
