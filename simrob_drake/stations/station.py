@@ -107,8 +107,7 @@ def compose(
     made = {name: section.block(f"controllers.{name}") for name, section in config.controllers.items()}
     add_own_blocks(builder, ports, made if blocks is None else blocks)
     for name, monitor in config.monitors.items():
-        robot = None if monitor.robot is None else ports.plant.robots[monitor.robot]
-        add_monitor(builder if monitors else None, ports, name, monitor.made(name, ports), robot)
+        add_monitor(builder if monitors else None, ports, name, monitor, monitor.condition(name, station))
     return ports
 
 
