@@ -30,13 +30,12 @@ class ForceLimit(SensorMonitorSection):
         sensor = self.watched_sensor(name, station, "force")
         body, limit = station.sensors[sensor].body, force_limit(self.limit)
         region = f" of {self.limit.replace('_', ' ')}" if isinstance(self.limit, str) else ""
-        lasting = f" for {self.hold:g} s" if self.hold > 0 else ""
 
         def size(force: Vector) -> Vector:
             return np.array([np.linalg.norm(force) - limit])
 
         def why(*_: float) -> str:
-            return f"the force on {body} reached the limit of {limit:g} N{region}{lasting}"
+            return f"the force on {body} reached the limit of {limit:g} N{region}{self.lasting}"
 
         return worst({f"force.{sensor}": 3}, size, why)
 

@@ -28,6 +28,11 @@ class MonitorSection(Strict):
     hold: NotNegative = 0.0
     """How long the condition must last [s]."""
 
+    @property
+    def lasting(self) -> str:
+        """The end of a reason: how long the condition lasted; empty where it need not."""
+        return f" for {self.hold:g} s" if self.hold > 0 else ""
+
     def check(self, name: str, station: Surroundings) -> None:
         """Check that the robot exists."""
         if self.robot is not None:
