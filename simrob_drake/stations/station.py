@@ -100,6 +100,7 @@ def compose(
     add_free_pieces(builder, ports)
     for name, sensor in config.sensors.items():
         if sensors is None or name in sensors:
+            ports.notes[name] = {"kind": sensor.kind}
             sensor.wire(builder, ports, name)
     if forces:
         _add_forces(builder, ports)
@@ -121,7 +122,7 @@ def _sort_by_robot(ports: StationPorts) -> None:
 
 def _add_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     for name, force in ports.config.forces.items():
-        add_force(builder, ports, name, force, force.source(builder, f"force.{name}"), force.caption())
+        add_force(builder, ports, name, force, force.source(), force.caption())
         ports.edges.extend(force.edges)
 
 

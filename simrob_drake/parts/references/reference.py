@@ -20,8 +20,8 @@ class Reference(Strict):
     """
 
     def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the figures per axis, by their keys, to be checked against a robot's axes."""
-        return {}
+        """Return the figures per axis, by their keys, to be checked against a robot's axes: all that are in degrees."""
+        return {key: value for key, value in self if key.endswith("_deg")}
 
 
 class ToOnePosture(Reference):
@@ -33,10 +33,6 @@ class ToOnePosture(Reference):
     """Time that the move takes [s]."""
     start: NotNegative = 0.0
     """When it begins [s]."""
-
-    def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the target."""
-        return {"target_deg": self.target_deg}
 
     def told(self, kind: str, model: RobotModel) -> str:
         """Return the move in words."""
