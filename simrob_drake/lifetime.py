@@ -35,7 +35,7 @@ _PAUSE = 4
 """Times as long as a collection took the next one waits: it is quick in a small process, and slow in a large one."""
 
 
-def release(builder: DiagramBuilder, diagram: Diagram, loose: Iterable[System] = ()) -> None:
+def release(builder: DiagramBuilder, diagram: Diagram) -> None:
     """Let a diagram go once nobody holds it, and what its Python blocks remember with it.
 
     To be called once, right after the diagram was built. Nothing changes while something holds the diagram, its
@@ -44,7 +44,6 @@ def release(builder: DiagramBuilder, diagram: Diagram, loose: Iterable[System] =
     Args:
         builder: which built the diagram.
         diagram: what it built.
-        loose: Python blocks that stand in no diagram, and go with this one.
     """
     _COLLECTOR.watch(diagram)
     if sys.version_info >= (3, 12):  # there Drake is 1.58 or newer, and does it by itself
@@ -52,13 +51,13 @@ def release(builder: DiagramBuilder, diagram: Diagram, loose: Iterable[System] =
     blocks = [block for block in diagram.GetSystems() if _is_python(block)]
     for block in blocks:
         vars(block).get(_PEERS, set()).discard(builder)
-    weakref.finalize(diagram, _empty, [*blocks, *loose]).atexit = False
+    weakref.finalize(diagram, _empty, blocks).atexit = False
 
 
-def built(builder: DiagramBuilder, loose: Iterable[System] = ()) -> Diagram:
+def built(builder: DiagramBuilder) -> Diagram:
     """Return the diagram of a builder; it goes when nobody holds it any more, see :func:`release`."""
     diagram = builder.Build()
-    release(builder, diagram, loose)
+    release(builder, diagram)
     return diagram
 
 

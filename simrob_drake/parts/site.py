@@ -15,7 +15,7 @@ from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
-from simrob_drake.blocks.monitor import Monitor
+from simrob_drake.blocks.monitor import Trigger
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
@@ -24,7 +24,7 @@ from simrob_drake.quantities import Pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
-from simrob_drake.robots.pieces import PieceModel
+from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.signals import Signal
 
 WORLD = "world"
@@ -81,6 +81,11 @@ class ResolvedRobot:
     def axes(self) -> list[str]:
         """The names of the axes, in order."""
         return list(self.model.axes)
+
+    @property
+    def tool_names(self) -> list[str]:
+        """The names of the tools, of carried pieces and, with an offset, of the tool centre point itself."""
+        return [*self.tool_frames, *([TCP] if self.tcp and self.tcp_offset is not None else [])]
 
 
 @dataclass(frozen=True)
@@ -223,8 +228,7 @@ class Site:
             ``piece_pose.<piece>`` (7), ``piece_velocity.<piece>`` (6), ``force.<sensor>`` (3) ...
         of_state: how the plant's state gives an output without its port, by the output's name.
         signals: what the outputs are, in the order of the columns of a result.
-        monitors: the monitors by name.
-        watched: by monitor, in the order of its ports, the outputs that it watches.
+        monitors: when they end a run, by name; their conditions watch the outputs.
         notes: how a part was made, in words, by its name.
         edges: times at which a run must end a step: corners of references, edges of pushes [s].
         spatial_forces: what acts on the plant from outside, to be gathered into its port.
@@ -240,8 +244,7 @@ class Site:
     outputs: dict[str, OutputPort] = field(default_factory=dict)
     of_state: dict[str, FromState] = field(default_factory=dict)
     signals: list[Signal] = field(default_factory=list)
-    monitors: dict[str, Monitor] = field(default_factory=dict)
-    watched: dict[str, list[str]] = field(default_factory=dict)
+    monitors: dict[str, Trigger] = field(default_factory=dict)
     notes: dict[str, dict[str, str]] = field(default_factory=dict)
     edges: list[float] = field(default_factory=list)
     spatial_forces: list[OutputPort] = field(default_factory=list)

@@ -20,8 +20,8 @@ class Reference(Strict):
     """
 
     def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the figures per axis, by their keys, to be checked against a robot's axes."""
-        return {key: getattr(self, key) for key in type(self).model_fields if key.endswith("_deg")}
+        """Return the figures per axis, by their keys, to be checked against a robot's axes: all that are in degrees."""
+        return {key: value for key, value in self if key.endswith("_deg")}
 
 
 class ToOnePosture(Reference):
