@@ -112,7 +112,7 @@ def _write(source: Path, work: Path, options: ImportOptions, report: ImportRepor
 
 def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions, report: ImportReport) -> Base:
     """Do all repairs in the order in which they stand on each other, and return how the base is held."""
-    repair_structure(robot, report)
+    repair_structure(robot, options, report)
     repair_materials(robot, report)
     repair_joints(robot, options, report)
     import_shapes(robot, source=source, folder=work, options=options, report=report)

@@ -139,6 +139,19 @@ class RobotModel(Strict):
         return links_without_inertia(self.element, floating=self.base == "floating")
 
     @property
+    def joints(self) -> list[Element]:
+        """The ``joint`` elements of the axes, in order.
+
+        Raises:
+            UnknownName: an axis names a joint that the URDF does not have.
+        """
+        known = {name_of(joint): joint for joint in self.element.iterfind("joint")}
+        unknown = next((axis.joint for axis in self.axes.values() if axis.joint not in known), None)
+        if unknown is not None:
+            raise UnknownName("joint", unknown, movable_joints(self.element))
+        return [known[axis.joint] for axis in self.axes.values()]
+
+    @property
     def signs(self) -> Vector:
         """The senses of the axes against their joints, 1.0 or -1.0, shape (n,)."""
         return np.array([float(axis.sign) for axis in self.axes.values()])
@@ -146,20 +159,19 @@ class RobotModel(Strict):
     @property
     def axis_limits(self) -> tuple[Vector, Vector]:
         """Lower and upper limit of every axis [rad or m], each of shape (n,), in the sense of the axes."""
-        pairs = np.array([joint_limits(self.element, axis.joint) for axis in self.axes.values()])
+        pairs = np.array([joint_limits(joint) for joint in self.joints])
         lower, upper = np.sort(pairs * self.signs[:, np.newaxis], axis=1).T
         return lower, upper
 
     @property
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
-        return np.array([joint_effort(self.element, axis.joint) for axis in self.axes.values()])
+        return np.array([joint_effort(joint) for joint in self.joints])
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:
         """Whether each axis is prismatic, not revolute; keys in ``..._deg`` hold metres, and its torques are forces."""
-        kinds = {name_of(joint): joint.get("type") for joint in self.element.iterfind("joint")}
-        return tuple(kinds.get(axis.joint) == "prismatic" for axis in self.axes.values())
+        return tuple(joint.get("type") == "prismatic" for joint in self.joints)
 
     @property
     def units(self) -> list[AxisUnit]:

@@ -60,6 +60,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
             if problem:
                 raise refuse(f"link '{name_of(link)}' <{shape.tag}>", problem)
     _check_actuators(root, refuse)
+    _check_materials(root, refuse)
 
 
 def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
@@ -203,6 +204,15 @@ def numbers_in(text: str) -> list[float] | None:
     """Return the numbers in a text; None if a word of it is none, or not finite."""
     numbers = [float(word) for word in text.split() if NUMBER.fullmatch(word)]
     return numbers if len(numbers) == len(text.split()) and all(map(math.isfinite, numbers)) else None
+
+
+def _check_materials(root: ET.Element, refuse: Refuse) -> None:
+    """Check that each material has a colour, its own or one that its name stands for; Drake reads nothing else here."""
+    materials = [*root.iterfind("material"), *root.iterfind("link/visual/material[@name]")]
+    defined = {name_of(material) for material in materials if material.find("color[@rgba]") is not None}
+    for material in materials:
+        if material.find("texture") is not None or name_of(material) not in defined:
+            raise refuse(f"material '{name_of(material)}'", "needs a name and a colour, and has no texture")
 
 
 def _check_actuators(root: ET.Element, refuse: Refuse) -> None:

@@ -65,8 +65,9 @@ def simulate(
         start: where the station begins, such as the ``final_state`` of another result; time begins at zero all the
             same, and the configuration's references begin where that run's reference ended.
         progress: show a bar on a terminal.
-        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,); it
-            cannot change the run. What it raises goes on to the caller; KeyboardInterrupt ends the run.
+        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
+            a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
+            KeyboardInterrupt ends the run.
 
     Returns:
         the result, also when a monitor ended the run, when the simulation diverged, or when a block failed.
@@ -259,7 +260,6 @@ class _Run:
         if outcome.ending == "monitor":
             outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
         times = _sample_times(sampler.history.end, self.config.sample_rate)
-        units, values = sampled(sampler, ports, times)
         positions = ports.plant.plant.num_positions()
         has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
         return SimulationResult(
@@ -268,12 +268,11 @@ class _Run:
             ending=outcome.ending,
             stopped_by=outcome.stopped_by,
             message=outcome.message,
-            names=list(units),
-            units=units,
+            names=[name for signal in ports.signals for name in signal.names],
+            signals=tuple(ports.signals),
             notes=ports.notes,
-            panels=tuple(ports.panels()),
             times=times,
-            values=values,
+            values=sampled(sampler, ports, times),
             step_times=sampler.history.times,
             positions_at=lambda at: sampler.sample([ports.state], at)[0][:, :positions],
             signal_time=perf_counter() - began,

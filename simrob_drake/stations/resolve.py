@@ -67,6 +67,7 @@ def check_parts(station: ResolvedStation) -> None:
         sensor.check(f"sensors.{name}", station)
     for name, monitor in config.monitors.items():
         monitor.check(name, station)
+        monitor.condition(name, station)
     for name, force in config.forces.items():
         force.check(f"forces.{name}", station)
 

@@ -99,7 +99,7 @@ def _friction(first: ProximityProperties, second: ProximityProperties) -> float:
 
 
 def _add_servos(spec: mujoco.MjSpec, robot: StationRobot) -> None:
-    for number, (axis, joint, sign) in enumerate(zip(robot.axes, robot.joints, robot.signs, strict=True)):
+    for number, (axis, joint, sign) in enumerate(zip(robot.axes, robot.joints, robot.axis_map.signs, strict=True)):
         limit = float(robot.gains.torque_limit[number])
         servo = spec.add_actuator(
             name=axis,

@@ -56,7 +56,7 @@ def test_a_sine_swings_as_its_integral_says() -> None:
     expected = 2 * (1 - np.cos(omega * result.times)) / omega / MASS
     np.testing.assert_allclose(result["piece.ball.vy"], expected, atol=1e-5)
     np.testing.assert_allclose(result["applied_force.sine.y"], 2 * np.sin(omega * result.times), atol=1e-12)
-    assert dict(zip(result.names, result.units, strict=True))["applied_force.sine.y"] == "N"
+    assert result.units["applied_force.sine.y"] == "N"
 
 
 def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_unless_told() -> None:

@@ -10,4 +10,4 @@ def test_a_force_is_a_source_with_its_figures_and_where_it_acts():
     assert '"force.push.source" [label="Force \'push\'\\n10 N at 1 s"' in dot
     assert '"force.ahead.source" [label="Force \'ahead\'\\n5 N at 2.5 s"' in dot
     assert '"force.ahead" [label="Force \'ahead\'\\nat robot"' in dot
-    assert '"force.ahead.source" -> "force.ahead";' in dot
+    assert '"force.ahead.source" -> "force.ahead" [label=" F "];' in dot

@@ -11,6 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.errors import InvalidModel, UnknownName
 from simrob_drake.robots.bodies import links_without_inertia
+from simrob_drake.robots.catalog import Axis, load_robot_from_urdf
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.tools import tool_links
 from simrob_drake.robots.urdf import (
@@ -86,10 +87,11 @@ def test_elements_of_drake_are_read_whatever_stands_before(
 def test_a_clean_urdf_tells_its_joints_and_ends(write_urdf: Write, one_joint_urdf: str) -> None:
     root = read_urdf(write_urdf(one_joint_urdf))
     assert movable_joints(root) == ["shoulder"]
-    assert joint_limits(root, "shoulder") == (-1.0, 2.0)
-    assert joint_limits(root, "flange") == (-np.inf, np.inf)
-    assert joint_effort(root, "shoulder") == 10.0
-    assert joint_effort(root, "flange") == 0.0
+    shoulder, flange = (root.find(f"joint[@name='{name}']") for name in ("shoulder", "flange"))
+    assert joint_limits(shoulder) == (-1.0, 2.0)
+    assert joint_limits(flange) == (-np.inf, np.inf)
+    assert joint_effort(shoulder) == 10.0
+    assert joint_effort(flange) == 0.0
     assert root_link(root) == "base"
     assert tool_links(root) == ["tip"]
 
@@ -98,12 +100,14 @@ def test_a_continuous_joint_needs_an_effort_but_no_range(write_urdf: Write, one_
     text = one_joint_urdf.replace("revolute", "continuous").replace(LIMIT, '<limit effort="10"/>')
     path = write_urdf(text)
     check_urdf(read_urdf(path), path)
-    assert joint_limits(read_urdf(path), "shoulder") == (-np.inf, np.inf)
+    assert joint_limits(read_urdf(path).find("joint[@name='shoulder']")) == (-np.inf, np.inf)
 
 
 def test_an_unknown_joint_brings_the_nearest_one(write_urdf: Write, one_joint_urdf: str) -> None:
+    robot = load_robot_from_urdf(write_urdf(one_joint_urdf))
+    wrong = robot.model_copy(update={"axes": {"axis": Axis(joint="sholder")}})
     with pytest.raises(UnknownName, match="did you mean 'shoulder'"):
-        joint_limits(read_urdf(write_urdf(one_joint_urdf)), "sholder")
+        _ = wrong.axis_limits
 
 
 @pytest.mark.parametrize(
@@ -188,6 +192,7 @@ DEFECTS = [
     pytest.param(LIMIT, LIMIT + '<mimic joint="flange"/>', "joint 'shoulder': mimics another joint", id="mimic"),
     pytest.param('<parent link="base"/>', '<parent link="upper"/>', "link 'upper' to itself", id="its own parent"),
     pytest.param('name="base"', 'name="world"', "link 'world': has the name of Drake's own world", id="world"),
+    pytest.param("</robot>", '<material name="red"/></robot>', "material 'red': needs a name and", id="no colour"),
     pytest.param("SimpleTransmission", "FourBarLinkage", "a SimpleTransmission only", id="other transmission"),
     pytest.param(BOX, '<box size="0.1 0.2"/>', "holds 2 numbers, not 3", id="flat box"),
     pytest.param(BOX, "<box/>", "link 'base' <box>: has no size", id="box without size"),

@@ -7,6 +7,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from os.path import exists, isdir, isfile  # which are false for names that no file can have
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
@@ -160,7 +161,7 @@ class MeshPlaces:
 
     def _by_end(self, told: _Name) -> Iterator[Path]:
         """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
-        parts = [part for part in PurePosixPath(told.path).parts if part not in ("/", "..", ".")][-_ENDS:]
+        parts = [part for part in PurePosixPath(told.package, told.path).parts if part not in ("/", "..", ".")][-_ENDS:]
         for start in range(len(parts)):
             for folder in dict.fromkeys((self.root, self.source.parent, *self.mesh_path)):
                 yield folder.joinpath(*parts[start:])
@@ -190,7 +191,7 @@ def package_root(source: Path) -> Path:
     """
     folder = source.parent
     for candidate in [folder, *folder.parents][: _LEVELS + 1]:
-        if is_file(candidate / MANIFEST):
+        if isfile(candidate / MANIFEST):
             return candidate
     inner = folder.name.lower() in _INNER and folder.parent != Path(folder.anchor)
     return folder.parent if inner else folder
@@ -235,7 +236,7 @@ def _named(uri: str) -> _Name:
 def _existing(path: Path) -> tuple[Path | None, bool]:
     """Return the file with this path, without symbolic links in it, and whether its letters are in the same case."""
     for name in dict.fromkeys((str(path), unquote(str(path)))):  # a name may well hold %20 itself
-        if is_file(Path(name)):
+        if isfile(Path(name)):
             return _resolved(Path(name)), True
         found = _in_any_case(Path(name))
         if found is not None:
@@ -248,28 +249,14 @@ def _in_any_case(path: Path) -> Path | None:
     folder = Path(path.anchor)
     for part in path.parts[1:]:
         exact = folder / part
-        if part == ".." or _exists(exact):
+        if part == ".." or exists(exact):
             folder = exact
             continue
-        close = next((name for name in _names_in(folder) if name.lower() == part.lower()), None)
+        close = next((name for name in _sorted_entries(folder) if name.lower() == part.lower()), None)
         if close is None:
             return None
         folder = folder / close
-    return folder if is_file(folder) else None
-
-
-def _names_in(folder: Path) -> list[str]:
-    try:
-        return sorted(entry.name for entry in folder.iterdir())
-    except (OSError, ValueError):
-        return []
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError, RuntimeError):
-        return False
+    return folder if isfile(folder) else None
 
 
 def _resolved(path: Path) -> Path:
@@ -296,14 +283,6 @@ def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | 
     return next((folder for top in mesh_path for folder in _below(top) if _is(folder, name)), None)
 
 
-def is_file(path: Path) -> bool:
-    """Return whether a path is a file's; False for names that no file can have."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError, RuntimeError):
-        return False
-
-
 def _is(folder: Path, name: str) -> bool:
     return folder.name == name or _manifest_name(folder) == name
 
@@ -316,7 +295,7 @@ def _may_be(folder: Path, name: str, *, beside: Path) -> bool:
     return (
         folder.name == name
         and not private
-        and (is_file(folder / MANIFEST) or folder.parent == beside or beside.is_relative_to(folder))
+        and (isfile(folder / MANIFEST) or folder.parent == beside or beside.is_relative_to(folder))
     )
 
 
@@ -347,9 +326,12 @@ def _below(top: Path) -> Iterator[Path]:
 
 
 def _folders_in(folder: Path) -> list[Path]:
+    names = [name for name in _sorted_entries(folder) if not name.startswith(".")]
+    return [path for path in (folder / name for name in names[:_FOLDERS]) if isdir(path)]
+
+
+def _sorted_entries(folder: Path) -> list[str]:
     try:
-        with os.scandir(folder) as entries:
-            names = sorted(entry.name for entry in entries if entry.is_dir() and not entry.name.startswith("."))
-    except OSError:
+        return sorted(os.listdir(folder))
+    except (OSError, ValueError):
         return []
-    return [folder / name for name in names[:_FOLDERS]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -169,13 +170,13 @@ def _take_out_points_on_axes(robot: ET.Element) -> dict[str, Figures]:
     """
     carrier, links = carriers(robot), bodies(robot)
     inner = {carrier[link_of(joint, "parent")] for joint in robot.iterfind("joint") if joint.get("type") != "fixed"}
+    fixed = {link_of(j, "child"): j for j in robot.iterfind("joint") if j.get("type") == "fixed"}
     taken: dict[str, Figures] = {}
     for joint in robot.iterfind("joint"):
         last = link_of(joint, "child")
         if joint.get("type") in ("revolute", "continuous") and last not in inner:
             points = _masses(links[last])
-            poses = _poses_in_body(robot, points)
-            if all(_is_on_axis(figures, poses[name], _axis(joint)) for name, figures in points.items()):
+            if all(_is_on_axis(figures, _pose_in_body(name, fixed), _axis(joint)) for name, figures in points.items()):
                 taken |= {name: Figures(figures.mass, None, figures.place) for name, figures in points.items()}
     for link in robot.iterfind("link"):
         inertial = link.find("inertial")
@@ -190,16 +191,12 @@ def _masses(links: list[ET.Element]) -> dict[str, Figures]:
     return {name: read_figures(inertial) for name, inertial in inertials.items() if inertial is not None}
 
 
-def _poses_in_body(robot: ET.Element, links: dict[str, Figures]) -> dict[str, RigidTransform]:
-    """Return each link's pose in the link that carries it."""
-    fixed = {link_of(j, "child"): j for j in robot.iterfind("joint") if j.get("type") == "fixed"}
-    poses = {}
-    for name in links:
-        pose, link = RigidTransform(), name
-        while link in fixed:
-            pose, link = pose_of(fixed[link]) @ pose, link_of(fixed[link], "parent")
-        poses[name] = pose
-    return poses
+def _pose_in_body(link: str, fixed: Mapping[str, ET.Element]) -> RigidTransform:
+    """Return a link's pose in the link that carries it, given the fixed joints by the link that they hold."""
+    pose = RigidTransform()
+    while link in fixed:
+        pose, link = pose_of(fixed[link]) @ pose, link_of(fixed[link], "parent")
+    return pose
 
 
 def _axis(joint: ET.Element) -> Vector:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections import Counter
 
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.names import repair_names
 from simrob_drake.importer.repairs.numbers import mend_numbers
 from simrob_drake.importer.repairs.tree import repair_tree
@@ -33,31 +34,31 @@ _KEPT_OF_DRAKE = {f"{DRAKE}collision_filter_group", f"{DRAKE}linear_bushing_rpy"
 _CLOSING = ("loop_joint", f"{DRAKE}joint", f"{DRAKE}ball_constraint", f"{DRAKE}tendon_constraint")
 
 
-def repair_structure(robot: ET.Element, report: ImportReport) -> None:
+def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Repair a robot's elements, numbers, names and tree, in place.
 
     Raises:
         InvalidModel: a defect of which no repair is sure.
     """
-    _keep_known_elements(robot, report)
+    _keep_known_elements(robot, options, report)
     repair_names(robot, report)
     mend_numbers(robot, report)
     repair_tree(robot, report)
 
 
-def _keep_known_elements(robot: ET.Element, report: ImportReport) -> None:
+def _keep_known_elements(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Leave out, in place, what no simulation here uses, told once a tag; move misplaced links and joints up.
 
     Raises:
         InvalidModel: the robot closes a loop, or moves in a way that no station can drive.
     """
-    for element in robot:
-        if element.tag in _CLOSING:
-            what = element.tag.removeprefix(DRAKE)
-            raise report.refusal(
-                f"<{what}> '{name_of(element)}'",
-                "is no part of a tree of motored joints, which a station's robot is; remove it",
-            )
+    for element in [element for element in robot if element.tag in _CLOSING]:
+        where = f"<{element.tag.removeprefix(DRAKE)}> '{name_of(element)}'"
+        problem = "is no part of a tree of motored joints, which a station's robot is"
+        if not options.drop_loops:
+            raise report.refusal(where, f"{problem}; remove it, or leave it out with --drop-loops")
+        robot.remove(element)
+        report.add("dropped", where, f"{problem}; left out")
     _lift(robot, robot, report)
     dropped: Counter[tuple[str, str]] = Counter()
     _prune(robot, dropped)

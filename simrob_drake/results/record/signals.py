@@ -137,16 +137,15 @@ class Sampler:
         return rates
 
 
-def sampled(sampler: Sampler, site: Site, times: Vector) -> tuple[dict[str, str], Vector]:
-    """Return a station's signals at times of a run (m,): units by the names of the k columns, and values (m, k)."""
+def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
+    """Return a station's signals at times of a run (m,): the values of their k columns, shape (m, k)."""
     ports = list(dict.fromkeys(site.outputs[signal.output] for signal in site.signals if signal.output))
     known = dict(zip(ports, sampler.sample(ports, times), strict=True))
-    units, columns = dict[str, str](), []
+    columns = []
     for signal in site.signals:
-        units |= dict(zip(signal.names, signal.units, strict=True))
         if signal.compute is not None:
             columns.append(signal.compute(sampler, times))
         else:
             values = known[site.outputs[signal.output]]
             columns.append(values if signal.adjust is None else signal.adjust(sampler, times, values))
-    return units, np.hstack(columns)
+    return np.hstack(columns)

@@ -67,8 +67,9 @@ def _locomotion(run: RecordedRun) -> dict[str, Any] | None:
 
 def _peak_forces(run: RecordedRun) -> dict[str, float]:
     """Return the largest size of every contact force [N] by sensor."""
-    sensors = [name for name, sensor in run.config.sensors.items() if sensor.kind == "force"]
-    return {name: float(np.linalg.norm(run.vector(f"force.{name}"), axis=1).max()) for name in sensors}
+    felt = [signal for signal in run.signals if signal.role == "force" and set(signal.names) <= set(run.names)]
+    sizes = {signal.part: np.linalg.norm([run[name] for name in signal.names], axis=0) for signal in felt}
+    return {name: float(size.max()) for name, size in sizes.items()}
 
 
 def _columns(run: RecordedRun, signal: str) -> dict[str, Vector]:

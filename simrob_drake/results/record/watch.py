@@ -32,7 +32,7 @@ class Stop:
 
     name: str  # of the monitor
     count: int  # how many steps were recorded until it ended the run
-    onset: float  # since when the condition held [s]; infinite for a monitor that does not wait
+    onset: float  # since when the condition held [s]
     why: str  # in words
 
 
@@ -55,13 +55,12 @@ class Watch:
         ports = {name: self._ports(name) for name in self._site.monitors}
         values = self._sampler.evaluate(list(dict.fromkeys(port for own in ports.values() for port in own)), steps)
         for row, time in enumerate(steps.times.tolist()):
-            for name, monitor in self._site.monitors.items():
+            for name, trigger in self._site.monitors.items():
                 seen = [values[port][row] for port in ports[name]]
-                if monitor.ends(self._onsets[name], time, seen):
-                    self.stop = Stop(name, self._count + row + 1, self._onsets[name], monitor.why(*seen))
+                onset = self._onsets[name] = trigger.since(self._onsets[name], time, seen)
+                if trigger.ends(onset, time):
+                    self.stop = Stop(name, self._count + row + 1, onset, trigger.condition.why(*seen))
                     return True
-                if monitor.hold > 0:
-                    self._onsets[name] = monitor.next_onset(self._onsets[name], time, seen)
         self._count += len(steps.times)
         return False
 
@@ -71,7 +70,7 @@ class Watch:
         return self._site.monitors[name].holds(time, values)
 
     def _ports(self, name: str) -> list[OutputPort]:
-        return [self._site.outputs[output] for output in self._site.watched[name]]
+        return [self._site.outputs[output] for output in self._site.monitors[name].condition.watched]
 
 
 def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hold: float) -> None:
