@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.interpolation import Arc, turned_by
-from simrob_drake.kinematics.errors import NoClosedForm, Unreachable
+from simrob_drake.kinematics import NoClosedForm, Unreachable
 from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.programs.errors import BrokenPath, JointLimitExceeded, PathCollision, SpeedLimitExceeded
 from tests.programs.conftest import DOWN, HOME, positions_between
