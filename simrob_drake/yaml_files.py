@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from copy import deepcopy
 from functools import lru_cache
@@ -115,6 +116,24 @@ def validated(model: type[Model], content: dict[str, Any], where: Path | str) ->
         return model.model_validate(content)
     except ValidationError as problem:
         raise _first_finding(problem, model, where) from problem
+
+
+def file_schema(model: type[BaseModel], *, from_place: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return the JSON Schema of a file that holds a model.
+
+    Args:
+        model: what the file holds.
+        from_place: fields that follow from where the file lies; they need not stand in it.
+    """
+    schema = model.model_json_schema()
+    schema["required"] = [key for key in schema.get("required", []) if key not in from_place]
+    return schema
+
+
+def write_schema(file: Path, schema: dict[str, Any]) -> Path:
+    """Write a schema, for editors that complete and check YAML, and return its file."""
+    file.write_text(json.dumps(schema, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return file
 
 
 def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path | str) -> InvalidConfig:

@@ -14,8 +14,7 @@ import yaml
 from simrob_drake.errors import OutputError
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.description import draft
-from simrob_drake.importer.meshes.packages import MANIFEST
-from simrob_drake.importer.meshes.places import package_root
+from simrob_drake.importer.meshes.places import MANIFEST, package_root
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source

@@ -13,7 +13,7 @@ class ImportOptions(Strict):
     """Choices of an import; the defaults suit most robots."""
 
     mesh_path: tuple[Path, ...] = ()
-    """Further folders in which meshes and packages are looked for; relative ones start at the station's file."""
+    """Further folders in which meshes and packages are looked for; those in a station's file start at its folder."""
     collision: Literal["hull", "box", "none"] = "hull"
     """Collision meshes become their convex hull, the tightest box around them, or nothing."""
     estimate_inertia: bool = False

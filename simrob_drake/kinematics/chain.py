@@ -19,6 +19,7 @@ from simrob_drake.kinematics.errors import UnsupportedChain
 from simrob_drake.kinematics.poses import Targets, pose_matrices
 from simrob_drake.kinematics.screws import Screws, skew
 from simrob_drake.kinematics.tree import joints_between
+from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
@@ -29,13 +30,14 @@ class ChainInPlant:
     """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive.
 
     Attributes:
-        joints: one an axis, positive in the sense of ``signs``.
+        joints: one an axis.
+        axes: where they stand in the plant, and their senses.
         tcp: pose of the tool centre point in the frame ``tool``, shape (4, 4).
     """
 
     plant: MultibodyPlant
     joints: tuple[Joint, ...]
-    signs: Vector
+    axes: AxisMap
     base: Frame
     tool: Frame
     tcp: Vector
@@ -104,9 +106,6 @@ class Chain(Screws):
             UnsupportedChain: the frames move against each other by a joint that is not listed, or of another type.
             InvalidParameter: signs or names that are not one a joint.
         """
-        senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
-        if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():
-            raise InvalidParameter("signs", signs, f"{len(joints)} numbers 1 or -1, one a joint")
         labels = tuple(joint.name() for joint in joints) if names is None else tuple(names)
         if len(labels) != len(joints) or len(set(labels)) != len(labels):
             raise InvalidParameter("names", names, f"{len(joints)} different names, one a joint")
@@ -116,23 +115,25 @@ class Chain(Screws):
                 raise UnsupportedChain(
                     f"{name} is a {joint.type_name()} joint; chains take revolute and prismatic ones"
                 )
-        context = at_zero(plant, joints)
+        in_plant = AxisMap.of_joints(plant, joints, signs)
+        context = plant.CreateDefaultContext()
+        in_plant.set_positions(plant, context, np.zeros(len(joints)))
         axes, points = axes_and_points(context, joints, base)
         along = np.ones(len(joints))
         for axis, sense in way:
             along[axis] = sense
         limits = [(joint.position_lower_limit(), joint.position_upper_limit()) for joint in joints]
-        bounds = np.sort(senses[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
+        bounds = np.sort(in_plant.signs[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
         return cls(
             names=labels,
-            axes=(senses * along)[:, np.newaxis] * axes,
+            axes=(in_plant.signs * along)[:, np.newaxis] * axes,
             points=points,
             revolute=np.array([isinstance(joint, RevoluteJoint) for joint in joints], dtype=bool),
             order=tuple(axis for axis, _ in way),
             lower=bounds[:, 0],
             upper=bounds[:, 1],
             home=tool.CalcPose(context, base).GetAsMatrix4(),
-            in_plant=ChainInPlant(plant, tuple(joints), senses, base, tool, np.eye(4)),
+            in_plant=ChainInPlant(plant, tuple(joints), in_plant, base, tool, np.eye(4)),
         )
 
     def with_tool(self, pose: Targets) -> Chain:
@@ -215,15 +216,6 @@ def held_robot(model: RobotModel) -> tuple[MultibodyPlant, Frame]:
     plant.WeldFrames(plant.world_frame(), root)
     plant.Finalize()
     return plant, root
-
-
-def at_zero(plant: MultibodyPlant, joints: Sequence[Joint]) -> Context:
-    """Return a context of a plant in which some joints are at zero."""
-    context = plant.CreateDefaultContext()
-    positions = plant.GetPositions(context)
-    positions[[joint.position_start() for joint in joints]] = 0.0
-    plant.SetPositions(context, positions)
-    return context
 
 
 def axes_and_points(context: Context, joints: Sequence[Joint], base: Frame) -> tuple[Vector, Vector]:

@@ -12,7 +12,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.blocks.monitor import Monitor
@@ -235,6 +235,7 @@ class Site:
         spatial_forces: what acts on the plant from outside, to be gathered into its port.
         drawn: by the name of a system, or the part of it before a dot, the block of the picture that it belongs to;
             None for wiring.
+        blocks: controllers and others of the user's own, by name.
     """
 
     station: Surroundings
@@ -250,6 +251,7 @@ class Site:
     edges: list[float] = field(default_factory=list)
     spatial_forces: list[OutputPort] = field(default_factory=list)
     drawn: dict[str, Drawn | None] = field(default_factory=dict)
+    blocks: dict[str, LeafSystem] = field(default_factory=dict)
 
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
         """Add an output with what it is."""

@@ -12,10 +12,9 @@ from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import check_limits
-from simrob_drake.programs.gaits.choice import carries, first_gait, made_for
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import Posing, load_gaits
-from simrob_drake.programs.gaits.registry import Section, gaits_of
+from simrob_drake.programs.gaits.registry import Section, carries, first_gait, gaits_of, made_for
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.moves import AnyMove, Walk, WalkMove, checked, move_of
 from simrob_drake.results.result import SimulationResult

@@ -91,7 +91,7 @@ class LeggedRobot(LeggedGeometry):
         return [*super()._described(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
 
     def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
-        """JointMove from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
+        """Move from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
 
         Args:
             target_deg: where axes go [deg], by name or alias.
@@ -105,7 +105,7 @@ class LeggedRobot(LeggedGeometry):
         return self._do([move_of(target_deg, duration)])[-1]
 
     def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
-        """JointMove from the last state, and store the move at the end of the program (AddMove).
+        """Move from the last state, and store the move at the end of the program (AddMove).
 
         A run that diverges or in which the robot falls is not stored. Arguments and errors are those of
         :meth:`test_move`.
@@ -355,7 +355,7 @@ class LeggedRobot(LeggedGeometry):
             if from_start:
                 self._back_to_start()
             for stage in stages:
-                result = stage.run(self)
+                result = stage(self)
                 if result is not None:
                     runs.append(result)
                     if result.ending != "completed":

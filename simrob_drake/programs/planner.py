@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Unpack, get_args
 
@@ -13,7 +14,8 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.interpolation import Arc, line, stacked, turn
+from simrob_drake.interpolation import Arc, stacked, turn
+from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
@@ -207,18 +209,13 @@ class Planner:
 
 def _line_between(begin: Vector, end: Vector) -> _Way:
     """Return the straight way between two poses (4, 4)."""
-    first, last = begin[:3, 3], end[:3, 3]
-    return _turning(begin, end, lambda parts: line(first, last, parts)), float(np.linalg.norm(last - first))
+    return partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
 
 
 def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> _Way:
     """Return the way on an arc from a pose (4, 4) through a place (3,) to a pose."""
     arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
-    return _turning(begin, end, arc.points), arc.length
-
-
-def _turning(begin: Vector, end: Vector, places: Callable[[Vector], Vector]) -> Callable[[Vector], Vector]:
-    return lambda parts: stacked(places(parts), turn(begin[:3, :3], end[:3, :3], parts))
+    return lambda parts: stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts)), arc.length
 
 
 def _hint(chain: Chain, rows: Vector) -> str:

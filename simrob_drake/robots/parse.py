@@ -11,7 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.robots.merge import merge_fixed_links
+from simrob_drake.robots.bodies import merge_fixed_links
 from simrob_drake.robots.urdf import drop_collision
 
 

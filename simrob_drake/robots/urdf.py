@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
 
@@ -72,6 +73,30 @@ def root_link(root: ET.Element) -> str:
     """Return the link that is no joint's child."""
     children = {link_of(j, "child") for j in root.iterfind("joint")}
     return next(name_of(link) for link in root.iterfind("link") if name_of(link) not in children)
+
+
+def joints_at(root: ET.Element) -> dict[str, list[ET.Element]]:
+    """Return the joints that start at each link, in file order."""
+    joints: dict[str, list[ET.Element]] = {name_of(link): [] for link in root.iterfind("link")}
+    for joint in root.iterfind("joint"):
+        joints[link_of(joint, "parent")].append(joint)
+    return joints
+
+
+def outward(starts: Mapping[str, list[ET.Element]], link: str, *, rigid: bool = False) -> list[ET.Element]:
+    """Return the joints that hang on a link of a tree, each after those that carry it.
+
+    Args:
+        starts: the joints at each link (:func:`joints_at`).
+        link: where to begin.
+        rigid: only as far as joints are fixed.
+    """
+    links, found = [link], list[ET.Element]()
+    for name in links:
+        further = [joint for joint in starts[name] if not rigid or joint.get("type") == "fixed"]
+        found += further
+        links += [link_of(joint, "child") for joint in further]
+    return found
 
 
 def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:

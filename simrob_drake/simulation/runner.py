@@ -23,14 +23,14 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.record.stop_time import cut_at_stop
 from simrob_drake.results.record.watch import Watch
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.built import Built, StationDiagrams, needed_inputs
-from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted, watched
+from simrob_drake.simulation.built import StationDiagrams, needed_inputs
+from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
 from simrob_drake.stations.checks import step_findings
-from simrob_drake.stations.closed import check_course, station_courses
+from simrob_drake.stations.closed import ClosedStation, check_course, station_courses
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.stations.station import StationLike, config_of
 
@@ -153,8 +153,8 @@ class Runner:
         if known is None or not known.fits(courses):
             station = self._station
             if config.forces != self.config.forces:
-                forced = station.config.model_copy(update={"forces": config.forces})
-                station = resolve(forced)
+                station = resolve(station.config.model_copy(update={"forces": config.forces}))
+                check_parts(station)
             known = self._diagrams[places] = StationDiagrams(station, courses, self._blocks)
         return known
 
@@ -185,7 +185,7 @@ def simulate_diagram(
         SimrobError: a solver that cannot run the station where it stands.
     """
     config = with_duration(ports.config, duration)
-    built = Built(diagram, ports, {})
+    built = ClosedStation(diagram, ports)
     names = [
         system.get_name() for system in diagram.GetSystems() if type(system).__module__.split(".")[0] not in _NOT_OWN
     ]
@@ -208,7 +208,7 @@ class _Run:
     """
 
     config: StationConfig
-    whole: Built
+    whole: ClosedStation
     stepper: Stepper
     prepare: Callable[[], None] | None = None
 
@@ -225,8 +225,9 @@ class _Run:
         with progress_bar(f"simulating {self.config.name}", self.config.duration, shown=progress) as show:
             if show is not None:
                 watchers.append(lambda context: show(context.get_time()))
-            sampler = Sampler(self.whole.diagram, self.whole.ports, _NOTHING)
-            recorder, watch = watched(self.whole.ports, sampler, self.stepper.simulator, *watchers)
+            ports = self.whole.ports
+            watch = Watch(ports, Sampler(self.whole.diagram, ports, _NOTHING))
+            recorder = Recorder(self.stepper.simulator, *watchers, look=watch.look if ports.monitors else None)
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began

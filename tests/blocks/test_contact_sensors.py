@@ -178,6 +178,13 @@ def test_the_distance_to_the_floor_is_that_of_the_lowest_point(shape):
     assert found == pytest.approx((pose @ points.T)[2].min(), abs=1e-4)
 
 
+def test_the_lowest_point_of_a_tilted_cylinder_is_exact():
+    pose = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
+    up = pose.rotation().matrix()[2]
+    exact = 0.5 - 0.1 * np.hypot(up[0], up[1]) - 0.15 * abs(up[2])
+    assert lowest_points(Cylinder(0.1, 0.3), pose, np.zeros((0, 3)))[:, 2].min() == pytest.approx(exact, abs=1e-15)
+
+
 def test_a_distance_is_measured_between_bodies_and_to_the_floor():
     bench = Bench()
     bench.add(Sphere(RADIUS), np.zeros(3))

@@ -14,7 +14,7 @@ from simrob_drake.blocks.monitors import DivergenceMonitor, JointLimitMonitor, S
 from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.robots.units import SLIDES, TURNS
+from simrob_drake.robots.units import PRISMATIC, REVOLUTE
 
 AddPendulum = Callable[..., MultibodyPlant]
 
@@ -111,7 +111,7 @@ def test_the_excess_port_tells_by_how_much() -> None:
 
 
 def test_what_slides_is_told_in_metres_and_newtons() -> None:
-    both = {"axes": ["belt", "elbow"], "units": [SLIDES, TURNS]}
+    both = {"axes": ["belt", "elbow"], "units": [PRISMATIC, REVOLUTE]}
     limits = JointLimitMonitor(lower=np.zeros(2), upper=np.ones(2), margin=np.array([0.1, 0.0]), **both)
     assert "belt reached its upper limit of 0.9 m" in watched(limits, position=line((0, 0.5, 0.5), (2, 2, 0.5)))[2]
     torque = TorqueLimitMonitor(limit=np.array([500.0, 10.0]), hold=0.1, **both)
@@ -125,7 +125,7 @@ def test_what_slides_is_told_in_metres_and_newtons() -> None:
 
 @pytest.mark.parametrize(("velocity", "settled"), [((0.0009, 0.09), True), ((0.0011, 0), False), ((0, 0.11), False)])
 def test_each_joint_may_have_its_own_bounds(velocity: tuple[float, float], settled: bool) -> None:
-    monitor = SettledMonitor(size=2, speed=np.array([1e-3, 0.1]), units=[SLIDES, TURNS], hold=0.2)
+    monitor = SettledMonitor(size=2, speed=np.array([1e-3, 0.1]), units=[PRISMATIC, REVOLUTE], hold=0.2)
     found, _, message = watched(monitor, velocity=line((0, *velocity), (9, *velocity)))
     assert found is settled
     assert not settled or "below 0.001 m/s and 5.72958 deg/s" in message

@@ -10,7 +10,7 @@ from simrob_drake.robots.parse import add_urdf
 
 RED = '<material name="red"><color rgba="1 0 0 1"/></material>'
 USE = '<material name="red"/>'
-GREY = tuple(float(word) for word in DEFAULT_RGBA.split())
+GREY = tuple(DEFAULT_RGBA)
 
 
 def colours(done: Repaired) -> list[tuple[float, ...]]:

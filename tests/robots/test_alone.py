@@ -29,7 +29,7 @@ def test_a_free_base_can_move():
     lone = lone_robot(load_robot("irb120"), floating=True)
     assert lone.plant.num_velocities() == 6 + 6
     velocities = np.arange(12.0)
-    np.testing.assert_array_equal(lone.of_axes(velocities), np.arange(6.0, 12.0))
+    np.testing.assert_array_equal(lone.axes.velocities(velocities), np.arange(6.0, 12.0))
 
 
 def test_size_is_the_spread_of_the_links():

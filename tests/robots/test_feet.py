@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import InvalidConfig, SimrobError, UnknownName
@@ -93,3 +94,15 @@ def test_a_foot_that_is_no_link_is_named() -> None:
     robot = ET.fromstring('<robot name="r"><link name="foot"/></robot>')
     with pytest.raises(UnknownName, match=r"no link .* 'fot'; did you mean 'foot'"):
         put_on_feet(robot, FootContact(points={"fot": ((0, 0, 0),)}))
+
+
+@pytest.mark.parametrize(("kind", "under"), [("spheres_C", 0.01), ("soles", 0.0)])
+def test_the_lowest_points_follow_the_foot(kind: str, under: float) -> None:
+    contact = load_robot("humanoid").feet.kind(kind)
+    poses = [RigidTransform(RollPitchYaw(0.2, -0.3, 0.4), [1.0, 2.0, 3.0]), RigidTransform([0.0, 0.0, 0.5])]
+    found = contact.lowest_points("left_foot", np.array([pose.GetAsMatrix4() for pose in poses]))
+    own = contact.points["left_foot"] if kind == "spheres_C" else contact.support_points("left_foot")
+    radius = contact.radius if under else 0.0
+    wanted = [[pose @ np.array(point) - [0, 0, radius] for point in own] for pose in poses]
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+    np.testing.assert_allclose(found[1] - np.array([0, 0, 0.5]), contact.support_points("left_foot"), atol=1e-12)

@@ -160,7 +160,7 @@ DEFECTS = [
     pytest.param(
         END,
         joint("b", "base", "tip") + END,
-        "link 'tip': is the child of two joints; a URDF is a tree",
+        "link 'tip': is the child of two joints, 'flange' and 'b'; a URDF is a tree",
         id="two parents",
     ),
     pytest.param(END, '<link name="island"/>' + END, "has 2 root links", id="two roots"),
@@ -186,7 +186,7 @@ DEFECTS = [
     pytest.param('type="revolute"', 'type="floating"', "its type is 'floating'", id="floating joint"),
     pytest.param('type="revolute"', "", "joint 'shoulder': its type is ''", id="no type"),
     pytest.param(LIMIT, LIMIT + '<mimic joint="flange"/>', "joint 'shoulder': mimics another joint", id="mimic"),
-    pytest.param('<parent link="base"/>', '<parent link="upper"/>', "are both 'upper'", id="its own parent"),
+    pytest.param('<parent link="base"/>', '<parent link="upper"/>', "link 'upper' to itself", id="its own parent"),
     pytest.param('name="base"', 'name="world"', "link 'world': has the name of Drake's own world", id="world"),
     pytest.param("SimpleTransmission", "FourBarLinkage", "a SimpleTransmission only", id="other transmission"),
     pytest.param(BOX, '<box size="0.1 0.2"/>', "holds 2 numbers, not 3", id="flat box"),
@@ -229,9 +229,17 @@ DEFECTS = [
     pytest.param(INERTIA, inertia(0.01, 0.01, 0.02000001), "no body has the principal", id="triangle by rounding"),
     pytest.param(INERTIA, inertia(0.01, 0.01, 0.01, 0.02), "no body has the principal", id="products too large"),
     pytest.param(
-        BOX, '<box size="0 0.1 0.2"/>', "link 'base' <box>: size '0 0.1 0.2' is not positive", id="box of size 0"
+        BOX,
+        '<box size="0 0.1 0.2"/>',
+        'has size="0 0.1 0.2", which is not positive',
+        id="box of size 0",
     ),
-    pytest.param('length="0.3"', 'length="-0.3"', "link 'upper' <cylinder>: size '-0.3' is not positive", id="length"),
+    pytest.param(
+        'length="0.3"',
+        'length="-0.3"',
+        '<cylinder>: has length="-0.3", which',
+        id="length",
+    ),
     pytest.param(CYLINDER, '<sphere radius="big"/>', "link 'upper' <sphere>: 'big' is not a number", id="radius text"),
     pytest.param(CYLINDER, '<sphere radius="nan"/>', "link 'upper' <sphere>: 'nan' is not finite", id="radius nan"),
     pytest.param(CYLINDER, '<mesh filename="m.obj" scale="x"/>', "<mesh>: 'x' is not a number", id="scale text"),

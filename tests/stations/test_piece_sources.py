@@ -12,7 +12,7 @@ import trimesh
 
 from simrob_drake.errors import InvalidConfig, InvalidModel, OutputError, SimrobError
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.importer.meshes.references import MESH_FORMATS
+from simrob_drake.importer.meshes.checks import MESH_FORMATS
 from simrob_drake.robots.pieces import PieceModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml

@@ -7,9 +7,8 @@ import xml.etree.ElementTree as ET
 from typing import Literal
 
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.repairs.tree import children_of, subtree
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, link_of, root_link
+from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, outward, root_link
 
 FLOATING_MARK = "simrob_base"
 """Attribute of a robot from the repair of its joints to the choice of its base: a floating joint held its root."""
@@ -39,30 +38,17 @@ def find_base(robot: ET.Element, options: ImportOptions) -> tuple[Base, str]:
         return "floating", "a floating joint held it"
     if _WORLD.fullmatch(root):
         return "fixed", "its root link is the world"
-    branches = [subtree(robot, link_of(joint, "child"))[1] for joint in branch_joints(robot, root)]
-    legs = sum(1 + _movable(joints) >= _LEG_JOINTS for joints in branches)
+    joints = joints_at(robot)
+    rigid = [root, *(link_of(joint, "child") for joint in outward(joints, root, rigid=True))]
+    starts = [joint for link in rigid for joint in joints[link] if joint.get("type") != "fixed"]
+    branches = [[start, *outward(joints, link_of(start, "child"))] for start in starts]
+    legs = sum(_movable(branch) >= _LEG_JOINTS for branch in branches)
     if legs >= 2:
         return "floating", f"{legs} branches of {_LEG_JOINTS} and more joints start at it, as legs do"
-    starts = branch_joints(robot, root)
-    wheels = sum(
-        start.get("type") == "continuous" and _movable(joints) <= 1
-        for start, joints in zip(starts, branches, strict=True)
-    )
+    wheels = sum(branch[0].get("type") == "continuous" and _movable(branch) <= 2 for branch in branches)
     if wheels >= _WHEELS:
         return "floating", f"{wheels} continuous joints start at it, as wheels do"
     return "fixed", "no pair of legs and no wheels start at it"
-
-
-def branch_joints(robot: ET.Element, root: str) -> list[ET.Element]:
-    """Return the movable joints that start at a link or at what is rigidly joined to it."""
-    joints_at, rigid, found = children_of(robot), [root], []
-    for link in rigid:
-        for joint in joints_at[link]:
-            if joint.get("type") == "fixed":
-                rigid.append(link_of(joint, "child"))
-            else:
-                found.append(joint)
-    return found
 
 
 def _movable(joints: list[ET.Element]) -> int:

@@ -131,6 +131,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
         SimrobError: a port that fits nothing, or a block that is part of another diagram already.
     """
     driven_inputs(blocks)
+    site.blocks.update(blocks)
     for name, block in blocks.items():
         try:
             builder.AddNamedSystem(f"controller.{name}", block)

@@ -13,7 +13,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import Made, MonitorSection, of_robot
 from simrob_drake.parts.site import Site
 from simrob_drake.quantities import Positive
-from simrob_drake.robots.units import TURNS, AxisUnit
+from simrob_drake.robots.units import REVOLUTE, AxisUnit
 
 
 class Divergence(MonitorSection):
@@ -52,7 +52,7 @@ class DivergenceMonitor(Monitor):
         super().__init__(hold=hold, after=after)
         if not speed_limit > 0:
             raise InvalidParameter("speed_limit", speed_limit, "positive [rad/s or m/s]")
-        self._axes, self._limit, self._units = list(axes), speed_limit, list(units) or [TURNS] * len(axes)
+        self._axes, self._limit, self._units = list(axes), speed_limit, list(units) or [REVOLUTE] * len(axes)
         self.watch(velocity=len(axes))
 
     def excess(self, *values: Vector) -> float:

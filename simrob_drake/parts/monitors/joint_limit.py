@@ -11,7 +11,7 @@ from simrob_drake.blocks.monitor import Monitor, largest
 from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import Made, MonitorSection, of_robot
 from simrob_drake.parts.site import Site
-from simrob_drake.robots.units import TURNS, AxisUnit
+from simrob_drake.robots.units import REVOLUTE, AxisUnit
 from simrob_drake.yaml_files import Number
 
 
@@ -54,7 +54,7 @@ class JointLimitMonitor(Monitor):
     ) -> None:
         """Watch ``axes``, all of which turn unless ``units`` says so, from ``margin`` before their limits (n,)."""
         super().__init__(hold=hold, after=after)
-        self._units = list(units) or [TURNS] * len(axes)
+        self._units = list(units) or [REVOLUTE] * len(axes)
         self._axes, self._lower, self._upper = list(axes), lower + margin, upper - margin
         self.watch(position=len(axes))
 

@@ -13,7 +13,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import Made, MonitorSection, of_robot
 from simrob_drake.parts.site import Site
 from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.robots.units import TURNS, AxisUnit
+from simrob_drake.robots.units import REVOLUTE, AxisUnit
 
 
 class Settled(MonitorSection):
@@ -76,7 +76,7 @@ class SettledMonitor(Monitor):
             if value is not None and not np.all(np.greater(value, 0)):
                 raise InvalidParameter(name, value, "positive")
         self._speed, self._error = np.broadcast_to(speed, size), error
-        self._units = list(units) or [TURNS] * size
+        self._units = list(units) or [REVOLUTE] * size
         self.watch(velocity=size)
         if error is not None:
             self.watch(position=size, reference=size)

@@ -13,7 +13,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import Made, MonitorSection, of_robot
 from simrob_drake.parts.site import Site
 from simrob_drake.quantities import NotNegative
-from simrob_drake.robots.units import TURNS, AxisUnit
+from simrob_drake.robots.units import REVOLUTE, AxisUnit
 
 _AT_LIMIT = 1e-6
 """Part of a torque limit that may be missing where a servo counts as saturated."""
@@ -54,7 +54,7 @@ class TorqueLimitMonitor(Monitor):
         super().__init__(hold=hold, after=after)
         if not (limit > 0).all():
             raise InvalidParameter("limit", limit, "positive [N·m or N]")
-        self._axes, self._limit, self._units = list(axes), limit, list(units) or [TURNS] * len(axes)
+        self._axes, self._limit, self._units = list(axes), limit, list(units) or [REVOLUTE] * len(axes)
         self.watch(torque=len(axes))
 
     def excess(self, *values: Vector) -> float:

@@ -45,6 +45,7 @@ class _Planned(_Gait):
     """What gaits have whose legs are solved for."""
 
     bearing: Bearing
+    """How the trunk is carried."""
     widen: Number = 0.0
     """How much further out each foot stands than with straight legs, or below its hip [m]."""
 
@@ -164,11 +165,17 @@ class Gaits(Strict):
     facing_deg: Number
     """Where the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
     walks: dict[str, Walk] = Field(default_factory=dict)
+    """Walks on two legs, by name."""
     trots: dict[str, Trot] = Field(default_factory=dict)
+    """Gaits on four legs, diagonal pairs in turn, by name."""
     crawls: dict[str, Crawl] = Field(default_factory=dict)
+    """Gaits on four legs, one leg at a time, by name."""
     marches: dict[str, March] = Field(default_factory=dict)
+    """Walks on two legs by joint angles, by name."""
     stands: dict[str, Stand] = Field(default_factory=dict)
+    """Stands on three legs, by name."""
     sequences: dict[str, Posing] = Field(default_factory=dict)
+    """Postures one after the other, by name."""
 
 
 def load_gaits(robot: str | RobotModel) -> Gaits:

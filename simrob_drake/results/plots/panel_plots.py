@@ -27,8 +27,11 @@ def panel_figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
 
 
 def _stack(result: RecordedRun, panel: Panel) -> Stack:
+    first = (
+        1.4 if len(panel.columns) > 1 else 1.0
+    )  # weight of a line; later ones are thinner: equal curves are all seen
     curves = [
-        Curve(result[column], _part(column), colour, max(1.4 - 0.3 * place, 0.8), line)  # equal curves are all seen
+        Curve(result[column], _part(column), colour, max(first - 0.3 * place, 0.8), line)
         for place, (column, (colour, line)) in enumerate(zip(panel.columns, cycle(_LOOKS), strict=False))
     ]
     return Stack(panel.title, [Plot(panel.label, curves, max(_HEIGHT, _ENTRY * len(curves)))])
