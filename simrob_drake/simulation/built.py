@@ -138,7 +138,11 @@ class StationDiagrams:
         except RuntimeError as problem:
             if not self._blocks:
                 raise
-            raise SimrobError(f"the blocks {', '.join(self._blocks)} cannot be wired so: {problem}") from problem
+            used = "been built into a different Diagram" in str(problem)
+            told = "a block serves one diagram; make it anew" if used else "signals must not go around in a circle"
+            raise SimrobError(
+                f"the blocks {', '.join(self._blocks)} cannot be wired so; {told} ({problem})"
+            ) from problem
         return Built(diagram, closed.ports, closed.sources)
 
 
