@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """The exit codes of ``simrob``; a monitor's stop is a success."""
+    """The exit codes of ``simrob``; a monitor's stop is a success, a block that fails a divergence."""
 
     DONE = 0
     BAD_INPUT = 2

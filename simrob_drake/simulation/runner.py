@@ -260,7 +260,7 @@ class _Run:
             sampler.history = asked.history
         if outcome.ending == "monitor":
             outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
-        times = _sample_times(sampler.history.end, self.config.sample_rate)
+        outcome, times, values = self._sampled(sampler, outcome)
         positions = ports.plant.plant.num_positions()
         has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
         return SimulationResult(
@@ -273,15 +273,34 @@ class _Run:
             signals=tuple(ports.signals),
             notes=ports.notes,
             times=times,
-            values=sampled(sampler, ports, times),
+            values=values,
             step_times=sampler.history.times,
             positions_at=lambda at: sampler.sample([ports.state], at)[0][:, :positions],
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
             warnings=self._warnings(),
-            final_state=State.of(self.whole.diagram, ports, sampler.context_at(sampler.history.end)),
+            final_state=State.of(
+                self.whole.diagram,
+                ports,
+                sampler.context_at(sampler.history.end),
+                tolerant=outcome.ending == FAILED,
+            ),
             **told,
         )
+
+    def _sampled(self, sampler: Sampler, outcome: Outcome) -> tuple[Outcome, Vector, Vector]:
+        """Return how the run ended, times, and values of the signals up to where a block fails."""
+        times = _sample_times(sampler.history.end, self.config.sample_rate)
+        try:
+            return outcome, times, sampled(sampler, self.whole.ports, times)
+        except Exception as problem:
+            time = sampler.looked_at.get_time()
+            failed = self.stepper.failed(problem, sampler.looked_at, time)
+            if failed is None or outcome.ending == FAILED:
+                raise
+        known = times[times < time]
+        sampler.cut(known[-1] if known.size else 0.0)
+        return self._sampled(sampler, failed)
 
     def _held_ports(self) -> list[OutputPort]:
         """Return the torques, where the scheme lets references stand still over a step: that is what was applied."""
@@ -303,6 +322,8 @@ def _checked_start(config: StationConfig, start: State | None) -> State | None:
         return State.at_start_of(config)
     if not isinstance(start, State):
         raise InvalidParameter("start", shortened(repr(start)), "a State, such as the final_state of a result")
+    if not all(np.isfinite(reference).all() for reference in start.references.values()):
+        raise InvalidParameter("start", "the end of a run in which a block failed", "a state with all references")
     return start
 
 
