@@ -150,13 +150,13 @@ class LeggedRobot(LeggedGeometry):
                 how far all joints go.
             gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.
             store: at the end of the program.
-            changes: other figures of the gait to change, such as ``step_time``.
+            changes: other parameters of the gait to change, such as ``step_time``.
 
         Raises:
-            InvalidParameter: a robot without gaits, other feet or another station than the gait needs, or figures that
-                cannot be.
-            UnknownName: no such gait, or no such figure of it; proposes the nearest.
-            InvalidConfig: a figure that cannot be.
+            InvalidParameter: a robot without gaits, other feet or another station than the gait needs, or parameters
+                that cannot be.
+            UnknownName: no such gait, or no such parameter of it; proposes the nearest.
+            InvalidConfig: a parameter that cannot be.
             OutOfReach, JointLimitExceeded: steps that the legs cannot do; tells by how much.
         """
         walk = checked(Walk, steps=steps, amplitude=amplitude, gait=gait, **changes)
@@ -170,7 +170,7 @@ class LeggedRobot(LeggedGeometry):
         Args:
             name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.
             store: at the end of the program.
-            changes: its figures to change, such as ``repeat``, or ``foot`` of ``three_legs``.
+            changes: its parameters to change, such as ``repeat``, or ``foot`` of ``three_legs``.
 
         Raises:
             SimrobError: as :meth:`walk`.

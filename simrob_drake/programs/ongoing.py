@@ -254,8 +254,8 @@ class OngoingStation:
             self._window = None
 
     def _shown_state(self) -> State:
-        def of_all(figure: Callable[[str], Vector]) -> dict[str, Vector]:
-            return {robot: figure(robot) for robot in self.config.robots}
+        def of_all(value: Callable[[str], Vector]) -> dict[str, Vector]:
+            return {robot: value(robot) for robot in self.config.robots}
 
         return self.state or State(of_all(self.position), of_all(self.velocity), of_all(self.reference))
 

@@ -76,7 +76,7 @@ class Sampler:
         known: dict[OutputPort, Any] = {}
         linear = [port for port in ports if port == state_port or port in self._of_state]
         if linear and where is not None:  # the state was recorded
-            known[state_port] = states.continuous[:, where.start : where.velocities.stop]
+            known[state_port] = states.continuous[:, where.positions.start : where.velocities.stop]
         wanted = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
         known |= self._evaluated([port for port in wanted if port not in known], states)
         known |= {port: self._of_state[port].of(known[state_port]) for port in linear if port != state_port}
@@ -139,7 +139,7 @@ class Sampler:
         if plant.IsVelocityEqualToQDot():
             return velocities
         context = plant.CreateDefaultContext()
-        rates = np.empty((len(velocities), where.num_positions))
+        rates = np.empty((len(velocities), plant.num_positions()))
         for row, state in enumerate(history.continuous):
             plant.SetPositions(context, state[where.positions])
             rates[row] = plant.MapVelocityToQDot(context, state[where.velocities])

@@ -18,19 +18,12 @@ from simrob_drake.results.record.signals import Sampler
 
 @dataclass(frozen=True)
 class Stop:
-    """Why a run ends.
+    """Why a run ends."""
 
-    Attributes:
-        name: of the monitor.
-        count: how many steps were recorded until it ended the run.
-        onset: since when the condition held [s].
-        why: in words.
-    """
-
-    name: str
-    count: int
-    onset: float
-    why: str
+    name: str  # of the monitor
+    count: int  # how many steps were recorded until it ended the run
+    onset: float  # since when the condition held [s]; infinite for a monitor that does not wait
+    why: str  # in words
 
 
 class Watch:
