@@ -99,7 +99,7 @@ def closed_station(
             owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
             ports.draw(f"{name}.zero", "reference", "0", owner)
     try:
-        return ClosedStation(built(builder, () if monitors else ports.monitors.values()), ports, asked, players)
+        return ClosedStation(built(builder), ports, asked, players)
     except RuntimeError as problem:
         if not ports.blocks:
             raise
