@@ -171,7 +171,7 @@ def test_nothing_half_written_is_left(result, tmp_path, monkeypatch):
     def full_disk(*_arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("simrob_drake.results.files._write_signals", full_disk)
+    monkeypatch.setattr("simrob_drake.results.files.write_table", full_disk)
     with pytest.raises(OutputError, match="No space left on device"):
         result.save(tmp_path / "result", recording=False)
     assert list(tmp_path.iterdir()) == []
