@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem, OutputPort
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import Course, Samples
-from simrob_drake.errors import InvalidParameter, shortened
+from simrob_drake.errors import InvalidParameter, SimrobError, shortened
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
 from simrob_drake.progress import note, progress_bar
@@ -30,7 +30,7 @@ from simrob_drake.stations.checks import step_findings
 from simrob_drake.stations.closed import check_course, station_courses
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.stations.station import StationLike, config_of
 
@@ -150,10 +150,14 @@ class Runner:
         places = tuple((name, force.kind, force.at) for name, force in config.forces.items())
         known = self._diagrams.get(places)
         if known is None or not known.fits(courses):
+            if self._diagrams and self._blocks:
+                told = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
+                raise SimrobError(told)
             station = self._station
             if config.forces != self.config.forces:
                 forced = station.config.model_copy(update={"forces": config.forces})
                 station = resolve(forced)
+                check_parts(station)
             known = self._diagrams[places] = StationDiagrams(station, courses, self._blocks)
         return known
 
