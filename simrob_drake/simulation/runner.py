@@ -193,7 +193,7 @@ def simulate_diagram(
         system.get_name() for system in diagram.GetSystems() if type(system).__module__.split(".")[0] not in _NOT_OWN
     ]
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
-    stepper = Stepper(config, lambda time: built, [], blocks=blocks)
+    stepper = Stepper(config, lambda time: built, sorted(set(ports.edges)), blocks=blocks)
     if context is not None:
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
     return _Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
