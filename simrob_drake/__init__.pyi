@@ -9,7 +9,9 @@ from .programs.legged_robot import LeggedRobot as LeggedRobot
 from .programs.program import Program as Program
 from .results.record.state import State as State
 from .results.result import SimulationResult as SimulationResult
+from .simulation import Runner as Runner
 from .simulation import simulate as simulate
+from .simulation import simulate_diagram as simulate_diagram
 from .stations.config import StationConfig as StationConfig
 from .stations.load import load_station as load_station
 from .stations.load import station_names as station_names

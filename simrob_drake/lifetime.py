@@ -18,6 +18,7 @@ import gc
 import sys
 import weakref
 from collections.abc import Callable, Iterable
+from time import monotonic
 from typing import ParamSpec, TypeVar
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
@@ -29,7 +30,9 @@ _PEERS = "_pydrake_internal_ref_cycle_peers"
 """Where Drake keeps what must live as long as an object: ports, callbacks of events, builders."""
 
 _FEW = 4
-"""Diagrams that may wait to be collected, of about 2 MB each; a collection takes less time than building one."""
+"""Diagrams that may wait to be collected, of about 2 MB each."""
+_PAUSE = 4
+"""Times as long as a collection took the next one waits: it is quick in a small process, and slow in a large one."""
 
 
 def release(builder: DiagramBuilder, diagram: Diagram) -> None:
@@ -76,12 +79,16 @@ class _Collector:
     def __init__(self) -> None:
         self._living: weakref.WeakSet[Diagram] = weakref.WeakSet()
         self._bound = _FEW
+        self._not_before = 0.0
 
     def watch(self, diagram: Diagram) -> None:
         """Count a diagram, and collect once there are a few more than the last collection left."""
         self._living.add(diagram)
-        if len(self._living) > self._bound and gc.isenabled():
+        began = monotonic()
+        if len(self._living) > self._bound and began >= self._not_before and gc.isenabled():
             gc.collect()
+            ended = monotonic()
+            self._not_before = ended + _PAUSE * (ended - began)
             self._bound = len(self._living) + _FEW
 
 

@@ -11,8 +11,10 @@ from typing import Any, Literal, Protocol
 
 from simrob_drake.frames import Vector
 
-Role = Literal["reference", "motion", "effort", "pose", "force", "moment", "distance", "inertial", "own"]
-"""What a signal is to a robot: what it is asked, how it moves, what drives it, where it is, what acts on it."""
+Role = Literal[
+    "reference", "motion", "effort", "pose", "force", "moment", "applied", "estimate", "distance", "inertial", "own"
+]
+"""What a signal is: what a robot is asked, how it moves, what drives it, where it is, what is felt or applied."""
 
 
 @dataclass(frozen=True)

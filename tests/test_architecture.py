@@ -16,6 +16,7 @@ ROAD = [
     "robots",
     "importer",
     "blocks",
+    "parts",
     "stations",
     "results",
     "simulation",

@@ -17,7 +17,7 @@ def peak():  # of the memory of this process [MB]
 
 config = load_station(sys.argv[1], {"duration": 0.2})
 for _ in range(10):
-    simulate(config, progress=False)
+    result = simulate(config, progress=False)  # kept, as below: the last run's diagrams live beside the next one's
 before = peak()
 for _ in range(30):
     result = simulate(config, progress=False)

@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.report import KINDS, ImportReport, Kind
+from simrob_drake.importer.report import DEEDS, Deed, ImportReport
 from simrob_drake.results.overview import table_of
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
@@ -85,10 +85,10 @@ def robot_table(robot: RobotModel) -> Table:
 def report_table(report: ImportReport) -> Table:
     """Return what an import did, a row for each deed; elements to which the same was done share a row."""
     table = Table("", "element", "what was done", box=None, pad_edge=False)
-    elements: dict[tuple[Kind, str], list[str]] = {}
+    elements: dict[tuple[Deed, str], list[str]] = {}
     for entry in report.entries:
         elements.setdefault((entry.kind, entry.text), []).append(entry.element)
-    for kind in KINDS:
+    for kind in DEEDS:
         for (of_kind, text), names in elements.items():
             if of_kind == kind:
                 table.add_row(Text(kind, _COLOURS[kind]), Text(_listed(names)), Text(text))

@@ -12,9 +12,15 @@ from simrob_drake.kinematics.closed_form import BRANCHES, ELBOWS, SHOULDERS, WRI
 from simrob_drake.kinematics.least_squares import fit_postures, within
 from simrob_drake.kinematics.poses import Targets, pose_errors, pose_matrices
 from simrob_drake.kinematics.screws import Indices
-from simrob_drake.kinematics.solver import POSITION_TOLERANCE, ROTATION_TOLERANCE, Solutions, Solver
+from simrob_drake.kinematics.solver import (
+    POSITION_TOLERANCE,
+    ROTATION_TOLERANCE,
+    TURN,
+    Solutions,
+    Solver,
+    nearest_turns,
+)
 from simrob_drake.kinematics.spherical_arm import SphericalArm
-from simrob_drake.kinematics.turns import TURN, nearest_turns
 
 _ROUNDING = 1e-9  # m or rad
 _EXACT = 1e-10  # m or rad: errors above it come from figures that are rounded, and are polished away

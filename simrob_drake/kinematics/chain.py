@@ -18,7 +18,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.kinematics.errors import UnsupportedChain
 from simrob_drake.kinematics.poses import Targets, pose_matrices
 from simrob_drake.kinematics.screws import Screws, skew
-from simrob_drake.kinematics.tree import joints_between
+from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
@@ -26,19 +26,14 @@ from simrob_drake.robots.urdf import with_absolute_meshes
 
 @dataclass(frozen=True, eq=False)
 class ChainInPlant:
-    """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive.
-
-    Attributes:
-        joints: one an axis, positive in the sense of ``signs``.
-        tcp: pose of the tool centre point in the frame ``tool``, shape (4, 4).
-    """
+    """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive."""
 
     plant: MultibodyPlant
-    joints: tuple[Joint, ...]
-    signs: Vector
+    joints: tuple[Joint, ...]  # one an axis
+    axes: AxisMap  # where they stand in the plant, and their senses
     base: Frame
     tool: Frame
-    tcp: Vector
+    tcp: Vector  # pose of the tool centre point in the frame ``tool``, shape (4, 4)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,9 +99,6 @@ class Chain(Screws):
             UnsupportedChain: the frames move against each other by a joint that is not listed, or of another type.
             InvalidParameter: signs or names that are not one a joint.
         """
-        senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
-        if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():
-            raise InvalidParameter("signs", signs, f"{len(joints)} numbers 1 or -1, one a joint")
         labels = tuple(joint.name() for joint in joints) if names is None else tuple(names)
         if len(labels) != len(joints) or len(set(labels)) != len(labels):
             raise InvalidParameter("names", names, f"{len(joints)} different names, one a joint")
@@ -116,23 +108,25 @@ class Chain(Screws):
                 raise UnsupportedChain(
                     f"{name} is a {joint.type_name()} joint; chains take revolute and prismatic ones"
                 )
-        context = at_zero(plant, joints)
+        in_plant = AxisMap.of_joints(plant, joints, signs)
+        context = plant.CreateDefaultContext()
+        in_plant.set_positions(plant, context, np.zeros(len(joints)))
         axes, points = axes_and_points(context, joints, base)
         along = np.ones(len(joints))
         for axis, sense in way:
             along[axis] = sense
         limits = [(joint.position_lower_limit(), joint.position_upper_limit()) for joint in joints]
-        bounds = np.sort(senses[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
+        bounds = np.sort(in_plant.signs[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
         return cls(
             names=labels,
-            axes=(senses * along)[:, np.newaxis] * axes,
+            axes=(in_plant.signs * along)[:, np.newaxis] * axes,
             points=points,
             revolute=np.array([isinstance(joint, RevoluteJoint) for joint in joints], dtype=bool),
             order=tuple(axis for axis, _ in way),
             lower=bounds[:, 0],
             upper=bounds[:, 1],
             home=tool.CalcPose(context, base).GetAsMatrix4(),
-            in_plant=ChainInPlant(plant, tuple(joints), senses, base, tool, np.eye(4)),
+            in_plant=ChainInPlant(plant, tuple(joints), in_plant, base, tool, np.eye(4)),
         )
 
     def with_tool(self, pose: Targets) -> Chain:
@@ -217,15 +211,6 @@ def held_robot(model: RobotModel) -> tuple[MultibodyPlant, Frame]:
     return plant, root
 
 
-def at_zero(plant: MultibodyPlant, joints: Sequence[Joint]) -> Context:
-    """Return a context of a plant in which some joints are at zero."""
-    context = plant.CreateDefaultContext()
-    positions = plant.GetPositions(context)
-    positions[[joint.position_start() for joint in joints]] = 0.0
-    plant.SetPositions(context, positions)
-    return context
-
-
 def axes_and_points(context: Context, joints: Sequence[Joint], base: Frame) -> tuple[Vector, Vector]:
     """Return the axes of joints, and a point on each, in a frame, both of shape (n, 3)."""
     places = [joint.frame_on_parent().CalcPose(context, base) for joint in joints]
@@ -245,3 +230,34 @@ def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tup
     if missing:
         raise UnsupportedChain(f"the tool moves also by {', '.join(missing)}, which no axis of the robot drives")
     return [(places[joint.index()], sense) for joint, sense in way]
+
+
+def joints_between(plant: MultibodyPlant, base: Frame, tool: Frame) -> list[tuple[Joint, float]]:
+    """Return the joints that can move ``tool`` against ``base``, in order from the base.
+
+    Args:
+        plant: finalized.
+        base: where the way begins.
+        tool: where it ends, on the same branch of the tree or another.
+
+    Returns:
+        each joint with 1 where the way leads outward through it, or -1 where it leads back towards the world.
+    """
+    inboard = {}
+    for index in plant.GetJointIndices():
+        joint = plant.get_joint(index)
+        inboard[joint.child_body().index()] = joint
+    back, out = _to_world(inboard, base), _to_world(inboard, tool)
+    while back and out and back[-1].index() == out[-1].index():  # what carries both does not count
+        back.pop()
+        out.pop()
+    way = [(joint, -1.0) for joint in back] + [(joint, 1.0) for joint in reversed(out)]
+    return [(joint, sense) for joint, sense in way if joint.num_positions() > 0]
+
+
+def _to_world(inboard: dict[int, Joint], frame: Frame) -> list[Joint]:
+    joints, body = [], frame.body()
+    while body.index() in inboard:
+        joints.append(inboard[body.index()])
+        body = joints[-1].parent_body()
+    return joints

@@ -132,30 +132,26 @@ class _Program:
         self._ik = InverseKinematics(place.plant)
         self._prog: MathematicalProgram = self._ik.prog()
         self._setting = Setting(chain, self._ik.context())
-        self._columns = np.array([joint.position_start() for joint in place.joints])
+        self._axes = place.axes
         self._rest = place.plant.GetPositions(place.plant.CreateDefaultContext())
         q = self._ik.q()
-        others = np.setdiff1d(np.arange(len(q)), self._columns)
+        others = np.setdiff1d(np.arange(len(q)), place.axes.position_places)
         if others.size:
             self._prog.AddBoundingBoxConstraint(self._rest[others], self._rest[others], q[others])
-        own = q[self._columns]
-        self._prog.AddQuadraticErrorCost(nearness * np.eye(chain.size), place.signs * start, own)
+        own = q[place.axes.position_places]
+        self._prog.AddQuadraticErrorCost(nearness * np.eye(chain.size), place.axes.signs * start, own)
 
     def solve(self, guess: Vector) -> Vector:
         """Return the positions (n,) that the solver finds from a guess."""
         options = SolverOptions()
         options.SetOption(SnoptSolver.id(), "Major feasibility tolerance", _FEASIBLE)
         options.SetOption(IpoptSolver.id(), "constr_viol_tol", _FEASIBLE)
-        full = self._rest.copy()
-        full[self._columns] = self._chain.in_plant.signs * guess
-        result = Solve(self._prog, full, options)
-        found: Vector = self._chain.in_plant.signs * result.GetSolution(self._ik.q())[self._columns]
-        return found
+        result = Solve(self._prog, self._axes.spread_positions(guess, self._rest), options)
+        return self._axes.positions(result.GetSolution(self._ik.q()))
 
     def missed(self, found: Vector) -> list[tuple[str, float]]:
         """Return the constraints that the last solution misses, and by how much."""
-        full = self._rest.copy()
-        full[self._columns] = self._chain.in_plant.signs * found
+        full = self._axes.spread_positions(found, self._rest)
         missed = []
         for binding in self._prog.GetAllConstraints():
             evaluator = binding.evaluator()
@@ -198,7 +194,7 @@ class _Program:
         constraint = goal.constraint(self._setting)
         q = self._ik.q()
         if isinstance(goal, JointBounds):
-            q = q[self._columns[[self._chain.axis_index(goal.axis)]]]
+            q = q[self._axes.position_places[[self._chain.axis_index(goal.axis)]]]
         weights = goal.weights(constraint.num_constraints())
         if weights is not None:
             self._prog.AddCost(_wish(constraint, weights), vars=q)

@@ -179,7 +179,7 @@ class JointBounds(Goal):
     def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the position of that axis alone."""
         place = setting.chain.in_plant
-        sign = place.signs[setting.chain.axis_index(self.axis)]
+        sign = place.axes.signs[setting.chain.axis_index(self.axis)]
         lower, upper = _bounds(f"JointBounds of {self.axis}", [self.lower], [self.upper], 1)
         ends = np.sort(np.concatenate([sign * lower, sign * upper]))
         return BoundingBoxConstraint(ends[:1], ends[1:])

@@ -17,9 +17,9 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.kinematics.chain import Chain, at_zero, axes_and_points, held_robot
+from simrob_drake.kinematics.chain import Chain, axes_and_points, held_robot, joints_between
 from simrob_drake.kinematics.screws import Screws
-from simrob_drake.kinematics.tree import joints_between
+from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot
 
 
@@ -102,14 +102,16 @@ def skeleton(model: RobotModel) -> Skeleton:
         raise InvalidParameter(f"robot {model.name}", f"with the joints {', '.join(odd)}", wanted)
     paths = [[names.index(on.name()) for on, _ in joints_between(plant, root, j.frame_on_child())] for j in joints]
     order = sorted(range(len(joints)), key=lambda axis: len(paths[axis]))
-    context = at_zero(plant, joints)
+    own = AxisMap.of_joints(plant, joints, [axis.sign for axis in model.axes.values()])
+    context = plant.CreateDefaultContext()
+    own.set_positions(plant, context, np.zeros(len(joints)))
     axes, points = axes_and_points(context, joints, root)
     bodies = [root.body(), *(joints[axis].child_body() for axis in order)]
     place = {body.index(): number for number, body in enumerate(bodies)}
     frames = [plant.get_frame(index) for index in plant.GetFrameIndices(root.model_instance())]
     return Skeleton(
         model=model,
-        axes=np.array([[float(axis.sign)] for axis in model.axes.values()]) * axes,
+        axes=own.signs[:, np.newaxis] * axes,
         points=points,
         revolute=np.ones(len(joints), dtype=bool),
         order=tuple(order),

@@ -1,4 +1,4 @@
-"""What all solvers of inverse kinematics have in common: how they are asked, and what they give back."""
+"""What solvers of inverse kinematics have in common: how they are asked, what they give back, and why there is none."""
 
 from __future__ import annotations
 
@@ -18,6 +18,11 @@ from simrob_drake.kinematics.poses import Targets, pose_matrices
 
 POSITION_TOLERANCE = 1e-6  # m: a tenth of the repeatability of a small arm, and fine enough for smooth paths
 ROTATION_TOLERANCE = 1e-5  # rad
+TURN = 2.0 * np.pi
+_SLACK = 1e-9  # rad beyond a limit that is rounding, and clipped
+_AT_LIMIT = 1e-9  # rad or m
+_SINGULAR = 0.02  # smallest singular value of the Jacobian [m, rad], as where damping begins
+_PUSH = 1e-3  # share of the error that must press a joint against its limit to count
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,3 +177,69 @@ class Solver(ABC):
     @abstractmethod
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Solve targets (k, 4, 4), each from its own start (k, n)."""
+
+
+def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[Vector, Vector]:
+    """Turn revolute joints by whole turns, into their limits and as near to a reference as these allow.
+
+    Args:
+        chain: whose limits count.
+        positions: shape (..., n).
+        reference: shape (..., n), such as the current posture.
+
+    Returns:
+        the positions, within the limits or as near to them as whole turns come, and how far each then lies beyond a
+        limit (0 within), both of shape (..., n).
+    """
+    lower, upper = chain.lower - _SLACK, chain.upper + _SLACK
+    turns = np.where(chain.revolute, TURN, 0.0)
+    near = positions - turns * np.round((positions - reference) / TURN)
+    down = near - turns * np.ceil(np.maximum(near - upper, 0.0) / TURN)
+    up = near + turns * np.ceil(np.maximum(lower - near, 0.0) / TURN)
+    best = np.where(near > upper, down, up)
+    other = np.where(near > upper, near, down)  # the last turn on the far side, for limits less than a turn apart
+    beyond, other_beyond = _beyond(chain, best), _beyond(chain, other)
+    swap = other_beyond < beyond
+    best = np.where(swap, other, best)
+    beyond = np.where(swap, other_beyond, beyond)
+    return np.where(beyond > 0.0, best, np.clip(best, chain.lower, chain.upper)), beyond
+
+
+def _beyond(chain: Chain, positions: Vector) -> Vector:
+    over = np.maximum(positions - chain.upper, chain.lower - positions)
+    return np.where(over > _SLACK, over, 0.0)
+
+
+def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, weights: Vector) -> str:
+    """Tell why no step from a posture leads nearer to a target.
+
+    Args:
+        chain: that is to reach it.
+        target: shape (4, 4).
+        posture: the best found, shape (n,).
+        error: from there to the target, shape (6,) [m, rad] about x, y, z of the base; 0 where nothing is asked.
+        weights: of its parts, shape (6,).
+
+    Returns:
+        "out of reach ...", "joint limit ...", "singular posture ..." or "no solution found ...".
+    """
+    if chain.order and error[:3].any():
+        first = chain.order[0]
+        away = float(np.linalg.norm(target[:3, 3] - chain.points[first]))
+        if away > chain.reach:
+            return (
+                f"out of reach: it lies {away:.3g} m from {chain.names[first]}, and the arm is {chain.reach:.3g} m long"
+            )
+    jacobian = chain.jacobian(posture)[0]
+    push = jacobian.T @ (weights * error)
+    strong = np.abs(push) > _PUSH * np.linalg.norm(weights * error)
+    for held, limits, side in (
+        ((posture <= chain.lower + _AT_LIMIT) & (push < 0) & strong, chain.lower, "lower"),
+        ((posture >= chain.upper - _AT_LIMIT) & (push > 0) & strong, chain.upper, "upper"),
+    ):
+        for axis in np.flatnonzero(held):
+            return f"joint limit: {chain.names[axis]} stands at its {side} limit {limits[axis]:.4g}"
+    rows = jacobian[weights > 0][:, list(chain.order)]
+    if rows.size and np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
+        return "singular posture: the arm is stretched or folded there and cannot move the way that is left"
+    return "no solution found from this start"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -12,10 +12,10 @@ from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
-from simrob_drake.blocks.monitor import Monitor
+from simrob_drake.blocks.monitor import Trigger
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
@@ -24,8 +24,8 @@ from simrob_drake.quantities import Pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
-from simrob_drake.robots.pieces import PieceModel
-from simrob_drake.signals import Panel, Signal
+from simrob_drake.robots.pieces import TCP, PieceModel
+from simrob_drake.signals import Signal
 
 WORLD = "world"
 
@@ -85,7 +85,7 @@ class ResolvedRobot:
     @property
     def tool_names(self) -> list[str]:
         """The names of the tools, of carried pieces and, with an offset, of the tool centre point itself."""
-        return list(dict.fromkeys([*self.tool_frames, *([self.tcp] if self.tcp else [])]))
+        return [*self.tool_frames, *([TCP] if self.tcp and self.tcp_offset is not None else [])]
 
 
 @dataclass(frozen=True)
@@ -228,13 +228,13 @@ class Site:
             ``piece_pose.<piece>`` (7), ``piece_velocity.<piece>`` (6), ``force.<sensor>`` (3) ...
         of_state: how the plant's state gives an output without its port, by the output's name.
         signals: what the outputs are, in the order of the columns of a result.
-        monitors: the monitors by name.
-        watched: by monitor, in the order of its ports, the outputs that it watches.
+        monitors: when they end a run, by name; their conditions watch the outputs.
         notes: how a part was made, in words, by its name.
         edges: times at which a run must end a step: corners of references, edges of pushes [s].
         spatial_forces: what acts on the plant from outside, to be gathered into its port.
         drawn: by the name of a system, or the part of it before a dot, the block of the picture that it belongs to;
             None for wiring.
+        blocks: controllers and others of the user's own, by name.
     """
 
     station: Surroundings
@@ -244,12 +244,12 @@ class Site:
     outputs: dict[str, OutputPort] = field(default_factory=dict)
     of_state: dict[str, FromState] = field(default_factory=dict)
     signals: list[Signal] = field(default_factory=list)
-    monitors: dict[str, Monitor] = field(default_factory=dict)
-    watched: dict[str, list[str]] = field(default_factory=dict)
+    monitors: dict[str, Trigger] = field(default_factory=dict)
     notes: dict[str, dict[str, str]] = field(default_factory=dict)
     edges: list[float] = field(default_factory=list)
     spatial_forces: list[OutputPort] = field(default_factory=list)
     drawn: dict[str, Drawn | None] = field(default_factory=dict)
+    blocks: dict[str, LeafSystem] = field(default_factory=dict)
 
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
         """Add an output with what it is."""
@@ -277,7 +277,3 @@ class Site:
     def robot(self, name: str | None) -> StationRobot:
         """Return a robot by its name, or the only one."""
         return self.plant.robots[named(name, list(self.plant.robots))]
-
-    def panels(self) -> Iterator[Panel]:
-        """Yield the plot panels that signals declare."""
-        return (signal.panel for signal in self.signals if signal.panel is not None)

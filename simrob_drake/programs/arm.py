@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform, poses_from_matrices
+from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
@@ -18,7 +18,7 @@ from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.ongoing import OngoingStation
 from simrob_drake.programs.plan import How
 from simrob_drake.programs.planner import Planner
-from simrob_drake.programs.targets import PoseTargets, WorkObject, world_poses
+from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
@@ -142,9 +142,7 @@ class Arm(CellRobot):
         Returns:
             [x y z Rz Ry Rx], shape (6,), or (k, 6) for rows.
         """
-        rows = self.position if q is None else q
-        poses = poses_from_matrices(self.frame(wobj).inverse().GetAsMatrix4() @ self.chain.forward(rows))
-        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
+        return self._poses(self.chain, self.frame(wobj).inverse(), q)
 
     def joint(
         self,
@@ -173,8 +171,7 @@ class Arm(CellRobot):
         turn = chain.forward(self.position)[0, :3, :3]
         targets = world_poses(pose, self.frame(wobj), turn, "pose")
         found = require(solver_for(chain, self.solver if solver is None else solver).solve(targets, begin), "pose")
-        single = isinstance(pose, RigidTransform) or np.shape(pose) in ((3,), (6,), (4, 4))
-        return np.asarray(found[0]) if single else found
+        return np.asarray(found[0]) if is_single(pose) else found
 
     def jacobian(self, q: npt.ArrayLike | None = None) -> Vector:
         """Return what the axes' speeds give of the tool's: shape (6, n), or (k, 6, n) for rows.

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, poses_from_matrices
+from simrob_drake.kinematics.chain import Chain
 from simrob_drake.programs.ongoing import OngoingStation
 
 
@@ -62,6 +67,12 @@ class CellRobot:
     def velocity(self) -> Vector:
         """How fast they move, shape (n,) [rad/s or m/s]."""
         return self.cell.velocity(self.name)
+
+    def _poses(self, chain: Chain, base: RigidTransform, q: npt.ArrayLike | None) -> Vector:
+        """Return where the tool of a chain is, its base being somewhere: pose (6,), or (k, 6) for rows of postures."""
+        rows = self.position if q is None else q
+        poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(rows))
+        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
 
     @property
     def reference(self) -> Vector:

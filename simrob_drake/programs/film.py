@@ -70,7 +70,6 @@ def joined(runs: Sequence[SimulationResult]) -> SimulationResult:
         positions_at=positions_at,
         start=runs[0].start,
         contacts_at=None,
-        panels=tuple(panel for panel in last.panels if set(panel.columns) <= set(names)),
     )
 
 

@@ -91,7 +91,7 @@ class LeggedRobot(LeggedGeometry):
         return [*super()._described(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
 
     def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
-        """JointMove from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
+        """Move from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
 
         Args:
             target_deg: where axes go [deg], by name or alias.
@@ -105,7 +105,7 @@ class LeggedRobot(LeggedGeometry):
         return self._do([move_of(target_deg, duration)])[-1]
 
     def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
-        """JointMove from the last state, and store the move at the end of the program (AddMove).
+        """Move from the last state, and store the move at the end of the program (AddMove).
 
         A run that diverges or in which the robot falls is not stored. Arguments and errors are those of
         :meth:`test_move`.
@@ -150,13 +150,13 @@ class LeggedRobot(LeggedGeometry):
                 how far all joints go.
             gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.
             store: at the end of the program.
-            changes: other figures of the gait to change, such as ``step_time``.
+            changes: other parameters of the gait to change, such as ``step_time``.
 
         Raises:
-            InvalidParameter: a robot without gaits, other feet or another station than the gait needs, or figures that
-                cannot be.
-            UnknownName: no such gait, or no such figure of it; proposes the nearest.
-            InvalidConfig: a figure that cannot be.
+            InvalidParameter: a robot without gaits, other feet or another station than the gait needs, or parameters
+                that cannot be.
+            UnknownName: no such gait, or no such parameter of it; proposes the nearest.
+            InvalidConfig: a parameter that cannot be.
             OutOfReach, JointLimitExceeded: steps that the legs cannot do; tells by how much.
         """
         walk = checked(Walk, steps=steps, amplitude=amplitude, gait=gait, **changes)
@@ -170,7 +170,7 @@ class LeggedRobot(LeggedGeometry):
         Args:
             name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.
             store: at the end of the program.
-            changes: its figures to change, such as ``repeat``, or ``foot`` of ``three_legs``.
+            changes: its parameters to change, such as ``repeat``, or ``foot`` of ``three_legs``.
 
         Raises:
             SimrobError: as :meth:`walk`.
@@ -355,7 +355,7 @@ class LeggedRobot(LeggedGeometry):
             if from_start:
                 self._back_to_start()
             for stage in stages:
-                result = stage.run(self)
+                result = stage(self)
                 if result is not None:
                     runs.append(result)
                     if result.ending != "completed":

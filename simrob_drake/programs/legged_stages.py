@@ -6,10 +6,10 @@ of a program is checked before the first stage runs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
+from itertools import groupby
 
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
@@ -24,46 +24,8 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
 
-
-class Stage(Protocol):
-    """A stage of a program, checked and ready."""
-
-    def run(self, robot: LeggedGeometry) -> SimulationResult | None:
-        """Do it from where the robot is; returns the run, or None if it takes no time."""
-
-
-@dataclass(frozen=True)
-class JointMoves:
-    """Moves of joints, one after the other."""
-
-    moves: tuple[JointMove, ...]
-
-    def run(self, robot: LeggedGeometry) -> SimulationResult:
-        """Run them as one."""
-        reference, duration = joint_reference(robot, self.moves)
-        return robot.cell.follow({robot.name: reference}, duration)
-
-
-@dataclass(frozen=True)
-class Gait:
-    """A walk or an act."""
-
-    motion: JointMotion
-
-    def run(self, robot: LeggedGeometry) -> SimulationResult:
-        """Perform it."""
-        return perform(robot, self.motion)
-
-
-@dataclass(frozen=True)
-class HandOver:
-    """A piece that is taken or let go."""
-
-    move: AttachMove | ReleaseMove
-
-    def run(self, robot: LeggedGeometry) -> None:
-        """Go on with the station in which the piece hangs elsewhere."""
-        robot.cell.change(handed_over(robot.cell.model, robot.name, self.move))
+Stage = Callable[[LeggedGeometry], SimulationResult | None]
+"""A part of a program, checked and ready, that a robot does from where it is; None of one that takes no time."""
 
 
 def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationConfig, file: str = "") -> list[Stage]:
@@ -79,28 +41,38 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationC
         SimrobError: what the robot cannot do; names the move.
     """
     stages: list[Stage] = []
-    for number, move in enumerate(moves):
-        name = move_name(number, len(moves), file)
-        if isinstance(move, JointMove):
-            targets_on(robot.model, move.target_deg, name, move.duration)
-            before = stages[-1] if stages else None
-            if isinstance(before, JointMoves):
-                stages[-1] = JointMoves((*before.moves, move))
-            else:
-                stages.append(JointMoves((move,)))
-            continue
-        with _naming(name if len(moves) > 1 or file else ""):
-            match move:
-                case WalkMove(walk=walk):
-                    figures = walk.model_extra or {}
-                    amplitude = walk.amplitude
-                    stages.append(Gait(planned_gait(robot, walk.gait, figures, steps=walk.steps, amplitude=amplitude)))
-                case ActMove(act=act):
-                    stages.append(Gait(planned_gait(robot, act.name, act.model_extra or {})))
-                case AttachMove() | ReleaseMove():
+    for of_joints, group in groupby(enumerate(moves), lambda entry: isinstance(entry[1], JointMove)):
+        numbered = list(group)
+        if of_joints:
+            stages.append(partial(_move_joints, moves=[move for _, move in numbered]))
+        for number, move in numbered:
+            name = move_name(number, len(moves), file)
+            if isinstance(move, JointMove):
+                targets_on(robot.model, move.target_deg, name, move.duration)
+                continue
+            with _naming(name if len(moves) > 1 or file else ""):
+                if isinstance(move, AttachMove | ReleaseMove):
                     station = handed_over(StationModel(station), robot.name, move)
-                    stages.append(HandOver(move))
+                    stages.append(partial(_hand_over, move=move))
+                else:
+                    stages.append(partial(perform, motion=_planned(robot, move)))
     return stages
+
+
+def _planned(robot: LeggedGeometry, move: WalkMove | ActMove) -> JointMotion:
+    if isinstance(move, ActMove):
+        return planned_gait(robot, move.act.name, move.act.model_extra or {})
+    walk = move.walk
+    return planned_gait(robot, walk.gait, walk.model_extra or {}, steps=walk.steps, amplitude=walk.amplitude)
+
+
+def _move_joints(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> SimulationResult:
+    reference, duration = joint_reference(robot, moves)
+    return robot.cell.follow({robot.name: reference}, duration)
+
+
+def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove) -> None:
+    robot.cell.change(handed_over(robot.cell.model, robot.name, move))
 
 
 def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Reference, float]:

@@ -132,10 +132,9 @@ class StationModel(PosedStation):
         own, plant = self.robots[robot], self.plant
         self.place_robots({robot: position})
         axes = own.axis_map
-        v, vdot = (axes.spread_velocities(np.broadcast_to(each, position.shape)) for each in (velocity, acceleration))
-        plant.SetVelocities(self._context, v)
+        plant.SetVelocities(self._context, axes.spread_velocities(velocity))
         forces = MultibodyForces(plant)
         plant.CalcForceElementsContribution(self._context, forces)
-        torque = plant.CalcInverseDynamics(self._context, vdot, forces)
+        torque = plant.CalcInverseDynamics(self._context, axes.spread_velocities(acceleration), forces)
         plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
         return axes.efforts(torque)

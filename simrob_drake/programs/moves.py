@@ -29,7 +29,7 @@ _EXPECTED = {
     "duration": "a positive time [s]",
     "target_deg": "a mapping of at least one axis to degrees",
     "steps": "a whole number",
-    "amplitude": "a finite number; 1 walks as the gait's figures say",
+    "amplitude": "a finite number; 1 walks as the gait's parameters say",
 }
 
 MOVE_TIME = 1.0
@@ -56,7 +56,7 @@ class Cell(Strict):
 
 
 class _Brief(Strict):
-    """What is written without the figures that are as they would be anyway."""
+    """What is written without the values that are as they would be anyway."""
 
     @model_serializer(mode="wrap")
     def _brief(self, handler: SerializerFunctionWrapHandler) -> Any:
@@ -82,7 +82,7 @@ class _Named(_Brief):
 
 
 class Walk(_Brief):
-    """Steps by a gait; further keys are figures of the gait in place of its own."""
+    """Steps by a gait; further keys are parameters of the gait in place of its own."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -95,7 +95,7 @@ class Walk(_Brief):
 
 
 class Act(_Named):
-    """Postures one after the other, or standing on three legs; further keys are figures in place of the act's own."""
+    """Postures one after the other, or a stand on three legs; further keys are parameters in place of the act's own."""
 
     model_config = ConfigDict(extra="allow")
 

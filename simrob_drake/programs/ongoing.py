@@ -24,7 +24,7 @@ from simrob_drake.programs.trajectories import Stretch, rest, trajectory
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation import Reference, simulate
+from simrob_drake.simulation import Reference, Runner
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import StationLike, config_of
@@ -166,8 +166,7 @@ class OngoingStation:
         """
         still = [robot for robot in self.config.robots if robot not in references]
         held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
-        result = simulate(
-            self.config,
+        result = self._runner.run(
             reference={**held, **references},
             duration=duration,
             start=self.state,
@@ -215,7 +214,8 @@ class OngoingStation:
             raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
         model = StationModel(config)  # if it cannot be built, all stays as it was
         self.config, self._model = config, model
-        self.__dict__.pop("_collision_model", None)
+        for made in ("_collision_model", "_runner"):
+            self.__dict__.pop(made, None)
         if self._window:
             self._window.draw(config, self._shown_state())
 
@@ -254,10 +254,14 @@ class OngoingStation:
             self._window = None
 
     def _shown_state(self) -> State:
-        def of_all(figure: Callable[[str], Vector]) -> dict[str, Vector]:
-            return {robot: figure(robot) for robot in self.config.robots}
+        def of_all(value: Callable[[str], Vector]) -> dict[str, Vector]:
+            return {robot: value(robot) for robot in self.config.robots}
 
         return self.state or State(of_all(self.position), of_all(self.velocity), of_all(self.reference))
+
+    @cached_property
+    def _runner(self) -> Runner:
+        return Runner(self.config)
 
     @cached_property
     def _collision_model(self) -> StationModel:

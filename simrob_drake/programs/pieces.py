@@ -9,7 +9,7 @@ from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.model import StationModel
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.resolve import carriers_of
 
 
 def reparented(
@@ -61,13 +61,13 @@ def _mount_pose(model: StationModel, parent: str, frame: str | None) -> RigidTra
 
 def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationConfig:
     """Let the robot that took a piece use its tool centre point, and one that gave its tool away what carried it."""
-    old, changed, robots = model.resolved.pieces, resolve(new).pieces, dict(new.robots)
-    giver, taker = old[piece].carrier, changed[piece].carrier
+    old, carriers, robots = model.resolved.pieces, carriers_of(new), dict(new.robots)
+    giver, taker = old[piece].carrier, carriers[piece]
     if giver == taker:
         return new
     if giver in robots:
         tool = model.tool_in_use(giver)
-        if tool in changed and changed[tool].carrier != giver:
+        if carriers.get(tool, giver) != giver:
             before = old[piece].parent
             flange = model.config.pieces[piece].frame or next(iter(model.robots[giver].model.tools), None)
             changes = {"tcp": before if before in new.pieces else flange, "tcp_offset": None}

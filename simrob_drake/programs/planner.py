@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Unpack, get_args
 
@@ -13,7 +14,8 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.interpolation import Arc, line, stacked, turn
+from simrob_drake.interpolation import Arc, stacked, turn
+from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
@@ -36,24 +38,15 @@ class Planner:
 
     All moves begin at rest where the robot's reference is, and rest at their end; of several targets they rest at each,
     but for those of :meth:`move_abs_j` and :meth:`move_j`, which pass through smoothly unless ``stop`` is set.
-
-    Attributes:
-        robot: its name.
-        chain: from the world to the tool.
-        start: the posture from which the move begins, shape (n,) [rad or m].
-        solver: of moves that name none.
-        speed_limits: of the axes, shape (n,) [rad/s or m/s].
-        frame: gives the pose of a work object in the world.
-        collide: raises where a plan leads into something.
     """
 
-    robot: str
-    chain: Chain
-    start: Vector
-    solver: SolverLike
-    speed_limits: Vector
-    frame: Callable[[WorkObject], RigidTransform]
-    collide: Callable[[Plan], None]
+    robot: str  # its name
+    chain: Chain  # from the world to the tool
+    start: Vector  # the posture from which the move begins, shape (n,) [rad or m]
+    solver: SolverLike  # of moves that name none
+    speed_limits: Vector  # of the axes, shape (n,) [rad/s or m/s]
+    frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
+    collide: Callable[[Plan], None]  # raises where a plan leads into something
 
     def move_abs_j(self, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
         """Plan a move to one posture (n,) or through many (k, n) [rad or m].
@@ -207,18 +200,13 @@ class Planner:
 
 def _line_between(begin: Vector, end: Vector) -> _Way:
     """Return the straight way between two poses (4, 4)."""
-    first, last = begin[:3, 3], end[:3, 3]
-    return _turning(begin, end, lambda parts: line(first, last, parts)), float(np.linalg.norm(last - first))
+    return partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
 
 
 def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> _Way:
     """Return the way on an arc from a pose (4, 4) through a place (3,) to a pose."""
     arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
-    return _turning(begin, end, arc.points), arc.length
-
-
-def _turning(begin: Vector, end: Vector, places: Callable[[Vector], Vector]) -> Callable[[Vector], Vector]:
-    return lambda parts: stacked(places(parts), turn(begin[:3, :3], end[:3, :3], parts))
+    return lambda parts: stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts)), arc.length
 
 
 def _hint(chain: Chain, rows: Vector) -> str:

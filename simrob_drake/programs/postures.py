@@ -29,7 +29,7 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
         InvalidParameter: an axis under two names.
         JointLimitExceeded: a target beyond an axis' limits; tells by how much.
     """
-    names, units, slides = list(model.axes), model.user_units, model.slides
+    names, units, slides = list(model.axes), model.user_units, model.prismatic
     lower, upper = model.axis_limits
     found: dict[int, float] = {}
     for axis, value in target_deg.items():

@@ -49,8 +49,9 @@ def save_result(
     if video:
         frame_writer()
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
-        _write_summary(result, work / SUMMARY)
-        _write_signals(result, work / "signals.csv")
+        summary = json.dumps(summary_of(result), indent=2, ensure_ascii=False)
+        (work / SUMMARY).write_text(summary + "\n", encoding="utf-8")
+        write_table(work / "signals.csv", result.names, result.times, result.values)
         config = with_tables(result, work)
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
@@ -66,11 +67,3 @@ def save_result(
         if video:
             save_video(result, work / "video.mp4")
     return folder
-
-
-def _write_summary(result: RecordedRun, file: Path) -> None:
-    file.write_text(json.dumps(summary_of(result), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
-def _write_signals(result: RecordedRun, file: Path) -> None:
-    write_table(file, result.names, result.times, result.values)

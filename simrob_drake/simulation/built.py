@@ -3,51 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import TrajectorySource
-from pydrake.trajectories import Trajectory
+from pydrake.systems.framework import LeafSystem
 
-from simrob_drake.blocks.references import Course, ReferenceSource, SineCourse, corner_times
-from simrob_drake.errors import SimrobError
-from simrob_drake.lifetime import built
+from simrob_drake.blocks.references import Course, SineCourse, corner_times
 from simrob_drake.parts.controllers.own import DRIVABLE, driven_inputs
-from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.parts.forces.push import Push
-from simrob_drake.stations.closed import add_closed_station
-from simrob_drake.stations.ports import StationPorts
+from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.resolve import ResolvedStation
-
-
-@dataclass(frozen=True)
-class Built:
-    """A diagram that holds a station whose inputs all have sources.
-
-    Attributes:
-        diagram: that is run.
-        ports: of the station.
-        sources: of the references that are played, by robot.
-    """
-
-    diagram: Diagram
-    ports: StationPorts
-    sources: Mapping[str, ReferenceSource]
-
-    def play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
-        """Let the sources give other references and pushes."""
-        for robot, source in self.sources.items():
-            course = courses[robot]
-            if source.player is not None and isinstance(course, Trajectory):
-                source.player.UpdateTrajectory(course)
-        for name, force in forces.items():
-            place = f"force.{name}.source"
-            if isinstance(force, Push) and self.diagram.HasSubsystemNamed(place):
-                source = self.diagram.GetSubsystemByName(place)
-                assert isinstance(source, TrajectorySource)
-                source.UpdateTrajectory(force.course())
 
 
 class StationDiagrams:
@@ -92,7 +57,7 @@ class StationDiagrams:
         corners = {time for course in asked for time in corner_times(course)}
         return sorted(corners | {edge for force in self.forces.values() for edge in force.edges})
 
-    def stepped(self, time: float) -> Built:
+    def stepped(self, time: float) -> ClosedStation:
         """Return the diagram to be stepped from a time on [s], up to the next edge."""
         if self._blocks:
             return self.whole
@@ -103,17 +68,17 @@ class StationDiagrams:
         return self._lean
 
     @cached_property
-    def whole(self) -> Built:
+    def whole(self) -> ClosedStation:
         """The diagram with everything but monitors."""
         return self._built(sensors=list(self._station.sensors))
 
     @cached_property
-    def _lean(self) -> Built:
+    def _lean(self) -> ClosedStation:
         """The diagram without sensors that only report."""
         return self.whole if len(self._stepped_sensors) == len(self._station.sensors) else self._built()
 
     @cached_property
-    def _unpushed(self) -> Built:
+    def _unpushed(self) -> ClosedStation:
         """The diagram without forces, too."""
         return self._built(forces=False)
 
@@ -121,29 +86,10 @@ class StationDiagrams:
     def _stepped_sensors(self) -> list[str]:
         return [name for name, sensor in self._station.sensors.items() if sensor.stepped]
 
-    def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> Built:
-        builder = DiagramBuilder()
+    def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> ClosedStation:
         kept = self._stepped_sensors if sensors is None else sensors
-        closed = add_closed_station(
-            builder,
-            self._station,
-            self.courses,
-            sensors=kept,
-            forces=forces,
-            monitors=False,
-            blocks=self._blocks,
-        )
-        try:
-            diagram = built(builder)
-        except RuntimeError as problem:
-            if not self._blocks:
-                raise
-            used = "been built into a different Diagram" in str(problem)
-            told = "a block serves one diagram; make it anew" if used else "signals must not go around in a circle"
-            raise SimrobError(
-                f"the blocks {', '.join(self._blocks)} cannot be wired so; {told} ({problem})"
-            ) from problem
-        return Built(diagram, closed.ports, closed.sources)
+        leave = {"forces": forces, "monitors": False}
+        return closed_station(self._station, self.courses, sensors=kept, blocks=self._blocks, **leave)
 
 
 def needed_inputs(blocks: Mapping[str, LeafSystem]) -> list[str]:

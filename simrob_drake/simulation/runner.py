@@ -23,11 +23,11 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.record.stop_time import cut_at_stop
 from simrob_drake.results.record.watch import Watch
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.built import Built, StationDiagrams, needed_inputs
-from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted, watched
+from simrob_drake.simulation.built import StationDiagrams, needed_inputs
+from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
 from simrob_drake.stations.checks import step_findings
-from simrob_drake.stations.closed import check_course, station_courses
+from simrob_drake.stations.closed import ClosedStation, check_course, station_courses
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import check_parts, resolve
@@ -66,8 +66,9 @@ def simulate(
         start: where the station begins, such as the ``final_state`` of another result; time begins at zero all the
             same, and the configuration's references begin where that run's reference ended.
         progress: show a bar on a terminal.
-        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,); it
-            cannot change the run. What it raises goes on to the caller; KeyboardInterrupt ends the run.
+        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
+            a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
+            KeyboardInterrupt ends the run.
 
     Returns:
         the result, also when a monitor ended the run, when the simulation diverged, or when a block failed.
@@ -155,8 +156,7 @@ class Runner:
                 raise SimrobError(told)
             station = self._station
             if config.forces != self.config.forces:
-                forced = station.config.model_copy(update={"forces": config.forces})
-                station = resolve(forced)
+                station = resolve(station.config.model_copy(update={"forces": config.forces}))
                 check_parts(station)
             known = self._diagrams[places] = StationDiagrams(station, courses, self._blocks)
         return known
@@ -188,7 +188,7 @@ def simulate_diagram(
         SimrobError: a solver that cannot run the station where it stands.
     """
     config = with_duration(ports.config, duration)
-    built = Built(diagram, ports, {})
+    built = ClosedStation(diagram, ports)
     names = [
         system.get_name() for system in diagram.GetSystems() if type(system).__module__.split(".")[0] not in _NOT_OWN
     ]
@@ -211,7 +211,7 @@ class _Run:
     """
 
     config: StationConfig
-    whole: Built
+    whole: ClosedStation
     stepper: Stepper
     prepare: Callable[[], None] | None = None
 
@@ -228,8 +228,9 @@ class _Run:
         with progress_bar(f"simulating {self.config.name}", self.config.duration, shown=progress) as show:
             if show is not None:
                 watchers.append(lambda context: show(context.get_time()))
-            sampler = Sampler(self.whole.diagram, self.whole.ports, _NOTHING)
-            recorder, watch = watched(self.whole.ports, sampler, self.stepper.simulator, *watchers)
+            ports = self.whole.ports
+            watch = Watch(ports, Sampler(self.whole.diagram, ports, _NOTHING))
+            recorder = Recorder(self.stepper.simulator, *watchers, look=watch.look if ports.monitors else None)
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
@@ -262,7 +263,7 @@ class _Run:
             sampler.history = asked.history
         if outcome.ending == "monitor":
             outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
-        outcome, times, units, values = self._sampled(sampler, outcome)
+        outcome, times, values = self._sampled(sampler, outcome)
         positions = ports.plant.plant.num_positions()
         has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
         return SimulationResult(
@@ -271,10 +272,9 @@ class _Run:
             ending=outcome.ending,
             stopped_by=outcome.stopped_by,
             message=outcome.message,
-            names=list(units),
-            units=units,
+            names=[name for signal in ports.signals for name in signal.names],
+            signals=tuple(ports.signals),
             notes=ports.notes,
-            panels=tuple(ports.panels()),
             times=times,
             values=values,
             step_times=sampler.history.times,
@@ -291,11 +291,11 @@ class _Run:
             **told,
         )
 
-    def _sampled(self, sampler: Sampler, outcome: Outcome) -> tuple[Outcome, Vector, dict[str, str], Vector]:
-        """Return how the run ended, times, and units and values of the signals up to where a block fails."""
+    def _sampled(self, sampler: Sampler, outcome: Outcome) -> tuple[Outcome, Vector, Vector]:
+        """Return how the run ended, times, and values of the signals up to where a block fails."""
         times = _sample_times(sampler.history.end, self.config.sample_rate)
         try:
-            return outcome, times, *sampled(sampler, self.whole.ports, times)
+            return outcome, times, sampled(sampler, self.whole.ports, times)
         except Exception as problem:
             time = sampler.looked_at.get_time()
             failed = self.stepper.failed(problem, sampler.looked_at, time)

@@ -6,17 +6,15 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from traceback import walk_tb
-from typing import Any
 
 from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, LeafSystem
 
 from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
-from simrob_drake.results.record.signals import Sampler
 from simrob_drake.results.record.watch import Watch
-from simrob_drake.simulation.built import Built
 from simrob_drake.stations.checks import likely_cause
+from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver
 
@@ -37,12 +35,15 @@ class Stepper:
 
     A run is cut at nothing but the edges: a solver's steps end where a call to advance ends, so other pieces would
     change the result.
+
+    Attributes:
+        built: the diagram that is stepped now.
     """
 
     def __init__(
         self,
         config: StationConfig,
-        diagram_at: Callable[[float], Built],
+        diagram_at: Callable[[float], ClosedStation],
         edges: list[float],
         *,
         blocks: Mapping[str, LeafSystem],
@@ -57,13 +58,14 @@ class Stepper:
         """
         self._config, self._diagram_at, self._blocks = config, diagram_at, blocks
         self._edges = [edge for edge in edges if 0 < edge < config.duration] + [config.duration]
-        self._built = diagram_at(0.0)
-        self.simulator = self._simulator(self._built)
+        self.built = diagram_at(0.0)
+        used = {id(built): built for built in map(diagram_at, [0.0, *self._edges[:-1]])}
+        self._simulators = {key: self._simulator(built) for key, built in used.items()}
 
     @property
-    def built(self) -> Built:
-        """The diagram that is stepped now."""
-        return self._built
+    def simulator(self) -> Simulator:
+        """That of the diagram that is stepped now."""
+        return self._simulators[id(self.built)]
 
     def run(self, recorder: Recorder, watch: Watch) -> Outcome:
         """Step to the end, or until something ends the run."""
@@ -116,18 +118,17 @@ class Stepper:
         """Go on with the diagram of this stretch, in the state that was reached."""
         context = self.simulator.get_context()
         built = self._diagram_at(context.get_time())
-        if built is self._built:
+        if built is self.built:
             return
-        simulator = self._simulator(built)
-        _copy_state(context, simulator.get_mutable_context())
-        integrator = simulator.get_mutable_integrator()
+        self.built = built
+        _copy_state(context, self.simulator.get_mutable_context())
+        integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
-        simulator.Initialize()
-        self._built, self.simulator = built, simulator
-        recorder.attach(simulator)
+        self.simulator.Initialize()
+        recorder.attach(self.simulator)
 
-    def _simulator(self, built: Built) -> Simulator:
+    def _simulator(self, built: ClosedStation) -> Simulator:
         simulator = Simulator(built.diagram)
         apply_solver(simulator, self._config)
         return simulator
@@ -154,21 +155,13 @@ class Stepper:
 
     def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
         first_sentence = " ".join(str(problem).split()).split(". ")[0].rstrip(".")
-        cause = likely_cause(self._config, self._built.ports.plant)
+        cause = likely_cause(self._config, self.built.ports.plant)
         return Outcome("diverged", DIVERGED, f"diverged at {_time(recorder)}: {first_sentence}; {cause}")
 
 
 def interrupted(recorder: Recorder) -> Outcome:
     """Return the outcome of a run that its user interrupted."""
     return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
-
-
-def watched(
-    site: Any, sampler: Sampler, simulator: Simulator, *watchers: Callable[[Context], None]
-) -> tuple[Recorder, Watch]:
-    """Return a recorder of a simulator, and the watch that asks the station's monitors what it records."""
-    watch = Watch(site, sampler)
-    return Recorder(simulator, *watchers, look=watch.look if site.monitors else None), watch
 
 
 def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:

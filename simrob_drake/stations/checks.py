@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 
 from simrob_drake.blocks.references import Course
 from simrob_drake.frames import Vector
-from simrob_drake.lifetime import built
 from simrob_drake.parts.site import StationPlant, StationRobot
-from simrob_drake.stations.closed import add_closed_station, check_course, course_samples
+from simrob_drake.stations.closed import check_course, closed_station, course_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.ports import StationPorts
@@ -49,9 +48,8 @@ def check_station(config: StationConfig) -> list[Finding]:
     Raises:
         SimrobError: what would keep it from running at all: a reference beyond the limits, an invalid inertia ...
     """
-    builder = DiagramBuilder()
-    closed = add_closed_station(builder, resolve(config))
-    ports, diagram = closed.ports, built(builder)
+    closed = closed_station(resolve(config))
+    ports, diagram = closed.ports, closed.diagram
     for name, course in closed.courses.items():
         check_course(ports.plant.robots[name], course, config.duration)
     findings = [Finding("ok", "references", "all within the joint limits")]

@@ -1,14 +1,14 @@
-"""Close a station: give its inputs sources, so that it can run."""
+"""Close a station: give its inputs sources, and build a diagram that can run."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import (
@@ -20,10 +20,12 @@ from simrob_drake.blocks.references import (
     course_values,
     table,
 )
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import built
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.parts.site import ResolvedRobot, StationRobot
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.station import compose
@@ -34,21 +36,31 @@ _LOOKS = 500
 
 @dataclass(frozen=True)
 class ClosedStation:
-    """A station whose inputs all have sources.
+    """A diagram that holds a station whose inputs all have sources.
 
     Attributes:
+        diagram: that can be run.
         ports: of the station.
         courses: what each robot is asked, by name; those that a block asks are left out.
-        sources: of these, by robot.
+        players: the sources of these courses that are trajectories, by robot.
     """
 
+    diagram: Diagram
     ports: StationPorts
-    courses: dict[str, Course]
-    sources: dict[str, ReferenceSource]
+    courses: Mapping[str, Course] = field(default_factory=dict)
+    players: Mapping[str, TrajectorySource] = field(default_factory=dict)
+
+    def play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
+        """Let the sources give other trajectories and pushes."""
+        for robot, player in self.players.items():
+            player.UpdateTrajectory(courses[robot])
+        for name, force in forces.items():
+            place = f"force.{name}.source"
+            if isinstance(force, Push) and self.diagram.HasSubsystemNamed(place):
+                self.diagram.GetSubsystemByName(place).UpdateTrajectory(force.course())
 
 
-def add_closed_station(
-    builder: DiagramBuilder,
+def closed_station(
     station: ResolvedStation,
     courses: Mapping[str, Course] | None = None,
     *,
@@ -57,45 +69,61 @@ def add_closed_station(
     monitors: bool = True,
     blocks: Mapping[str, LeafSystem] | None = None,
 ) -> ClosedStation:
-    """Add a station with the sources of its references; its other inputs are zero.
+    """Build a station with the sources of its references; its other inputs are zero.
 
     Args:
-        builder: the diagram under construction.
         station: resolved.
         courses: what each robot is asked; as the configuration says unless given.
         sensors: the names of those that are added; all unless given.
         forces: whether those of the configuration act.
         monitors: whether they stand in the diagram.
         blocks: the station's controllers, made, and others of the user's own, by name.
+
+    Raises:
+        SimrobError: blocks that cannot be wired so.
     """
+    builder = DiagramBuilder()
     ports = compose(builder, station, sensors=sensors, forces=forces, monitors=monitors, blocks=blocks)
     given = station_courses(station) if courses is None else courses
-    asked, sources = dict[str, Course](), dict[str, ReferenceSource]()
+    asked, players = dict[str, Course](), dict[str, TrajectorySource]()
     for robot in ports.plant.robots.values():
-        names = [f"{robot.prefix}reference{order}" for order in ("", "_velocity", "_acceleration")]
-        open_ = [name in ports.inputs and not builder.IsConnectedOrExported(ports.inputs[name]) for name in names]
-        if not any(open_):
-            continue
         course = given[robot.name]
-        source = add_course(builder, course, name=f"{robot.prefix}reference_source", derivatives=any(open_[1:]))
-        for name, is_open, port in zip(
-            names, open_, (source.position, source.velocity, source.acceleration), strict=True
-        ):
-            if is_open and port is not None:
-                builder.Connect(port, ports.inputs[name])
-        ports.edges.extend(corner_times(course))
-        sources[robot.name] = source
-        told = station.config.reference_of(robot.name).caption(robot.model)
-        ports.draw(f"{robot.prefix}reference_source", "reference", wrapped(told), robot)
-        if open_[0]:
+        if (source := _add_source(builder, ports, robot, course)) is not None:
             asked[robot.name] = course
+            if source.player is not None:
+                players[robot.name] = source.player
     for name, port in ports.inputs.items():
         if not builder.IsConnectedOrExported(port):
             zero = builder.AddNamedSystem(f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
+            builder.Connect(zero.get_output_port(), port)
             owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
             ports.draw(f"{name}.zero", "reference", "0", owner)
-            builder.Connect(zero.get_output_port(), port)
-    return ClosedStation(ports, asked, sources)
+    try:
+        return ClosedStation(built(builder), ports, asked, players)
+    except RuntimeError as problem:
+        if not ports.blocks:
+            raise
+        used = "been built into a different Diagram" in str(problem)
+        told = "a block serves one diagram; make it anew" if used else "signals must not go around in a circle"
+        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so; {told} ({problem})") from problem
+
+
+def _add_source(
+    builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, course: Course
+) -> ReferenceSource | None:
+    """Add the source of a robot's reference, with what derivatives the station takes; None if a block drives it."""
+    names = [f"{robot.prefix}reference{order}" for order in ("", "_velocity", "_acceleration")]
+    wanted = [name for name in names if name in ports.inputs and not builder.IsConnectedOrExported(ports.inputs[name])]
+    if names[0] not in wanted:
+        return None
+    source = add_course(builder, course, name=f"{names[0]}_source", derivatives=len(wanted) > 1)
+    for name, port in zip(names, (source.position, source.velocity, source.acceleration), strict=True):
+        if name in wanted and port is not None:
+            builder.Connect(port, ports.inputs[name])
+    ports.edges.extend(corner_times(course))
+    told = ports.config.reference_of(robot.name).caption(robot.model)
+    ports.draw(f"{names[0]}_source", "reference", wrapped(told), robot)
+    return source
 
 
 def station_courses(

@@ -18,7 +18,7 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
 
-_STEP = 20.0, 0.05  # how far the first move goes: deg, and m for an axis that slides
+_STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
 _ROOM = 0.4  # and at most this part of the way to the joint's limit
 
 _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
@@ -99,7 +99,7 @@ def _first_move(robot: RobotModel) -> dict[str, Any]:
     home = robot.axis_vector(robot.home_deg, "home_deg")
     lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
     room = np.where(upper - home >= home - lower, upper - home, lower - home)
-    step = np.where(robot.slides, _STEP[1], _STEP[0])
+    step = np.where(robot.prismatic, _STEP[1], _STEP[0])
     target = home + np.sign(room) * np.minimum(step, _ROOM * np.abs(room))
     return {"kind": "move", "target_deg": _by_axis(robot, np.round(target, 4)), "duration": 1.5}
 

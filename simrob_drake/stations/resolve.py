@@ -67,6 +67,7 @@ def check_parts(station: ResolvedStation) -> None:
         sensor.check(f"sensors.{name}", station)
     for name, monitor in config.monitors.items():
         monitor.check(name, station)
+        monitor.condition(name, station)
     for name, force in config.forces.items():
         force.check(f"forces.{name}", station)
 
@@ -168,25 +169,36 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
         UnknownName: a parent that is no robot, no piece and not the world, or a frame that it does not have.
         InvalidParameter: pieces that hang on each other in a circle, or a free one without mass.
     """
-    parents = {piece: _parent(config, piece) for piece in config.pieces}
-    carriers = {WORLD: WORLD, **{robot: robot for robot in config.robots}}
-    models: dict[str, PieceModel] = {}
-    for piece in _outward(config, parents):
-        entry, parent = config.pieces[piece], parents[piece]
+    carriers, models = carriers_of(config), dict[str, PieceModel]()
+    for piece, carrier in carriers.items():
+        entry, parent = config.pieces[piece], _parent(config, piece)
         model = models[piece] = piece_of(entry, piece)
         if entry.free and not (model.mass > 0 and min(model.inertia) > 0):
             expected = "a piece with mass and inertia: gravity and contact move it"
             raise InvalidParameter(f"pieces.{piece}.free", True, expected)
-        carriers[piece] = carriers[parent]
         yield ResolvedPiece(
             name=piece,
             model=model,
             parent=parent,
-            carrier=carriers[parent],
+            carrier=carrier,
             mount=_mount(f"pieces.{piece}.frame", entry.frame, parent, robots, models),
             pose=transform_from_pose(entry.pose),
             free=entry.free,
         )
+
+
+def carriers_of(config: StationConfig) -> dict[str, str]:
+    """Return which robot carries each piece, directly or through others, or ``world``: each after what it hangs on.
+
+    Raises:
+        UnknownName: a parent that is no robot, no piece and not the world.
+        InvalidParameter: pieces that hang on each other in a circle.
+    """
+    parents = {piece: _parent(config, piece) for piece in config.pieces}
+    carriers: dict[str, str] = {}
+    for piece in _outward(config, parents):
+        carriers[piece] = carriers.get(parents[piece], parents[piece])
+    return carriers
 
 
 def _parent(config: StationConfig, piece: str) -> str:

@@ -100,6 +100,7 @@ def compose(
     add_free_pieces(builder, ports)
     for name, sensor in config.sensors.items():
         if sensors is None or name in sensors:
+            ports.notes[name] = {"kind": sensor.kind}
             sensor.wire(builder, ports, name)
     if forces:
         _add_forces(builder, ports)
@@ -107,8 +108,7 @@ def compose(
     made = {name: section.block(f"controllers.{name}") for name, section in config.controllers.items()}
     add_own_blocks(builder, ports, made if blocks is None else blocks)
     for name, monitor in config.monitors.items():
-        robot = None if monitor.robot is None else ports.plant.robots[monitor.robot]
-        add_monitor(builder if monitors else None, ports, name, monitor.made(name, ports), robot)
+        add_monitor(builder if monitors else None, ports, name, monitor, monitor.condition(name, station))
     return ports
 
 
@@ -122,7 +122,7 @@ def _sort_by_robot(ports: StationPorts) -> None:
 
 def _add_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     for name, force in ports.config.forces.items():
-        add_force(builder, ports, name, force, force.source(builder, f"force.{name}"), force.caption())
+        add_force(builder, ports, name, force, force.source(), force.caption())
         ports.edges.extend(force.edges)
 
 

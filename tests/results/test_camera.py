@@ -20,6 +20,7 @@ from simrob_drake.results.animation.pictures import Studio, save_film_strip
 from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.results.animation.scene import Scene
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def walked():
 
 
 def plant_of(name, overrides=None):
-    return add_plant(DiagramBuilder(), load_station(name, overrides))
+    return add_plant(DiagramBuilder(), resolve(load_station(name, overrides)))
 
 
 @pytest.mark.parametrize("robot", ["humanoid", "roid1", "zjudancer", "yobotics"])

@@ -14,8 +14,9 @@ from simrob_drake import load_station, simulate
 from simrob_drake.errors import OutputError
 from simrob_drake.results.plots.files import save_plots
 from simrob_drake.results.plots.joint_plots import side_groups
-from simrob_drake.signals import Panel
+from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +150,7 @@ def test_right_and_left_joints_share_a_panel_and_none_is_lost(standing, drawn):
 
 
 def test_the_sides_of_a_quadruped_are_told_apart_in_front_and_behind():
-    robot = next(iter(add_plant(DiagramBuilder(), load_station("yobotics_dynamic")).robots.values()))
+    robot = next(iter(add_plant(DiagramBuilder(), resolve(load_station("yobotics_dynamic"))).robots.values()))
     found = {group.name: [robot.axes[place] for place in group.places.values()] for group in side_groups(robot)}
     assert found["rear_knee"] == ["rear_right_knee", "rear_left_knee"]
     assert found["front_knee"] == ["front_right_knee", "front_left_knee"]
@@ -248,7 +249,8 @@ def test_many_curves_of_a_panel_are_told_apart(standing, drawn):
         Panel("own", "a block", "drive", "torque [N·m]", columns),
         Panel("own", "a block", "one", "u", columns[:1]),
     )
-    figure = drawn(replace(standing, panels=panels))["own"]
+    signals = tuple(Signal(panel.columns, ("1",) * len(panel.columns), "own", panel=panel) for panel in panels)
+    figure = drawn(replace(standing, signals=signals))["own"]
     assert "a block" in texts(figure)
     lines = figure.axes[0].get_lines()
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(columns) == 18
@@ -262,8 +264,9 @@ def test_many_curves_of_a_panel_are_told_apart(standing, drawn):
 
 def test_a_constant_is_drawn_whatever_its_size(result, drawn):
     constant = changed(result, tau__joint_1=1e6)
-    panels = (Panel("own", "a block", "count", "count", ("tau.joint_1",)),)
-    low, high = drawn(replace(constant, panels=panels))["own"].axes[0].get_ylim()
+    panel = Panel("own", "a block", "count", "count", ("tau.joint_1",))
+    signal = Signal(panel.columns, ("1",), "own", panel=panel)
+    low, high = drawn(replace(constant, signals=(signal,)))["own"].axes[0].get_ylim()
     assert low < 1e6 < high
     assert high - low < 10
 

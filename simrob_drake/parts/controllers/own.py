@@ -131,6 +131,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
         SimrobError: a port that fits nothing.
     """
     driven_inputs(blocks)
+    site.blocks.update(blocks)
     for name, block in blocks.items():
         builder.AddNamedSystem(f"controller.{name}", block)
         site.notes[name] = {"kind": type(block).__name__}

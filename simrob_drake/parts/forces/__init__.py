@@ -10,3 +10,5 @@ from simrob_drake.parts.kinds import named_by_kind
 
 ForceConfig = Annotated[Push | SineForce, Field(discriminator="kind")]
 Forces = Annotated[dict[str, ForceConfig], named_by_kind(ForceConfig)]
+
+__all__ = ["ForceConfig", "Forces", "Push"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from pydrake.multibody.tree import Frame
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.errors import InvalidParameter, UnknownName
@@ -18,8 +18,8 @@ from simrob_drake.yaml_files import Strict
 class ForceSection(Strict):
     """A section of ``forces``: a force on a body over time.
 
-    A kind has its key ``kind``, its ``edges``, and the method ``source(builder, name)``, which adds what gives the
-    force.
+    A kind has its key ``kind``, its ``edges``, and the methods ``source()``, which gives a block whose first output is
+    the force, and ``caption()``, which tells it in words.
     """
 
     at: str | None = None
@@ -43,7 +43,7 @@ class ForceSection(Strict):
 
 
 def add_force(
-    builder: DiagramBuilder, site: Site, name: str, section: ForceSection, source: OutputPort, told: str
+    builder: DiagramBuilder, site: Site, name: str, section: ForceSection, source: LeafSystem, told: str
 ) -> None:
     """Apply a force (3) [N] that a source gives, and that is ``told`` in words; ``applied_force.<name>`` shows it.
 
@@ -51,14 +51,15 @@ def add_force(
     """
     place = section._place_name(f"forces.{name}", site.station)
     frame, point = _place(site, place)
+    force = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
     block = add_external_force(builder, site.plant.plant, frame, name=f"force.{name}", point=point)
-    builder.Connect(source, block.get_command_input_port())
+    builder.Connect(force, block.get_command_input_port())
     site.draw(f"force.{name}", "robot", f"Force '{name}'\nat {place}")
     site.draw(f"force.{name}.source", "reference", f"Force '{name}'\n{told}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())
     output, names = f"applied_force.{name}", tuple(f"applied_force.{name}.{axis}" for axis in "xyz")
     panel = sensor_panel(f"applied force '{name}' at {place}, in its axes", "force", names, ["N"])
-    site.add(output, source, Signal(names, ("N",) * 3, "force", output, part=name, panel=panel))
+    site.add(output, force, Signal(names, ("N",) * 3, "applied", output, part=name, panel=panel))
 
 
 def _place(site: Site, place: str) -> tuple[Frame, Vector]:

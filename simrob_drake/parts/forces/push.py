@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
@@ -36,9 +35,9 @@ class Push(ForceSection):
         times, values = [0.0, begin, end, end + 1.0], [nothing, force, nothing, nothing]  # a hold needs an end
         return PiecewisePolynomial.ZeroOrderHold(times[begin == 0 :], np.array(values[begin == 0 :]).T)
 
-    def source(self, builder: DiagramBuilder, name: str) -> OutputPort:
-        """Add what gives the force (3) [N]."""
-        return builder.AddNamedSystem(f"{name}.source", TrajectorySource(self.course())).get_output_port()
+    def source(self) -> TrajectorySource:
+        """Return the block that gives the force (3) [N]."""
+        return TrajectorySource(self.course())
 
     def caption(self) -> str:
         """Return it in words."""

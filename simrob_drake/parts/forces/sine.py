@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Sine
 
 from simrob_drake.parts.forces.force import ForceSection
@@ -29,11 +28,10 @@ class SineForce(ForceSection):
         """It has none: it is smooth."""
         return ()
 
-    def source(self, builder: DiagramBuilder, name: str) -> OutputPort:
-        """Add what gives the force (3) [N]."""
+    def source(self) -> Sine:
+        """Return the block that gives the force (3) [N]."""
         frequency, phase = np.full(3, 2 * np.pi * self.frequency), np.full(3, np.deg2rad(self.phase_deg))
-        wave = Sine(np.array(self.amplitude), frequency, phase)
-        return builder.AddNamedSystem(f"{name}.source", wave).get_output_port(0)
+        return Sine(np.array(self.amplitude), frequency, phase)
 
     def caption(self) -> str:
         """Return it in words."""

@@ -10,12 +10,13 @@ from simrob_drake.parts.monitors.divergence import Divergence
 from simrob_drake.parts.monitors.fall import Fall
 from simrob_drake.parts.monitors.force_limit import ForceLimit
 from simrob_drake.parts.monitors.joint_limit import JointLimit
+from simrob_drake.parts.monitors.power import PowerLimit
 from simrob_drake.parts.monitors.settled import Settled
 from simrob_drake.parts.monitors.torque_limit import TorqueLimit
 from simrob_drake.parts.monitors.workspace import Workspace
 
 MonitorConfig = Annotated[
-    JointLimit | TorqueLimit | Settled | Divergence | Contact | ForceLimit | Workspace | Fall,
+    JointLimit | TorqueLimit | Settled | Divergence | Contact | ForceLimit | PowerLimit | Workspace | Fall,
     Field(discriminator="kind"),
 ]
 Monitors = Annotated[dict[str, MonitorConfig], named_by_kind(MonitorConfig)]

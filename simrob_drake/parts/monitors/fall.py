@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import Literal
 
 import numpy as np
 from pydantic import model_validator
-from pydrake.math import RotationMatrix
 
-from simrob_drake.blocks.monitor import Monitor
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
-from simrob_drake.parts.monitors.monitor import Made
+from simrob_drake.blocks.monitor import Condition
+from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.of_poses import PoseMonitorSection
-from simrob_drake.parts.site import Site
+from simrob_drake.parts.site import Surroundings
 from simrob_drake.quantities import Positive
 
 
@@ -33,77 +31,38 @@ class Fall(PoseMonitorSection):
             raise ValueError("a fall needs a bound: height or tilt_deg")
         return self
 
-    def made(self, name: str, site: Site) -> Made:
-        """Return the block."""
-        who, output, start = self.watched_pose(name, site, "base_pose")
-        tilt = None if self.tilt_deg is None else float(np.deg2rad(self.tilt_deg))
-        monitor = FallMonitor(name=who, upright=start.rotation(), height=self.height, tilt=tilt, **self.times)
-        return monitor, {"pose": output}
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is the larger part of a bound by which it is exceeded."""
+        who, watched, start = self.watched_pose(name, station, "base_pose")
+        tilt = None if self.tilt_deg is None else math.radians(self.tilt_deg)
+        up: list[float] = (start.rotation().inverse() @ np.array([0.0, 0.0, 1.0])).tolist()
+
+        def parts(pose: Vector) -> tuple[float, float]:
+            """Return the parts by which height and tilt exceed their bounds, -1 for a bound that is not given."""
+            _, _, z, *quaternion = pose.tolist()
+            low = -1.0 if self.height is None else 1 - z / self.height
+            return low, -1.0 if tilt is None else _lean(up, *quaternion) / tilt - 1
+
+        def excess(pose: Vector) -> float:
+            found = parts(pose)
+            return max(found) if all(map(math.isfinite, found)) else math.inf
+
+        def why(pose: Vector) -> str:
+            low, leaning = parts(pose)
+            if not (math.isfinite(low) and math.isfinite(leaning)):
+                return f"{who} is nowhere"
+            if tilt is None or low >= leaning:
+                return f"{who} fell: its height is below {self.height:g} m"
+            return f"{who} fell: it leans by more than {self.tilt_deg:g} deg"
+
+        return Condition(watched, excess, why)
 
 
-class FallMonitor(Monitor):
-    """End the run when a body is too low, or leans too far from how it stood at the start.
+def _lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
+    """Return the angle between a body's direction ``up`` and the world's [rad].
 
-    Ports:
-        in  ``pose`` (7): x y z [m] qw qx qy qz of the body.
-        out ``excess`` (1): the part of a bound by which it is exceeded.
+    Of plain numbers, because a run asks after every step.
     """
-
-    def __init__(
-        self,
-        *,
-        name: str,
-        upright: RotationMatrix,
-        height: float | None = None,
-        tilt: float | None = None,
-        hold: float = 0.0,
-        after: float = 0.0,
-    ) -> None:
-        """Make the block.
-
-        Args:
-            name: of the body.
-            upright: its orientation when it stands.
-            height: of its origin, below which it counts as fallen [m].
-            tilt: angle from how it stands, from which on it counts as fallen [rad].
-            hold: how long the condition must last [s].
-            after: when watching begins [s].
-
-        Raises:
-            InvalidParameter: a bound that is not positive, or none at all.
-        """
-        super().__init__(hold=hold, after=after)
-        for key, value in (("height", height), ("tilt", tilt)):
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InvalidParameter(key, value, "positive")
-        if height is None and tilt is None:
-            raise InvalidParameter("height", None, "given, or tilt: a fall needs a bound")
-        self._name, self._height, self._tilt = name, height, tilt
-        self._up: list[float] = (upright.inverse() @ np.array([0.0, 0.0, 1.0])).tolist()
-        self.watch(pose=len(XYZ_QUATERNION_NAMES))
-
-    def excess(self, *values: Vector) -> float:
-        """Return the larger part of a bound by which it is exceeded."""
-        parts = self._parts(*values)
-        return max(parts) if all(map(math.isfinite, parts)) else math.inf
-
-    def why(self, *values: Vector) -> str:
-        """Say how it fell."""
-        low, leaning = self._parts(*values)
-        if not (math.isfinite(low) and math.isfinite(leaning)):
-            return f"{self._name} is nowhere"
-        if self._tilt is None or low >= leaning:
-            return f"{self._name} fell: its height is below {self._height:g} m"
-        return f"{self._name} fell: it leans by more than {np.rad2deg(self._tilt):g} deg"
-
-    def _parts(self, pose: Vector) -> tuple[float, float]:
-        """Return the parts by which height and tilt exceed their bounds, -1 for a bound that is not given.
-
-        Plain numbers, because a run asks after every step.
-        """
-        _, _, z, qw, qx, qy, qz = pose.tolist()
-        to_x, to_y, to_z = self._up
-        upward = 2 * (qx * qz - qw * qy) * to_x + 2 * (qy * qz + qw * qx) * to_y + (1 - 2 * (qx * qx + qy * qy)) * to_z
-        low = -1.0 if self._height is None else float(1 - z / self._height)
-        tilt = math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward
-        return low, -1.0 if self._tilt is None else float(tilt / self._tilt - 1)
+    vertical = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
+    upward = sum(map(operator.mul, vertical, up))
+    return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward

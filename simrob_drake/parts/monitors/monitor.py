@@ -1,14 +1,15 @@
-"""What the sections of all monitors share."""
+"""What the sections of all monitors share, and how their conditions are made."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping
 
+import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.blocks.monitor import Monitor
-from simrob_drake.errors import UnknownName
-from simrob_drake.parts.site import Site, StationRobot, Surroundings, named
+from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings
 from simrob_drake.quantities import NotNegative
 from simrob_drake.yaml_files import Strict
 
@@ -16,8 +17,8 @@ from simrob_drake.yaml_files import Strict
 class MonitorSection(Strict):
     """A section of ``monitors``.
 
-    A kind has its key ``kind``, and the methods ``check(name, station)``, which raises what is wrong with it before
-    anything is built, and ``made(name, site)``, which gives its block and the outputs that its ports watch.
+    A kind has its key ``kind``, and the method ``condition(name, station)``, which gives what ends a run, as functions
+    of the station's outputs, and raises what is wrong with the section.
     """
 
     robot: str | None = None
@@ -28,48 +29,56 @@ class MonitorSection(Strict):
     """How long the condition must last [s]."""
 
     @property
-    def times(self) -> dict[str, Any]:
-        """What every monitor's block takes."""
-        return {"hold": self.hold, "after": self.after}
+    def lasting(self) -> str:
+        """The end of a reason: how long the condition lasted; empty where it need not."""
+        return f" for {self.hold:g} s" if self.hold > 0 else ""
 
     def check(self, name: str, station: Surroundings) -> None:
         """Check that the robot exists."""
-        if self.robot is not None and self.robot not in station.robots:
-            raise UnknownName(f"robot for monitors.{name}", self.robot, station.robots)
-
-    def watched_robot(self, name: str, site: Site) -> StationRobot:
-        """Return the robot that is watched; the only one unless named.
-
-        Raises:
-            SimrobError: no such robot, or none named and there is not just one.
-        """
-        return site.plant.robots[named(self.robot, list(site.plant.robots), key=f"monitors.{name}.robot")]
+        if self.robot is not None:
+            station.robot(self.robot, f"monitors.{name}")
 
 
-Made = tuple[Monitor, dict[str, str]]
-"""A monitor's block, and by port the station's output that it watches."""
+def of_axes(robot: ResolvedRobot, *outputs: str) -> dict[str, int]:
+    """Return outputs of a robot that hold a value an axis, with their sizes."""
+    return {f"{robot.prefix}{output}": len(robot.axes) for output in outputs}
 
 
-def of_robot(monitor: Monitor, robot: StationRobot) -> Made:
-    """Return a monitor of signals of one robot, whose ports are named as its outputs."""
-    return monitor, {port: f"{robot.prefix}{port}" for port in monitor.watched}
+def worst(watched: Mapping[str, int], excesses: Callable[..., Vector], why: Callable[[int, float], str]) -> Condition:
+    """Return a condition that holds where any of several does.
+
+    Args:
+        watched: the signals.
+        excesses: by how much each is exceeded, shape (k,), by the values of the signals; nan counts as infinite.
+        why: the reason, by the place of the largest of them and its size.
+    """
+
+    def largest(*values: Vector) -> tuple[int, float]:
+        found = excesses(*values)
+        found = np.where(np.isnan(found), np.inf, found)
+        index = int(np.argmax(found))
+        return index, float(found[index])
+
+    return Condition(watched, lambda *values: largest(*values)[1], lambda *values: why(*largest(*values)))
 
 
-def add_monitor(builder: DiagramBuilder | None, site: Site, name: str, made: Made, robot: StationRobot | None) -> None:
+def add_monitor(
+    builder: DiagramBuilder | None, site: Site, name: str, section: MonitorSection, condition: Condition
+) -> None:
     """Add a monitor; without a builder it is known to the site alone, for whoever records the run to ask.
 
     Args:
         builder: the diagram under construction.
         site: the station.
         name: of the monitor.
-        made: its block, and what that watches.
-        robot: whom its section names.
+        section: that configures it.
+        condition: that it gave.
     """
-    monitor, sources = made
-    site.monitors[name] = monitor
-    site.watched[name] = [sources[port] for port in monitor.watched]
+    site.monitors[name] = Trigger(condition, section.hold, section.after)
     if builder is not None:
+        monitor = Monitor(condition, hold=section.hold, after=section.after)
         builder.AddNamedSystem(f"monitor.{name}", monitor)
+        robot = None if section.robot is None else site.robot(section.robot)
         site.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", robot)
-        for port, source in sources.items():
-            builder.Connect(site.outputs[source], monitor.GetInputPort(port))
+        for output in condition.watched:
+            builder.Connect(site.outputs[output], monitor.GetInputPort(output))

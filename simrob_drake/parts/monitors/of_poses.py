@@ -5,8 +5,9 @@ from __future__ import annotations
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import XYZ_QUATERNION_NAMES
 from simrob_drake.parts.monitors.monitor import MonitorSection
-from simrob_drake.parts.site import Site, Surroundings
+from simrob_drake.parts.site import Surroundings
 
 
 class PoseMonitorSection(MonitorSection):
@@ -15,33 +16,30 @@ class PoseMonitorSection(MonitorSection):
     piece: str | None = None
     """A free piece to watch, in place of a robot."""
 
-    def check(self, name: str, station: Surroundings) -> None:
-        """Check that the robot, or the free piece, exists."""
-        super().check(name, station)
-        if self.piece is not None and self.piece not in station.free_pieces:
-            raise UnknownName(f"free piece for monitors.{name}.piece", self.piece, station.free_pieces)
+    def watched_pose(self, name: str, station: Surroundings, port: str) -> tuple[str, dict[str, int], RigidTransform]:
+        """Return who is watched, the output that is its pose with its size, and where it is at the start.
 
-    def watched_piece(self, site: Site) -> str | None:
-        """Return the free piece that is watched; the only one of a station without robots need not be named."""
-        free = site.station.free_pieces
-        return self.piece or (free[0] if not site.plant.robots and len(free) == 1 else None)
-
-    def watched_pose(self, name: str, site: Site, port: str) -> tuple[str, str, RigidTransform]:
-        """Return who is watched, the output that is its pose, and where it is at the start.
+        The only free piece of a station without robots need not be named.
 
         Args:
             name: of the monitor.
-            site: the station.
+            station: around it.
             port: of the robot that is watched unless a piece is: ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``.
 
         Raises:
-            InvalidParameter: the robot has no such tool.
+            SimrobError: no such free piece, no such robot, or a robot without such a tool.
         """
-        piece = self.watched_piece(site)
-        if piece is not None:
-            return piece, f"piece_pose.{piece}", site.station.pieces[piece].pose
-        robot = self.watched_robot(name, site)
-        output, tool = f"{robot.prefix}{port}", port.partition(".")[2] or "the tool"
-        if output not in site.outputs:
+        size, free = len(XYZ_QUATERNION_NAMES), station.free_pieces
+        if self.piece is not None and self.piece not in free:
+            raise UnknownName(f"free piece for monitors.{name}.piece", self.piece, free)
+        if self.piece is not None or (not station.robots and len(free) == 1):
+            piece = self.piece or free[0]
+            return piece, {f"piece_pose.{piece}": size}, station.pieces[piece].pose
+        robot = station.robot(self.robot, f"monitors.{name}")
+        output = f"{robot.prefix}{port}"
+        if port == "base_pose":
+            return robot.name, {output: size}, robot.base
+        tool = port.partition(".")[2]
+        if not (tool in robot.tool_names if tool else robot.tcp):
             raise InvalidParameter(f"monitors.{name}", f"at {output}", "a tool that the robot has")
-        return robot.name if port == "base_pose" else f"{robot.prefix}{tool}", output, robot.base
+        return f"{robot.prefix}{tool or 'the tool'}", {output: size}, robot.base

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import model_validator
 
-from simrob_drake.blocks.monitor import Monitor, largest
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
-from simrob_drake.parts.monitors.monitor import Made
+from simrob_drake.blocks.monitor import Condition
+from simrob_drake.frames import Vector
+from simrob_drake.parts.monitors.monitor import worst
 from simrob_drake.parts.monitors.of_poses import PoseMonitorSection
-from simrob_drake.parts.site import Site
+from simrob_drake.parts.site import Surroundings
 from simrob_drake.quantities import Triple
 
 _AXES = "xyz"
@@ -36,41 +34,16 @@ class Workspace(PoseMonitorSection):
             raise ValueError(f"lower must be below upper, {list(self.upper)}")
         return self
 
-    def made(self, name: str, site: Site) -> Made:
-        """Return the block."""
-        who, output, _ = self.watched_pose(name, site, f"tcp_pose.{self.tool}" if self.tool else "tcp_pose")
-        return WorkspaceMonitor(name=who, lower=self.lower, upper=self.upper, **self.times), {"pose": output}
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is how far outside the origin of the pose is [m]."""
+        who, watched, _ = self.watched_pose(name, station, f"tcp_pose.{self.tool}" if self.tool else "tcp_pose")
 
+        def overshoots(pose: Vector) -> Vector:
+            return np.concatenate([pose[:3] - self.upper, self.lower - pose[:3]])
 
-class WorkspaceMonitor(Monitor):
-    """End the run when a point leaves a box.
+        def why(index: int, _: float) -> str:
+            axis = index % len(_AXES)
+            side, bound = ("above", self.upper[axis]) if index < len(_AXES) else ("below", self.lower[axis])
+            return f"{who} left its workspace: {_AXES[axis]} {side} {bound:g} m"
 
-    Ports:
-        in  ``pose`` (7): x y z [m] qw qx qy qz of the point.
-        out ``excess`` (1): how far outside it is [m].
-    """
-
-    def __init__(
-        self, *, name: str, lower: npt.ArrayLike, upper: npt.ArrayLike, hold: float = 0.0, after: float = 0.0
-    ) -> None:
-        """Watch the point called ``name`` in the box from ``lower`` to ``upper``, each (3,) [m] in the world."""
-        super().__init__(hold=hold, after=after)
-        self._name = name
-        self._lower, self._upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-        if not (self._lower < self._upper).all():
-            raise InvalidParameter("lower", list(self._lower), f"below upper, {list(self._upper)} [m]")
-        self.watch(pose=len(XYZ_QUATERNION_NAMES))
-
-    def excess(self, *values: Vector) -> float:
-        """Return how far outside the point is [m]."""
-        return largest(self._overshoot(*values))[1]
-
-    def why(self, *values: Vector) -> str:
-        """Name the side."""
-        index, _ = largest(self._overshoot(*values))
-        side, bound = ("above", self._upper) if index < len(_AXES) else ("below", self._lower)
-        axis = index % len(_AXES)
-        return f"{self._name} left its workspace: {_AXES[axis]} {side} {bound[axis]:g} m"
-
-    def _overshoot(self, pose: Vector) -> Vector:
-        return np.concatenate([pose[:3] - self._upper, self._lower - pose[:3]])
+        return worst(watched, overshoots, why)

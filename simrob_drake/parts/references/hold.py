@@ -21,10 +21,6 @@ class Hold(Reference):
     target_deg: AxisValues | None = None
     """Posture, per axis; the initial one unless given."""
 
-    def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the target."""
-        return {"target_deg": self.target_deg}
-
     def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Return the trajectory, shape (n, 1) [rad or m]."""
         return hold(start if self.target_deg is None else si_positions(self.target_deg, robot, start))

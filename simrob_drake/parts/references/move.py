@@ -10,7 +10,6 @@ from simrob_drake.blocks.references import move
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.reference import ToOnePosture, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.robots.catalog import RobotModel
 
 
 class Move(ToOnePosture):
@@ -22,7 +21,3 @@ class Move(ToOnePosture):
         """Return the trajectory, shape (n, 1) [rad or m]."""
         target = si_positions(self.target_deg, robot, start)
         return move(start, target, duration=self.duration, start_time=self.start)
-
-    def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
-        return self.told(self.kind, model)

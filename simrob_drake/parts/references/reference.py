@@ -20,13 +20,14 @@ class Reference(Strict):
     """
 
     def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the figures per axis, by their keys, to be checked against a robot's axes."""
-        return {}
+        """Return the figures per axis, by their keys, to be checked against a robot's axes: all that are in degrees."""
+        return {key: value for key, value in self if key.endswith("_deg")}
 
 
 class ToOnePosture(Reference):
     """What moves to one posture share."""
 
+    kind: str
     target_deg: AxisValues = 0.0
     """Posture at the end, per axis."""
     duration: Positive = 1.0
@@ -34,14 +35,10 @@ class ToOnePosture(Reference):
     start: NotNegative = 0.0
     """When it begins [s]."""
 
-    def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the target."""
-        return {"target_deg": self.target_deg}
-
-    def told(self, kind: str, model: RobotModel) -> str:
-        """Return the move in words."""
+    def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
         late = f", from {self.start:g} s" if self.start else ""
-        return f"{kind} to {positions_told(self.target_deg, model)} in {self.duration:g} s{late}"
+        return f"{self.kind} to {positions_told(self.target_deg, model)} in {self.duration:g} s{late}"
 
 
 def si_positions(values: AxisValues, robot: ResolvedRobot, otherwise: Vector) -> Vector:

@@ -26,10 +26,6 @@ class SineWave(Reference):
     phase_deg: AxisValues = 0.0
     """Angle at the start, per axis; 0 starts in the middle."""
 
-    def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return amplitude and phase."""
-        return {"amplitude_deg": self.amplitude_deg, "phase_deg": self.phase_deg}
-
     def course(self, robot: ResolvedRobot, start: Vector) -> SineCourse:
         """Return the swing about ``start`` (n,) [rad or m]."""
         model = robot.model

@@ -7,8 +7,7 @@ from typing import Literal
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.distance_sensor import DistanceSensor
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.sensors.sensor import Sensor, sampled, sensor_label
+from simrob_drake.parts.sensors.sensor import Sensor, check_contact, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, shapes_of
 from simrob_drake.quantities import Positive
@@ -35,9 +34,8 @@ class Distance(Sensor):
         """Check that both things exist, and that the plant has shapes."""
         check_body(station, f"{key}.body", self.body)
         check_body(station, f"{key}.other", self.other)
-        if not station.has_contact and station.mode == "dynamic":
-            expected = "in a station with a contact: section ({} takes its defaults)"
-            raise InvalidParameter(key, "a distance sensor", expected)
+        if station.mode == "dynamic":
+            check_contact(key, "a distance sensor", station)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``distance.<sensor>`` (1) [m]."""
@@ -49,5 +47,4 @@ class Distance(Sensor):
         builder.Connect(scene_graph.get_query_output_port(), block.get_input_port())
         port, output = sampled(builder, f"sensor.{name}.hold", block.get_output_port(), self.rate), f"distance.{name}"
         panel = sensor_panel(f"distance '{name}'", "distance", [output], ["m"])
-        site.notes[name] = {"kind": self.kind}
         site.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))

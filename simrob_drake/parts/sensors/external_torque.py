@@ -55,7 +55,6 @@ class ExternalTorque(Sensor):
             site.draw(f"sensor.{name}", "sensor", sensor_label("Momentum observer", name), robot)
             for port, source in inputs.items():
                 builder.Connect(source, observer.GetInputPort(port))
-        site.notes[name] = {"kind": self.kind}
         contents = {"external_torque": (robot.axes, robot.model.effort_units)}
         if robot.tcp:
             contents["external_force"] = (["x", "y", "z"], ["N"] * 3)
@@ -67,7 +66,7 @@ class ExternalTorque(Sensor):
             signal = Signal(
                 names,
                 tuple(units),
-                "force" if force else "effort",
+                "estimate",
                 output if self.in_loop else "",
                 compute=None if self.in_loop else partial(replayed, block=observer, inputs=inputs, output=port),
                 part=name,

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Literal
 
+from pydrake.geometry import GeometryId
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
 from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.sensors.momentum_balance import Balance, friction
-from simrob_drake.parts.sensors.sensor import Sensor, axis_names, sampled, sensor_label
+from simrob_drake.parts.sensors.momentum_balance import Balance
+from simrob_drake.parts.sensors.sensor import Sensor, axis_names, check_contact, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
 from simrob_drake.quantities import Positive
@@ -53,19 +53,15 @@ class Force(Sensor):
             expected = "in a dynamic station: a kinematic one computes no contacts (a distance sensor works there)"
             raise InvalidParameter(key, "a force sensor in a kinematic station", expected)
         check_frame(station, f"{key}.frame", self.frame)
-        if not station.has_contact:
-            expected = "in a station with a contact: section ({} takes its defaults)"
-            raise InvalidParameter(key, "a force sensor", expected)
+        check_contact(key, "a force sensor", station)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``force.<sensor>`` (3) [N] and ``moment.<sensor>`` (3) [N·m]."""
-        plant = site.plant.plant
+        plant, frame = site.plant.plant, frame_of(site.plant, self.frame)
+        body = shapes_of(site.plant, site.station, self.body)
+        other = None if self.other is None else shapes_of(site.plant, site.station, self.other)
         block = ForceSensor(
-            plant=plant,
-            body=shapes_of(site.plant, site.station, self.body),
-            other=None if self.other is None else shapes_of(site.plant, site.station, self.other),
-            frame=frame_of(site.plant, self.frame),
-            normal_only=site.station.scheme == "cenic",
+            plant=plant, body=body, other=other, frame=frame, normal_only=site.station.scheme == "cenic"
         )
         builder.AddNamedSystem(f"sensor.{name}", block)
         site.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
@@ -74,11 +70,9 @@ class Force(Sensor):
         wrench = sampled(builder, f"sensor.{name}.hold", block.get_output_port(), self.rate)
         split = builder.AddNamedSystem(f"sensor.{name}.split", Demultiplexer([3, 3]))
         builder.Connect(wrench, split.get_input_port())
-        self._declare(site, name, split.get_output_port(0), split.get_output_port(1))
-
-    def _declare(self, site: Site, name: str, force: OutputPort, moment: OutputPort) -> None:
-        tangential = self._tangential(site)
-        site.notes[name] = {"kind": self.kind, "tangential": tangential}
+        tangential = self._tangential(site, body[0])
+        balance = Balance(site, frame, body, other) if tangential == "momentum balance" else None
+        site.notes[name]["tangential"] = tangential
         across = "" if tangential == "contact" else f" (along the surface: {tangential})"
         names, moments = axis_names("force", name), axis_names("moment", name)
         felt = Signal(
@@ -88,21 +82,16 @@ class Force(Sensor):
             f"force.{name}",
             part=name,
             panel=sensor_panel(f"contact force '{name}'{across}", "force", names, ["N"]),
-            adjust=partial(friction, self._balance(site)) if tangential == "momentum balance" else None,
+            adjust=None if balance is None else balance.with_friction,
         )
-        site.add(f"force.{name}", force, felt)
-        site.add(f"moment.{name}", moment, Signal(moments, ("N·m",) * 3, "moment", f"moment.{name}", part=name))
+        site.add(f"force.{name}", split.get_output_port(0), felt)
+        moment = Signal(moments, ("N·m",) * 3, "moment", f"moment.{name}", part=name)
+        site.add(f"moment.{name}", split.get_output_port(1), moment)
 
-    def _balance(self, site: Site) -> Balance:
-        other = None if self.other is None else shapes_of(site.plant, site.station, self.other)
-        body = shapes_of(site.plant, site.station, self.body)
-        return Balance(site, frame_of(site.plant, self.frame), body, other)
-
-    def _tangential(self, site: Site) -> Tangential:
+    def _tangential(self, site: Site, shape: GeometryId) -> Tangential:
         if site.station.scheme != "cenic":
             return "contact"
         plant, inspector = site.plant.plant, site.plant.scene_graph.model_inspector()
-        shape = shapes_of(site.plant, site.station, self.body)[0]
         instance = plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).model_instance()
         free = any(plant.get_body(index).is_floating_base_body() for index in plant.GetBodyIndices(instance))
         return "momentum balance" if free and self.rate is None else "left out"

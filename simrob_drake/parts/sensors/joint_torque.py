@@ -32,7 +32,6 @@ class JointTorque(Sensor):
         robot, output = site.robot(self.robot), f"joint_torque.{name}"
         names, units = axis_names("joint_torque", name, robot.axes), robot.model.effort_units
         panel = sensor_panel(f"joint torque '{name}'", "torque", names, units)
-        site.notes[name] = {"kind": self.kind}
         port = _port(builder, site, name, robot)
         site.add(output, port, Signal(names, tuple(units), "effort", output, part=name, panel=panel))
 

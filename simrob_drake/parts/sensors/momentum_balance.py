@@ -40,10 +40,10 @@ class Balance:
         bodies = [plant.get_body(index) for index in plant.GetBodyIndices(self._instance)]
         self._shapes = {shape for part in bodies for shape in plant.GetCollisionGeometriesForBody(part)}
 
-    def friction(self, recorded: Recorded, times: Vector) -> Vector:
-        """Return the sensor's share of what is across the normals at times (m,) [s], shape (m, 3) [N], in its axes."""
+    def with_friction(self, recorded: Recorded, times: Vector, forces: Vector) -> Vector:
+        """Return forces along the normals at times (m,) [s] with the sensor's share of those across, (m, 3) [N]."""
         if len(recorded.step_times) < 2:
-            return np.zeros((len(times), 3))
+            return forces
         contacts, rows = self._all_contacts(recorded, times)
         across = self._across(self._totals(recorded, times), contacts, rows)
         turns = np.empty((len(times), 3, 3))
@@ -51,7 +51,7 @@ class Balance:
         for row, state in enumerate(recorded.sample([self._state], times)[0]):
             self._plant.SetPositionsAndVelocities(context, state)
             turns[row] = self._frame.CalcPoseInWorld(context).rotation().matrix()
-        return np.asarray(np.einsum("mji,mj->mi", turns, across))
+        return np.asarray(forces + np.einsum("mji,mj->mi", turns, across))
 
     def _all_contacts(self, recorded: Recorded, times: Vector) -> tuple[Contacts, npt.NDArray[np.intp]]:
         """Return the contacts of all times, and to which time each of them belongs, shape (k,)."""
@@ -110,8 +110,3 @@ class Balance:
         rates = (momenta[ends] - momenta[ends - 1]) / (knots[ends] - knots[ends - 1])[:, np.newaxis]
         weight = plant.CalcTotalMass(context, [self._instance]) * plant.gravity_field().gravity_vector()
         return np.asarray(rates - weight)
-
-
-def friction(balance: Balance, recorded: Recorded, times: Vector, forces: Vector) -> Vector:
-    """Return forces (m, 3) [N] along the normals with those across them."""
-    return np.asarray(forces + balance.friction(recorded, times))

@@ -8,7 +8,9 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.parts.site import Surroundings
 from simrob_drake.signals import Recorded
 from simrob_drake.yaml_files import Strict
 
@@ -27,6 +29,12 @@ class Sensor(Strict):
         A block that nothing reads still costs a solver time at every look at the diagram.
         """
         return False
+
+
+def check_contact(key: str, sensor: str, station: Surroundings) -> None:
+    """Check that a station has the contact section that a sensor needs."""
+    if not station.has_contact:
+        raise InvalidParameter(key, sensor, "in a station with a contact: section ({} takes its defaults)")
 
 
 def sampled(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:

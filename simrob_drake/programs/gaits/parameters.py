@@ -1,4 +1,4 @@
-"""The figures of a robot's gaits, read from the `gaits.yaml` beside its `robot.yaml`."""
+"""The parameters of a robot's gaits, read from the `gaits.yaml` beside its `robot.yaml`."""
 
 from __future__ import annotations
 
@@ -38,13 +38,14 @@ class _Gait(Strict):
     rest: NotNegative = 1.0
     """Time to stand at the end [s]."""
     servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
+    """Servo gains for it, in place of the station's: kp, kd."""
 
 
 class _Planned(_Gait):
     """What gaits have whose legs are solved for."""
 
     bearing: Bearing
+    """How the trunk is carried."""
     widen: Number = 0.0
     """How much further out each foot stands than with straight legs, or below its hip [m]."""
 
@@ -124,6 +125,10 @@ class Stand(_Planned):
     """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
 
 
+SolvedGait = Walk | Trot | Crawl | Stand
+"""Gaits whose legs are solved for."""
+
+
 class March(_Gait):
     """A walk on two legs by joint angles, joined by straight lines: the thesis's manner."""
 
@@ -164,11 +169,17 @@ class Gaits(Strict):
     facing_deg: Number
     """Where the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
     walks: dict[str, Walk] = Field(default_factory=dict)
+    """Walks on two legs, by name."""
     trots: dict[str, Trot] = Field(default_factory=dict)
+    """Gaits on four legs, diagonal pairs in turn, by name."""
     crawls: dict[str, Crawl] = Field(default_factory=dict)
+    """Gaits on four legs, one leg at a time, by name."""
     marches: dict[str, March] = Field(default_factory=dict)
+    """Walks on two legs by joint angles, by name."""
     stands: dict[str, Stand] = Field(default_factory=dict)
+    """Stands on three legs, by name."""
     sequences: dict[str, Posing] = Field(default_factory=dict)
+    """Postures one after the other, by name."""
 
 
 def load_gaits(robot: str | RobotModel) -> Gaits:

@@ -17,28 +17,18 @@ SAMPLE = 0.01
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of time in which the same feet stand.
+    """A stretch of time in which the same feet stand."""
 
-    Attributes:
-        duration: of the phase [s].
-        zmp: where the zero-moment point rests at the end, shape (2,) [m].
-        transfer: time that it takes to get there, from the start of the phase on [s].
-        swing: feet in the air, with where each lands: ahead, left and turn, shape (3,) [m, rad].
-        lift: height of the swinging feet half-way [m].
-        delay: time before the feet lift [s].
-        rest: time that they stand before the phase ends [s].
-        heading: of the trunk at the end [rad].
-        hold: how long a foot stays up at its full height, within the swing [s]; it then rises and sinks in the rest.
-    """
-
-    duration: float
-    zmp: Vector
-    transfer: float
+    duration: float  # of the phase [s]
+    zmp: Vector  # where the zero-moment point rests at the end, shape (2,) [m]
+    transfer: float  # time that it takes to get there, from the start of the phase on [s]
+    # feet in the air, with where each lands: ahead, left and turn, shape (3,) [m, rad]
     swing: Mapping[str, Vector] = field(default_factory=dict)
-    lift: float = 0.0
-    delay: float = 0.0
-    rest: float = 0.0
-    heading: float = 0.0
+    lift: float = 0.0  # height of the swinging feet half-way [m]
+    delay: float = 0.0  # time before the feet lift [s]
+    rest: float = 0.0  # time that they stand before the phase ends [s]
+    heading: float = 0.0  # of the trunk at the end [rad]
+    # how long a foot stays up at its full height, within the swing [s]; it then rises and sinks in the rest
     hold: float = 0.0
 
     def __post_init__(self) -> None:
@@ -55,19 +45,12 @@ class Phase:
 
 @dataclass(frozen=True)
 class Course:
-    """What feet, trunk and zero-moment point do, at m equal steps of time.
+    """What feet, trunk and zero-moment point do, at m equal steps of time."""
 
-    Attributes:
-        times: shape (m,) [s].
-        feet: places of the soles by foot, ahead, left, up and turn, shape (m, 4) [m, rad].
-        zmp: shape (m, 2) [m].
-        heading: of the trunk, shape (m,) [rad].
-    """
-
-    times: Vector
-    feet: dict[str, Vector]
-    zmp: Vector
-    heading: Vector
+    times: Vector  # shape (m,) [s]
+    feet: dict[str, Vector]  # places of the soles by foot, ahead, left, up and turn, shape (m, 4) [m, rad]
+    zmp: Vector  # shape (m, 2) [m]
+    heading: Vector  # of the trunk, shape (m,) [rad]
 
 
 def course(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> Course:

@@ -1,4 +1,4 @@
-"""What all walks share: places on the way, how steps grow and shrink, and how a robot carries itself."""
+"""What all walks share: places on the way, and how steps grow and shrink."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot, Walk
-from simrob_drake.programs.gaits.walker import Walker
-from simrob_drake.programs.gaits.whole_body import Carriage
 
 FEWEST_STEPS = 2
 """Of a gait that ends as it begins: the last step brings the feet together."""
@@ -36,17 +33,3 @@ def ramp_shares(steps: int, ramp_steps: int) -> Vector:
     rising = (number + 1) / (ramp_steps + 1)
     falling = (steps - 1 - number) / (ramp_steps + 1)
     return np.minimum(1.0, np.minimum(rising, falling))
-
-
-def carriage(walker: Walker, figures: Walk | Trot | Crawl | Stand, feet: str | None = None) -> Carriage:
-    """Return how a robot carries itself, from the figures of a gait."""
-    model, bearing = walker.model, figures.bearing
-    return Carriage(
-        height=bearing.height,
-        pitch=float(np.deg2rad(bearing.pitch_deg)),
-        posture=np.deg2rad(model.axis_vector(bearing.posture_deg, "posture_deg")),
-        arms=model.axis_vector(bearing.lean_arms_deg, "lean_arms_deg"),
-        swing=np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg")),
-        feet=feet,
-        servo=figures.servo,
-    )

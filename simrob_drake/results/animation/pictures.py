@@ -44,6 +44,7 @@ Image = npt.NDArray[np.uint8]
 _DPI = 100
 _GAP = 6  # pixels between frames
 _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
+_WIDEST = 5.8  # width of a strip, in heights of a frame
 _VIDEO_SIZE = 960, 540  # pixels; even, as H.264 needs them
 _BACKGROUND = np.array([0.98, 0.98, 0.98])
 _ASPECTS = 0.6, 1.6  # narrowest and widest picture
@@ -141,16 +142,18 @@ def _captions(times: Vector, way: Way | None) -> list[str]:
 
 
 def _strip(images: list[Image], captions: list[str]) -> Figure:
+    """Put images side by side with captions, in as many rows as keep them large where they are wide."""
     height, width = images[0].shape[:2]
-    caption = max(round(_CAPTION * height), 14)
-    total = len(images) * (width + _GAP) - _GAP, height + caption
+    below = max(round(_CAPTION * height), 14)
+    columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
+    rows = -(-len(images) // columns)
+    total = columns * (width + _GAP) - _GAP, rows * (height + below)
     figure = Figure(figsize=(total[0] / _DPI, total[1] / _DPI), dpi=_DPI)
-    for column, (image, text) in enumerate(zip(images, captions, strict=True)):
-        left = column * (width + _GAP)
-        figure.figimage(image, left, caption)
-        middle = (left + width / 2) / total[0], caption / 2 / total[1]
-        points = 0.6 * caption * 72 / _DPI
-        figure.text(*middle, text, ha="center", va="center", fontsize=points, color="0.25")
+    for number, (image, text) in enumerate(zip(images, captions, strict=True)):
+        left, bottom = number % columns * (width + _GAP), (rows - 1 - number // columns) * (height + below)
+        figure.figimage(image, left, bottom + below)
+        middle = (left + width / 2) / total[0], (bottom + below / 2) / total[1]
+        figure.text(*middle, text, ha="center", va="center", fontsize=0.6 * below * 72 / _DPI, color="0.25")
     return figure
 
 

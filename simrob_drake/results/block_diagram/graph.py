@@ -14,23 +14,14 @@ _FAN = 3
 
 @dataclass
 class Block:
-    """A block of the picture.
+    """A block of the picture."""
 
-    Attributes:
-        key: its identifier in the graph.
-        role: what it is for, which makes its colour and cluster.
-        robot: whose it is; empty for what the robots share.
-        label: its lines.
-        shape: block, one of the thin bars, port of the station, or sum.
-        systems: names of the systems of the Diagram that it stands for.
-    """
-
-    key: str
-    role: BlockRole
-    robot: str
-    label: str = ""
-    shape: Shape = "block"
-    systems: list[str] = field(default_factory=list)
+    key: str  # its identifier in the graph
+    role: BlockRole  # what it is for, which makes its colour and cluster
+    robot: str  # whose it is; empty for what the robots share
+    label: str = ""  # its lines
+    shape: Shape = "block"  # block, one of the thin bars, port of the station, or sum
+    systems: list[str] = field(default_factory=list)  # names of the systems of the Diagram that it stands for
 
 
 @dataclass(frozen=True)

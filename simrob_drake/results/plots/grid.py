@@ -58,19 +58,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class Plot:
-    """Curves in one frame.
+    """Curves in one frame."""
 
-    Attributes:
-        label: of the upright axis, with the unit: "force [N]".
-        curves: one at least.
-        height: inches.
-        note: a few words over its right corner.
-    """
-
-    label: str
-    curves: Sequence[Curve]
-    height: float = 1.5
-    note: str = ""
+    label: str  # of the upright axis, with the unit: "force [N]"
+    curves: Sequence[Curve]  # one at least
+    height: float = 1.5  # inches
+    note: str = ""  # a few words over its right corner
 
 
 @dataclass(frozen=True)
@@ -168,28 +161,41 @@ class _Grid:
         left, pitch = _MARGIN + _LABEL + numbers, frame + beside + _GAP + numbers + _LABEL * labels
         width = left + (self._columns - 1) * pitch + frame + max(beside, _MARGIN)
         reason = textwrap.wrap(_reason(self._result), int(14 * width))
-        down, places = _HEAD + _LEGEND * bool(self._explained) + _LINE * len(reason), {}
-        for begin in range(0, len(self._stacks), self._columns):
-            row = slice(begin, begin + self._columns)
-            for column, (stack, frames) in enumerate(zip(self._stacks[row], self._frames[row], strict=True)):
-                below = down + _TITLE
-                for plot, axes in zip(stack.plots, frames, strict=True):
-                    places[axes] = left + column * pitch, below, plot.height
-                    below += plot.height + _BETWEEN
-            down = below - _BETWEEN + _BELOW
+        tops, down = self._tops(_HEAD + _LEGEND * bool(self._explained) + _LINE * len(reason))
         height = down + _LABEL
         self.figure.set_size_inches(width, height)
-        for axes, (x, y, tall) in places.items():
-            axes.set_position((x / width, 1 - (y + tall) / height, frame / width, tall / height))
-            axes.yaxis.set_label_coords(-(numbers + 0.08) / frame, 0.5)
-            axes.xaxis.set_label_coords(0.5, -_BELOW / tall)
-        heading = f"{self._result.config.name}: {title}"
-        self.figure.text(_MARGIN / width, 1 - 0.25 / height, heading, va="center", fontsize=13, fontweight="bold")
-        at = 0.1 / width, 1 - 0.54 / height
-        _write_legend(self.figure, self._explained, 9, ncols=len(self._explained), loc="center left", bbox_to_anchor=at)
+        for index, (stack, frames) in enumerate(zip(self._stacks, self._frames, strict=True)):
+            for plot, axes in zip(stack.plots, frames, strict=True):
+                x, y = left + index % self._columns * pitch, height - tops[axes] - plot.height
+                axes.set_position((x / width, y / height, frame / width, plot.height / height))
+                axes.yaxis.set_label_coords(-(numbers + 0.08) / frame, 0.5)
+                axes.xaxis.set_label_coords(0.5, -_BELOW / plot.height)
+        self._write_head(f"{self._result.config.name}: {title}", reason)
+
+    def _tops(self, down: float) -> tuple[dict[Axes, float], float]:
+        """Return how far below the top of the figure the frames begin, the first row at ``down``, and where all end."""
+        tops = {}
+        for begin in range(0, len(self._stacks), self._columns):
+            row, top = slice(begin, begin + self._columns), down + _TITLE
+            for stack, frames in zip(self._stacks[row], self._frames[row], strict=True):
+                down = top
+                for plot, axes in zip(stack.plots, frames, strict=True):
+                    tops[axes] = down
+                    down += plot.height + _BETWEEN
+            down += _BELOW - _BETWEEN
+        return tops, down
+
+    def _write_head(self, title: str, reason: list[str]) -> None:
+        width, height = self.figure.get_size_inches()
+
+        def place(down: float, left: float = _MARGIN) -> Span:
+            return left / width, 1 - down / height
+
+        looks: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": place(0.54, 0.1)}
+        self.figure.text(*place(0.25), title, va="center", fontsize=13, fontweight="bold")
+        _write_legend(self.figure, self._explained, 9, ncols=len(self._explained), **looks)
         for number, line in enumerate(reason):
-            place = 1 - (0.8 + number * _LINE) / height
-            self.figure.text(_MARGIN / width, place, line, va="center", fontsize=9, color=RED)
+            self.figure.text(*place(0.8 + number * _LINE), line, va="center", fontsize=9, color=RED)
 
     def _draw_curves(self, axes: Axes, plot: Plot, within: npt.NDArray[np.bool_], width: float) -> dict[str, Line2D]:
         """Draw what a plot shows, with lines of a width [points]; return them by label."""

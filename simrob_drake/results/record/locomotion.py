@@ -97,7 +97,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         drift=float(way @ [-ahead[1], ahead[0]]),
         speed=distance / result.stop_time if result.stop_time > 0 else 0.0,
         yaw=float(heading[-1] - heading[0]),
-        tilt=_tilt(base),
+        tilt=float(tilts(base).max()),
         smallest_height=float(base[:, 2].min()),
         fall_time=result.stop_time if fallen(result) == name else None,
         peak_torque=_peak_torque(result, own),
@@ -108,10 +108,9 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     )
 
 
-def _tilt(base: Vector) -> float:
-    """Return the largest angle of the z axis of poses (m, 7) from the vertical [rad]."""
-    qx, qy = base[:, 4], base[:, 5]
-    return float(np.arccos(np.clip(1.0 - 2.0 * (qx**2 + qy**2), -1.0, 1.0)).max())
+def tilts(base: Vector) -> Vector:
+    """Return the angles (m,) of the z axis of poses (m, 7) from the vertical [rad]."""
+    return np.asarray(np.arccos(np.clip(1.0 - 2.0 * (base[:, 4] ** 2 + base[:, 5] ** 2), -1.0, 1.0)))
 
 
 def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector:

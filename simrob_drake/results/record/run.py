@@ -15,7 +15,7 @@ from simrob_drake.errors import UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.state import State
-from simrob_drake.signals import Panel
+from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.poses import VELOCITY_NAMES
 
@@ -36,9 +36,8 @@ class RecordedRun:
             "diverged", "interrupted" (by the user), or None.
         message: how the run ended, in words.
         names: the columns of ``values``.
-        units: of the columns, by their names.
+        signals: what the columns are, as the parts of the station declare them.
         notes: of what kind sensors and controllers are, and how they were computed, by their names.
-        panels: the plots that parts declare.
         times: of the samples, shape (m,) [s]; evenly spaced, with the end of the run last.
         values: the signals, shape (m, k), SI units and radians.
         step_times: ends of the accepted steps [s].
@@ -57,9 +56,8 @@ class RecordedRun:
     stopped_by: str | None
     message: str
     names: list[str]
-    units: dict[str, str]
+    signals: tuple[Signal, ...]
     notes: dict[str, dict[str, str]]
-    panels: tuple[Panel, ...]
     times: Vector
     values: Vector
     step_times: Vector
@@ -108,6 +106,18 @@ class RecordedRun:
     def vector(self, signal: str) -> Vector:
         """Return a signal of three columns, such as ``force.<sensor>``, shape (m, 3)."""
         return np.column_stack([self[f"{signal}.{axis}"] for axis in "xyz"])
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the columns, by their names."""
+        known = {name: unit for signal in self.signals for name, unit in zip(signal.names, signal.units, strict=True)}
+        return {name: known[name] for name in self.names}
+
+    @property
+    def panels(self) -> list[Panel]:
+        """The plots that parts declare, of columns that there are."""
+        declared = [signal.panel for signal in self.signals if signal.panel is not None]
+        return [panel for panel in declared if set(panel.columns) <= set(self.names)]
 
     @property
     def stop_time(self) -> float:

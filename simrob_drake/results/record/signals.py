@@ -76,7 +76,7 @@ class Sampler:
         known: dict[OutputPort, Any] = {}
         linear = [port for port in ports if port == state_port or port in self._of_state]
         if linear and where is not None:  # the state was recorded
-            known[state_port] = states.continuous[:, where.start : where.velocities.stop]
+            known[state_port] = states.continuous[:, where.positions.start : where.velocities.stop]
         wanted = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
         known |= self._evaluated([port for port in wanted if port not in known], states)
         known |= {port: self._of_state[port].of(known[state_port]) for port in linear if port != state_port}
@@ -139,23 +139,22 @@ class Sampler:
         if plant.IsVelocityEqualToQDot():
             return velocities
         context = plant.CreateDefaultContext()
-        rates = np.empty((len(velocities), where.num_positions))
+        rates = np.empty((len(velocities), plant.num_positions()))
         for row, state in enumerate(history.continuous):
             plant.SetPositions(context, state[where.positions])
             rates[row] = plant.MapVelocityToQDot(context, state[where.velocities])
         return rates
 
 
-def sampled(sampler: Sampler, site: Site, times: Vector) -> tuple[dict[str, str], Vector]:
-    """Return a station's signals at times of a run (m,): units by the names of the k columns, and values (m, k)."""
+def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
+    """Return a station's signals at times of a run (m,): the values of their k columns, shape (m, k)."""
     ports = list(dict.fromkeys(site.outputs[signal.output] for signal in site.signals if signal.output))
     known = dict(zip(ports, sampler.sample(ports, times), strict=True))
-    units, columns = dict[str, str](), []
+    columns = []
     for signal in site.signals:
-        units |= dict(zip(signal.names, signal.units, strict=True))
         if signal.compute is not None:
             columns.append(signal.compute(sampler, times))
         else:
             values = known[site.outputs[signal.output]]
             columns.append(values if signal.adjust is None else signal.adjust(sampler, times, values))
-    return units, np.hstack(columns)
+    return np.hstack(columns)

@@ -38,17 +38,13 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
         if len(recorded.times) < 2:  # it held at the start
             return
         if hold > 0:
-            _cut_lasting(sampler, holds, step, onset, hold)
+            stop = _crossing(sampler, holds, min(onset, recorded.end)) + hold
+            if stop < recorded.end:
+                sampler.history = recorded.joined(step(recorded, stop))
         else:
             _cut(sampler, holds, step)
     except (RuntimeError, SystemExit):  # Drake's failed assertions come as SystemExit
         sampler.history = recorded
-
-
-def _cut_lasting(sampler: Sampler, holds: Holds, step: Step, onset: float, hold: float) -> None:
-    stop = _crossing(sampler, holds, min(onset, sampler.history.end)) + hold
-    if stop < sampler.history.end:
-        sampler.history = sampler.history.joined(step(sampler.history, stop))
 
 
 def _cut(sampler: Sampler, holds: Holds, step: Step) -> None:
@@ -65,13 +61,13 @@ def _crossing(sampler: Sampler, holds: Holds, seen: float) -> float:
     """Return a time inside of the step that ends at ``seen``, where the condition begins to hold on its way."""
     times = sampler.history.times
     low = float(times[np.searchsorted(times, seen) - 1])
-    width = seen - low
-    inside = low + TOLERANCE / 2, seen - TOLERANCE / 2
-    high = seen
+    inside, high = (low + TOLERANCE / 2, seen - TOLERANCE / 2), seen
+    if seen - low <= TOLERANCE:
+        return seen
     while high - low > TOLERANCE / 4:
         middle = (low + high) / 2
         if holds(sampler, middle):
             high = middle
         else:
             low = middle
-    return float(np.clip(high, *inside)) if width > TOLERANCE else seen
+    return float(np.clip(high, *inside))

@@ -18,19 +18,12 @@ from simrob_drake.results.record.signals import Sampler
 
 @dataclass(frozen=True)
 class Stop:
-    """Why a run ends.
+    """Why a run ends."""
 
-    Attributes:
-        name: of the monitor.
-        count: how many steps were recorded until it ended the run.
-        onset: since when the condition held [s]; infinite for a monitor that does not wait.
-        why: in words.
-    """
-
-    name: str
-    count: int
-    onset: float
-    why: str
+    name: str  # of the monitor
+    count: int  # how many steps were recorded until it ended the run
+    onset: float  # since when the condition held [s]; infinite for a monitor that does not wait
+    why: str  # in words
 
 
 class Watch:
@@ -52,13 +45,12 @@ class Watch:
         ports = {name: self._ports(name) for name in self._site.monitors}
         values = self._sampler.evaluate(list(dict.fromkeys(port for own in ports.values() for port in own)), steps)
         for row, time in enumerate(steps.times.tolist()):
-            for name, monitor in self._site.monitors.items():
+            for name, trigger in self._site.monitors.items():
                 seen = [values[port][row] for port in ports[name]]
-                if monitor.ends(self._onsets[name], time, seen):
-                    self.stop = Stop(name, self._count + row + 1, self._onsets[name], monitor.why(*seen))
+                onset = self._onsets[name] = trigger.since(self._onsets[name], time, seen)
+                if trigger.ends(onset, time):
+                    self.stop = Stop(name, self._count + row + 1, onset, trigger.condition.why(*seen))
                     return True
-                if monitor.hold > 0:
-                    self._onsets[name] = monitor.next_onset(self._onsets[name], time, seen)
         self._count += len(steps.times)
         return False
 
@@ -68,4 +60,4 @@ class Watch:
         return self._site.monitors[name].holds(time, values)
 
     def _ports(self, name: str) -> list[OutputPort]:
-        return [self._site.outputs[output] for output in self._site.watched[name]]
+        return [self._site.outputs[output] for output in self._site.monitors[name].condition.watched]

@@ -7,16 +7,16 @@ from scipy.spatial import ConvexHull
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.kinematics.skeleton import skeleton_of
-from simrob_drake.programs.gaits.feet import facing_rotation, feet_of, rotations_about
+from simrob_drake.programs.gaits.feet import facing_rotation, feet_of, rolled, rotations_about
 from simrob_drake.programs.gaits.leg_angles import OutOfReach
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.phases import SAMPLE, Phase, course
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_inside, three_legs, trot
-from simrob_drake.programs.gaits.rolling import rolled
 from simrob_drake.programs.gaits.walk import planned_walk, walk
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.standing import standing
 
 WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("zjudancer", "walk")]
@@ -166,7 +166,7 @@ def test_changes_keep_the_other_figures():
 def test_a_walk_begins_in_balance_with_its_soles_on_the_floor(robot, name):
     motion = walk(robot, 4, name)
     config = motion.station()
-    plant = add_plant(DiagramBuilder(), config)
+    plant = add_plant(DiagramBuilder(), resolve(config))
     found = standing(plant, plant.robots["robot"])
     assert found.gap == pytest.approx(0, abs=1e-5)
     assert found.margin > 0.01
