@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem, OutputPort
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import Course, Samples
-from simrob_drake.errors import InvalidParameter, shortened
+from simrob_drake.errors import InvalidParameter, SimrobError, shortened
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
 from simrob_drake.progress import note, progress_bar
@@ -151,6 +151,9 @@ class Runner:
         places = tuple((name, force.kind, force.at) for name, force in config.forces.items())
         known = self._diagrams.get(places)
         if known is None or not known.fits(courses):
+            if self._diagrams and self._blocks:
+                told = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
+                raise SimrobError(told)
             station = self._station
             if config.forces != self.config.forces:
                 station = resolve(station.config.model_copy(update={"forces": config.forces}))
@@ -190,7 +193,7 @@ def simulate_diagram(
         system.get_name() for system in diagram.GetSystems() if type(system).__module__.split(".")[0] not in _NOT_OWN
     ]
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
-    stepper = Stepper(config, lambda time: built, [], blocks=blocks)
+    stepper = Stepper(config, lambda time: built, sorted(set(ports.edges)), blocks=blocks)
     if context is not None:
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
     return _Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
