@@ -10,7 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from simrob_drake import Workcell, load_station, simulate
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, UnknownName
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.results.record.walks import locomotion
 
 
 @pytest.fixture(scope="module")
