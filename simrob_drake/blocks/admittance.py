@@ -1,4 +1,4 @@
-r"""Servos that give in to forces from outside: the law of the Simulink station ``D30S2_Irb120_qLC_Fext``.
+r"""Admittance: servos that give in to forces from outside; the law of the Simulink station ``D30S2_Irb120_qLC_Fext``.
 
 To the torque of a servo comes the integral of what the model of the arm does not explain,
 
@@ -50,10 +50,10 @@ def add_model_torque(
     return mapped(builder, f"{prefix}model_torque.axes", pick, dynamics.get_output_port_generalized_force())
 
 
-def add_yielding(
+def add_admittance(
     builder: DiagramBuilder, signals: ServoSignals, gains: ServoGains, model: OutputPort, *, gain: float, prefix: str
 ) -> OutputPort:
-    """Add the integrator of a robot's servos that yield.
+    """Add the integrator that gives a robot's servos their admittance.
 
     Args:
         builder: the diagram under construction.
@@ -75,6 +75,6 @@ def add_yielding(
         parts, columns = [*parts, signals.feedforward], [*columns, -each]
     inputs = gain * np.hstack(columns)
     block = LinearSystem(A=-gain * each, B=inputs, C=each, D=np.zeros_like(inputs))
-    builder.AddNamedSystem(f"{prefix}yielding", block)
-    builder.Connect(joined(builder, f"{prefix}yielding.bus", *parts), block.get_input_port())
+    builder.AddNamedSystem(f"{prefix}admittance", block)
+    builder.Connect(joined(builder, f"{prefix}admittance.bus", *parts), block.get_input_port())
     return block.get_output_port()
