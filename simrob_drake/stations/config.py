@@ -278,11 +278,7 @@ class StationConfig(Strict):
 
 
 def check_samples(duration: float, rate: float) -> None:
-    """Check that a run has not more samples than a computer can keep.
-
-    Args:
-        duration: of the run [s].
-        rate: samples a second [Hz].
+    """Check that a run of a duration [s] has not more samples, ``rate`` a second [Hz], than a computer can keep.
 
     Raises:
         InvalidParameter: too many.
