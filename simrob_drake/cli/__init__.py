@@ -14,7 +14,7 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """What ``simrob`` leaves with; a monitor's stop is a success."""
+    """What ``simrob`` leaves with; a monitor's stop is a success, a block that fails a divergence."""
 
     DONE = 0
     BAD_INPUT = 2

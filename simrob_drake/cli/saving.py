@@ -74,5 +74,5 @@ def saved(
 
 def exit_code(result: SimulationResult) -> ExitCode:
     """Return what a run's end means to a shell."""
-    codes = {"diverged": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
+    codes = {"diverged": ExitCode.DIVERGED, "failed": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
     return codes.get(result.ending, ExitCode.DONE)

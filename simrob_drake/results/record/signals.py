@@ -106,6 +106,15 @@ class Sampler:
                 raise
             return np.nan
 
+    @property
+    def looked_at(self) -> Context:
+        """The diagram's context as it was looked at last."""
+        return self._context
+
+    def cut(self, time: float) -> None:
+        """End the run at a time at which all was well [s]; what cannot be evaluated there is no number."""
+        self.history, self._tolerant = self._history.joined(self._at(np.array([time]))), True
+
     def contact_results(self, times: Vector) -> Iterator[ContactResults]:
         """Yield the plant's contact results at times (k,) of the run."""
         yield from self.sample([self._plant.get_contact_results_output_port()], times)[0]

@@ -60,20 +60,26 @@ class State:
     blocks: dict[str, BlockState] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, diagram: Diagram, ports: Site, context: Context) -> State:
+    def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> State:
         """Return the state of a closed station.
 
         Args:
             diagram: that holds the station.
             ports: the station's.
             context: of the diagram, at the moment wanted.
+            tolerant: what cannot be evaluated is no number, as after a run in which a block failed.
         """
 
         def of_robots(signal: str) -> dict[str, Vector]:
             values = {}
             for robot in ports.plant.robots.values():
                 port = ports.outputs[f"{robot.prefix}{signal}"]
-                values[robot.name] = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
+                try:
+                    values[robot.name] = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
+                except Exception:
+                    if not tolerant:
+                        raise
+                    values[robot.name] = np.full(port.size(), np.nan)
             return values
 
         plant, blocks = ports.plant.plant, {}
