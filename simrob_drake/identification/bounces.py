@@ -241,8 +241,6 @@ def _first_guess(trace: BounceTrace, mass: float, gravity: float) -> tuple[float
 def _parabola(times: Vector, heights: Vector, gravity: float) -> tuple[float, float]:
     """Return time and height of the top of a flight."""
     middle = float(np.mean(times))
-    slope, level = np.polynomial.polynomial.polyfit(times - middle, heights + gravity * (times - middle) ** 2 / 2, 1)[
-        ::-1
-    ]
+    level, slope = np.polynomial.polynomial.polyfit(times - middle, heights + gravity * (times - middle) ** 2 / 2, 1)
     after = float(slope) / gravity
     return middle + after, float(level) + gravity * after**2 / 2
