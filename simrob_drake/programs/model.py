@@ -174,11 +174,10 @@ def reparented(
             wanted = "world, a robot, or a piece that does not hang on it"
             raise InvalidParameter(f"parent of {piece}", "the piece itself" if parent == piece else parent, wanted)
         above = model.resolved.pieces[above].parent
-    mount = RigidTransform()
-    if parent != WORLD:
-        is_piece, named = parent in config.pieces, TCP if frame is None else frame
-        own = model.piece_frame(parent, named) if is_piece else model.flange(parent, frame)
-        mount = model.pose(own)
+    if parent in config.pieces:
+        mount = model.pose(model.piece_frame(parent, TCP if frame is None else frame))
+    else:
+        mount = RigidTransform() if parent == WORLD else model.pose(model.flange(parent, frame))
     place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)
     entry = config.pieces[piece].model_copy(
         update={"parent": parent, "frame": frame, "pose": tuple(pose_from_transform(place).tolist())}
