@@ -40,14 +40,10 @@ class ForceSensor(Block):
         frame: Frame | None = None,
         normal_only: bool = False,
     ) -> None:
-        """Make the block.
+        """Make the block for the shapes of ``body`` on which those of ``other`` press; everything unless given.
 
-        Args:
-            plant: finalized.
-            body: the shapes that feel the force.
-            other: the shapes that press; everything unless given.
-            frame: whose axes and origin are used; the world's unless given.
-            normal_only: leave friction out, for solvers whose tangential forces cannot be trusted.
+        The frame is the world's unless given. ``normal_only`` leaves friction out, for solvers whose tangential forces
+        cannot be trusted.
         """
         super().__init__()
         frame = plant.world_frame() if frame is None else frame

@@ -19,13 +19,10 @@ from pydrake.systems.primitives import MatrixGain, Multiplexer, Saturation
 
 
 def add_joint_stops(builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: float, damping: float) -> None:
-    """Add stops at every finite limit of a plant's one-axis joints.
+    """Add stops at every finite limit of a plant's one-axis joints; its ``applied_generalized_force`` is used up.
 
-    Args:
-        builder: the diagram under construction, with the plant in it.
-        plant: finalized; its input ``applied_generalized_force`` is used up.
-        stiffness: k [N·m/rad, and N/m of joints that slide], positive.
-        damping: d [N·m·s/rad, and N·s/m], not negative.
+    They have the stiffness k [N·m/rad, and N/m of joints that slide], positive, and the damping d [N·m·s/rad, and
+    N·s/m], not negative.
     """
     joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
     limited = [

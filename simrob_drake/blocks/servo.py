@@ -79,16 +79,11 @@ def add_servos(
     per_joint: bool = True,
     saturated: bool = True,
 ) -> OutputPort:
-    """Add servos for n joints and wire them to what they read.
+    """Add servos for n joints and wire them to the signals that they read.
 
-    Args:
-        builder: the diagram under construction.
-        signals: the ports to read.
-        gains: the figures, in the order of ``names``.
-        names: the joints' names; blocks are called ``<prefix><name>.pd`` and so on (``servo.pd`` for a vector).
-        prefix: stands before the names of all blocks.
-        per_joint: blocks for each joint, or one group for all.
-        saturated: whether blocks saturate, or the actuators that take the torques do.
+    Blocks are called ``<prefix><name>.pd`` and so on, by the names of the joints (``servo.pd`` for a vector):
+    ``per_joint`` blocks for each of them, or one group for all. They saturate, unless the actuators that take the
+    torques do.
 
     Returns:
         the torques, after saturation if the blocks saturate, size n [N·m].

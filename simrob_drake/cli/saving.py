@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.text import Text
 
-from simrob_drake.cli.exit_codes import ExitCode
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import result_table

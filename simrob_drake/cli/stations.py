@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from simrob_drake.cli.exit_codes import ExitCode
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.given import check_file, given_station, is_robot_file, refuse, refuse_import
 from simrob_drake.cli.options import (
     AllowCode,

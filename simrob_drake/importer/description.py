@@ -18,12 +18,7 @@ _HEADER = """\
 
 
 def draft(robot: RobotModel, report: ImportReport) -> str:
-    """Return the text of a ``robot.yaml``.
-
-    Args:
-        robot: the imported robot, with its base decided.
-        report: of the import, which the home posture and the gains are added to.
-    """
+    """Return the text of a ``robot.yaml`` for an imported robot; its home posture and gains are added to the report."""
     content: dict[str, Any] = {
         "name": robot.name,
         "description": f"{robot.name}, imported",

@@ -26,14 +26,11 @@ class FirstGains:
 
 
 def first_gains(robot: RobotModel) -> FirstGains:
-    """Return gains that hold a robot up and move it without overshoot.
+    """Return gains that hold a robot up and move it without overshoot; every link of it that moves has an inertia.
 
     With M the largest diagonal element of the mass matrix over some postures, and τ the largest torque of gravity,
     kp = max(ω² M, τ / 1 deg) with ω = 30 rad/s, and kd = 2 √(kp M), which damps the joint critically. A robot that is
     not fixed stands on some of its joints, so that each may feel the whole mass at half of the robot's height.
-
-    Args:
-        robot: with inertias for every moving link.
     """
     inertias, torques = _inertias_and_torques(robot)
     kp = np.maximum(_FREQUENCY**2 * inertias, torques / _SAG)

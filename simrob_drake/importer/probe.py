@@ -21,11 +21,7 @@ _PATIENCE = 120.0  # s, for a robot of hundreds of meshes
 
 
 def probe(file: Path, report: ImportReport) -> None:
-    """Let a child process build a robot in Drake.
-
-    Args:
-        file: the imported URDF.
-        report: of the import, for its source.
+    """Let a child process build an imported robot in Drake.
 
     Raises:
         InvalidModel: Drake refuses the robot or dies of it; the message names the element, found by bisection.

@@ -16,7 +16,7 @@ from pydrake.systems.framework import Context
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.errors import UnsupportedChain
-from simrob_drake.kinematics.poses import Targets, pose_matrices
+from simrob_drake.kinematics.poses import Targets, one_pose
 from simrob_drake.kinematics.screws import Screws, skew
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
@@ -131,11 +131,8 @@ class Chain(Screws):
 
     def with_tool(self, pose: Targets) -> Chain:
         """Return the chain to another tool centre point, given as one pose in this chain's tool frame."""
-        matrices = pose_matrices(pose, "tool")
-        if len(matrices) != 1:
-            raise InvalidParameter("tool", f"{len(matrices)} poses", "one pose")
-        moved = replace(self.in_plant, tcp=self.in_plant.tcp @ matrices[0])
-        return replace(self, home=self.home @ matrices[0], in_plant=moved)
+        matrix = one_pose(pose, "tool")
+        return replace(self, home=self.home @ matrix, in_plant=replace(self.in_plant, tcp=self.in_plant.tcp @ matrix))
 
     def forward(self, positions: npt.ArrayLike) -> Vector:
         """Return the poses of the tool in the base, shape (k, 4, 4); one posture (n,) gives k = 1."""

@@ -38,7 +38,7 @@ class ClosedForm:
     singular: Flags
 
 
-def closed_form(arm: SphericalArm, targets: Vector, starts: Vector) -> ClosedForm:
+def all_postures(arm: SphericalArm, targets: Vector, starts: Vector) -> ClosedForm:
     """Return all postures that bring the tool to each target.
 
     Args:

@@ -61,6 +61,14 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
     raise InvalidParameter(name, f"an array of shape {values.shape}", _EXPECTED)
 
 
+def one_pose(target: Targets, name: str) -> Vector:
+    """Return one pose in any form as a matrix (4, 4); errors are those of :func:`pose_matrices`, or tell of several."""
+    matrices = pose_matrices(target, name)
+    if len(matrices) != 1:
+        raise InvalidParameter(name, f"{len(matrices)} poses", "one pose")
+    return np.asarray(matrices[0])
+
+
 def rotation_vectors(turns: Vector) -> Vector:
     """Return the rotation vectors (axis times angle, at most π) of rotation matrices (k, 3, 3), shape (k, 3) [rad]."""
     parts = turns.reshape(-1, 9) @ _SINE_AND_TRACE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -67,14 +67,9 @@ class Solutions:
     @classmethod
     def joined(cls, parts: Sequence[Solutions]) -> Solutions:
         """Return the solutions of one batch from those of its pieces, in order."""
-        return cls(
-            positions=np.concatenate([part.positions for part in parts]),
-            reached=np.concatenate([part.reached for part in parts]),
-            position_error=np.concatenate([part.position_error for part in parts]),
-            rotation_error=np.concatenate([part.rotation_error for part in parts]),
-            iterations=np.concatenate([part.iterations for part in parts]),
-            reasons=tuple(reason for part in parts for reason in part.reasons),
-        )
+        arrays = [field.name for field in fields(cls)[:-1]]
+        whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+        return cls(**whole, reasons=tuple(reason for part in parts for reason in part.reasons))
 
     @property
     def first_missed(self) -> int:

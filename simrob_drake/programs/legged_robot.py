@@ -14,7 +14,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
 from simrob_drake.programs.legged_gait import step_moves
 from simrob_drake.programs.legged_geometry import LeggedGeometry
-from simrob_drake.programs.legged_stages import check_some, joint_reference, stages_of
+from simrob_drake.programs.legged_stages import check_some, joint_reference, stages_of, targets_on
 from simrob_drake.programs.moves import (
     MOVE_TIME,
     Act,
@@ -33,10 +33,9 @@ from simrob_drake.programs.moves import (
     move_of,
 )
 from simrob_drake.programs.ongoing import GOES_ON
-from simrob_drake.programs.postures import targets_on
 from simrob_drake.programs.program import Program, counted
-from simrob_drake.results.record.locomotion import fallen
 from simrob_drake.results.record.state import State
+from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig

@@ -112,7 +112,10 @@ class Planner:
         """
         inverse, points = self._inverse(solver), _points(how, POINTS)
         poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
-        ways = [_line_between(begin, end) for begin, end in pairwise([self._pose(), *poses])]
+        ways: list[_Way] = [
+            (partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3])))
+            for begin, end in pairwise([self._pose(), *poses])
+        ]
         return self._along(ways, inverse, how, points)
 
     def move_c(
@@ -196,11 +199,6 @@ class Planner:
             whole = Segment(np.concatenate([[0.0], times / times[-1]]), rows, 0.0, "")
             return Plan(self.robot, joined([whole], times[-1:]), times, points)
         return Plan(self.robot, joined(segments, times), times, points)
-
-
-def _line_between(begin: Vector, end: Vector) -> _Way:
-    """Return the straight way between two poses (4, 4)."""
-    return partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
 
 
 def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> _Way:

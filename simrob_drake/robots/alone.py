@@ -51,12 +51,7 @@ class LoneRobot:
 
 
 def lone_robot(robot: RobotModel, *, floating: bool = False, collision: bool = True) -> LoneRobot:
-    """Build a robot alone, at its home posture by default.
-
-    Args:
-        robot: what to build.
-        floating: leave its base free; else its root link is fixed to the world's origin.
-        collision: keep its collision geometry.
+    """Build a robot alone, at its home posture by default; its root is fixed to the world's origin unless ``floating``.
 
     Raises:
         InvalidModel: Drake cannot build it.

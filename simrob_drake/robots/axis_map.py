@@ -37,15 +37,10 @@ class AxisMap:
 
     @classmethod
     def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> AxisMap:
-        """Return the map of one-axis joints of a finalized plant, in axis order.
-
-        Args:
-            plant: finalized.
-            joints: one an axis.
-            signs: 1 or -1 for each, shape (n,); all 1 unless given.
+        """Return the map of one-axis joints, one an axis, of a finalized plant; signs (n,) are all 1 unless given.
 
         Raises:
-            InvalidParameter: signs that are not one a joint.
+            InvalidParameter: signs that are not one a joint, 1 or -1.
         """
         senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
         if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():

@@ -22,14 +22,11 @@ def add_urdf(
     """Add a robot to a plant, links that are rigidly joined as one body; each keeps a frame of its name.
 
     Args:
-        plant: the plant, not finalized.
+        plant: not finalized.
         robot: the ``robot`` element, checked, with absolute mesh names; it is not changed.
         name: what stands before the model's own name.
         where: the file, for messages.
         collision: keep the collision geometry.
-
-    Returns:
-        the model instance of the robot.
 
     Raises:
         InvalidModel: Drake cannot read the robot.

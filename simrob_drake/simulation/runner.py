@@ -20,8 +20,7 @@ from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import FAILED
 from simrob_drake.results.record.signals import Sampler, sampled
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.stop_time import cut_at_stop
-from simrob_drake.results.record.watch import Watch
+from simrob_drake.results.record.watch import Watch, cut_at_stop
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted

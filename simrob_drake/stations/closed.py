@@ -71,13 +71,8 @@ def closed_station(
 ) -> ClosedStation:
     """Build a station with the sources of its references; its other inputs are zero.
 
-    Args:
-        station: resolved.
-        courses: what each robot is asked; as the configuration says unless given.
-        sensors: the names of those that are added; all unless given.
-        forces: whether those of the configuration act.
-        monitors: whether they stand in the diagram.
-        blocks: the station's controllers, made, and others of the user's own, by name.
+    What each robot is asked is as the configuration says unless given; the other arguments are those of
+    :func:`~simrob_drake.stations.station.compose`.
 
     Raises:
         SimrobError: blocks that cannot be wired so.
@@ -131,13 +126,10 @@ def station_courses(
     given: Mapping[str, Trajectory | Samples] | None = None,
     starts: Mapping[str, Vector] | None = None,
 ) -> dict[str, Course]:
-    """Return what each robot is asked: what is given, else what the configuration says.
+    """Return what each robot is asked, by name: what is given, else what the configuration says.
 
-    Args:
-        station: resolved.
-        given: by robot. Samples are joined by straight lines, as Simulink joins them, but by a smooth curve where
-            their derivatives are needed.
-        starts: by robot, where the configuration's references begin instead of at its initial posture, (n,) [rad].
+    Samples that are given are joined by straight lines, as Simulink joins them, but by a smooth curve where their
+    derivatives are needed. The configuration's references begin at ``starts`` (n,) [rad], else at the initial posture.
 
     Raises:
         SimrobError: a reference that does not fit the robot, or leaves its joint limits.

@@ -26,15 +26,11 @@ _ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e
 
 
 def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: Path | None = None) -> str:
-    """Return the YAML text of a first station.
+    """Return the YAML text of a first station for a URDF, raw or imported; its file will be in a folder.
 
     A robot with a fixed base moves all joints a little way under joint torque. One with a floating base is put on a
-    floor and holds its posture. A robot without inertias moves kinematically.
-
-    Args:
-        urdf: the file, raw or imported.
-        options: of the import, written into the station.
-        folder: where the station's file will be, which relative paths start from.
+    floor and holds its posture. A robot without inertias moves kinematically. Options of the import are written into
+    the station, and paths start at its folder.
 
     Raises:
         InvalidModel: the robot cannot be imported.

@@ -17,11 +17,9 @@ _SIZES = 1e-4, 50.0  # of a piece from a mesh [m]
 
 
 def piece_of(entry: PieceConfig, name: str) -> PieceModel:
-    """Return the piece that a section of a station stands for, with all its figures.
+    """Return the piece that the section ``pieces.<name>`` of a station stands for, with all its figures.
 
-    Args:
-        entry: the section ``pieces.<name>``.
-        name: the piece of the package, unless the section names another source.
+    It is the piece of the package of that name, unless the section names another source.
 
     Raises:
         UnknownName: no such piece.

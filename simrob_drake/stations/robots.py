@@ -22,13 +22,7 @@ from simrob_drake.stations.resolve import ResolvedStation
 def add_robot(
     plant: MultibodyPlant, station: ResolvedStation, robot: ResolvedRobot, *, collision: bool
 ) -> StationRobot:
-    """Add one of a station's robots to its plant, with the pieces that it carries.
-
-    Args:
-        plant: not finalized, registered with a scene graph.
-        station: with the robot.
-        robot: which.
-        collision: keep collision geometry.
+    """Add a station's robot to its plant, which is not finalized, with the pieces that it carries.
 
     Raises:
         InvalidModel: a robot that cannot be simulated in the station's mode.

@@ -53,10 +53,6 @@ def add_station(builder: DiagramBuilder, config: StationConfig | str | Path) -> 
     exports each of them. The scheme ``cenic`` needs the plant to be a direct child of the root diagram, so a station
     that uses it is added to the root's builder.
 
-    Args:
-        builder: the diagram under construction.
-        config: what :func:`load_station` gave, or what it takes.
-
     Returns:
         the station's ports, with its plant.
     """
@@ -77,13 +73,9 @@ def compose(
 ) -> StationPorts:
     """Add a station's systems, and perhaps not all of its parts.
 
-    Args:
-        builder: the diagram under construction.
-        station: resolved.
-        sensors: the names of those that are added; all unless given.
-        forces: whether those of the configuration act.
-        monitors: whether they stand in the diagram; otherwise the ports know them, for whoever records the run.
-        blocks: the station's controllers, made, and others of the user's own, by name.
+    All sensors are added, or those that are named, and the configuration's ``forces`` where they should act. Without
+    ``monitors`` in the diagram the ports know them all the same, for whoever records the run. ``blocks`` are the
+    station's controllers, made, and others of the user's own, by name.
     """
     config, plant = station.config, add_plant(builder, station)
     if station.mode == "kinematic":

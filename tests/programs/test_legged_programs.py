@@ -7,7 +7,7 @@ from simrob_drake import LeggedRobot, Program, Workcell, load_station
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.gaits.leg_angles import OutOfReach
+from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.moves import ActMove, AttachMove, JointMove, ReleaseMove, WalkMove
 
 ARM = {"HomDF": 40}

@@ -47,10 +47,8 @@ def of_axes(robot: ResolvedRobot, *outputs: str) -> dict[str, int]:
 def worst(watched: Mapping[str, int], excesses: Callable[..., Vector], why: Callable[[int, float], str]) -> Condition:
     """Return a condition that holds where any of several does.
 
-    Args:
-        watched: the signals.
-        excesses: by how much each is exceeded, shape (k,), by the values of the signals; nan counts as infinite.
-        why: the reason, by the place of the largest of them and its size.
+    ``excesses`` tells by how much each is exceeded, shape (k,), by the values of the watched signals; nan counts as
+    infinite. ``why`` gives the reason by the place of the largest of them and its size.
     """
 
     def largest(*values: Vector) -> tuple[int, float]:
@@ -65,15 +63,7 @@ def worst(watched: Mapping[str, int], excesses: Callable[..., Vector], why: Call
 def add_monitor(
     builder: DiagramBuilder | None, site: Site, name: str, section: MonitorSection, condition: Condition
 ) -> None:
-    """Add a monitor; without a builder it is known to the site alone, for whoever records the run to ask.
-
-    Args:
-        builder: the diagram under construction.
-        site: the station.
-        name: of the monitor.
-        section: that configures it.
-        condition: that it gave.
-    """
+    """Add a monitor with its section's condition; without a builder only the site knows it, for who records the run."""
     site.monitors[name] = Trigger(condition, section.hold, section.after)
     if builder is not None:
         monitor = Monitor(condition, hold=section.hold, after=section.after)

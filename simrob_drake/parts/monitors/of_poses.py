@@ -19,12 +19,8 @@ class PoseMonitorSection(MonitorSection):
     def watched_pose(self, name: str, station: Surroundings, port: str) -> tuple[str, dict[str, int], RigidTransform]:
         """Return who is watched, the output that is its pose with its size, and where it is at the start.
 
-        The only free piece of a station without robots need not be named.
-
-        Args:
-            name: of the monitor.
-            station: around it.
-            port: of the robot that is watched unless a piece is: ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``.
+        That is a free piece, the only one of a station without robots unless named, or the ``port`` of the robot:
+        ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``.
 
         Raises:
             SimrobError: no such free piece, no such robot, or a robot without such a tool.

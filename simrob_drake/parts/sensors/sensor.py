@@ -56,15 +56,11 @@ def replayed(
 ) -> Vector:
     """Let a sampled block go through a run that is over, as it would have while stepping.
 
-    Args:
-        recorded: the run.
-        times: of the run, shape (m,) [s].
-        block: with one periodic discrete update; part of no diagram.
-        inputs: by the names of its ports what they read.
-        output: the port that is wanted.
+    The block has one periodic discrete update and is part of no diagram; ``inputs`` tells, by the names of its ports,
+    what they read.
 
     Returns:
-        the output at the last sample before each time, shape (m, size).
+        its output at the last sample before each of the times (m,) [s], shape (m, size).
     """
     attribute = block.GetUniquePeriodicDiscreteUpdateAttribute()
     period = attribute.period_sec()

@@ -10,8 +10,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot
-from simrob_drake.programs.gaits.phases import Phase, course
-from simrob_drake.programs.gaits.stepping import check_steps, on_path, ramp_shares
+from simrob_drake.programs.gaits.phases import Phase, check_steps, course, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.robots.catalog import RobotModel

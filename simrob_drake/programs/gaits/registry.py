@@ -13,12 +13,12 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.phases import FEWEST_STEPS
 from simrob_drake.programs.gaits.quadruped import FEWEST_LEGS, crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
-from simrob_drake.programs.gaits.stepping import FEWEST_STEPS
-from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.robots.catalog import RobotModel
 
 

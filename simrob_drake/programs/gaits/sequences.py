@@ -15,8 +15,7 @@ from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.skeleton import Skeleton
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import March, Posing
-from simrob_drake.programs.gaits.phases import SAMPLE
-from simrob_drake.programs.gaits.stepping import check_steps
+from simrob_drake.programs.gaits.phases import SAMPLE, check_steps
 from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 

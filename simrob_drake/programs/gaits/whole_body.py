@@ -18,7 +18,7 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about
-from simrob_drake.programs.gaits.leg_angles import leg_angles
+from simrob_drake.programs.gaits.legs import leg_angles
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import SolvedGait, Walk
 from simrob_drake.programs.gaits.phases import SAMPLE, Course

@@ -35,8 +35,7 @@ from simrob_drake.results.animation.camera import (
     side,
     walked_way,
 )
-from simrob_drake.results.animation.floor_grid import with_floor_under
-from simrob_drake.results.animation.scene import RENDERER, Scene
+from simrob_drake.results.animation.scene import RENDERER, Scene, with_floor_under
 from simrob_drake.results.record.run import RecordedRun
 
 Image = npt.NDArray[np.uint8]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from simrob_drake.parts.captions import BlockRole
-from simrob_drake.results.block_diagram.graph import Arrow, Block, BlockGraph
-from simrob_drake.results.block_diagram.places import BARS, ROLES
+from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, Block, BlockGraph
 
 TITLES: dict[BlockRole, str] = {
     "reference": "reference",

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 from simrob_drake.parts.captions import BlockRole
-from simrob_drake.results.block_diagram.places import BARS, ROLES, Shape
+
+ROLES: tuple[BlockRole, ...] = get_args(BlockRole)
+"""In the order of the signal flow."""
+
+Shape = Literal["block", "mux", "bus", "port", "sum"]
+"""Of them two are thin bars: a mux brings signals together, a bus hands them out."""
+
+BARS: tuple[Shape, ...] = ("mux", "bus")
 
 _FAN = 3
 """From how many arrows of one block into one cluster on they branch from a bus bar."""

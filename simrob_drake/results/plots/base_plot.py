@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, style, trusted
-from simrob_drake.results.record.locomotion import headings, tilts
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.walks import headings, tilts
 
 _WIDTH, _LEFT, _RIGHT = 11.0, 0.95, 5.2  # inches: of the figure, and where the path begins and ends beside the curves
 _BLUE, _ORANGE, _GREEN, _PURPLE, _FACING, *_ = COLOURS

@@ -13,8 +13,8 @@ from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.plots.base_plot import base_figure
 from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, is_dense
 from simrob_drake.results.plots.joint_plots import position_stacks, tcp_stacks, torque_stacks
-from simrob_drake.results.record.locomotion import legged_robots
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.walks import legged_robots
 from simrob_drake.signals import Panel
 
 _DPI = 110

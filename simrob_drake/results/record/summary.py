@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
-from simrob_drake.results.record.locomotion import legged_robots, locomotion
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
+from simrob_drake.results.record.walks import legged_robots, locomotion
 
 
 def pose_vector(pose: Vector) -> list[float]:
