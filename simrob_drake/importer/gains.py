@@ -9,8 +9,8 @@ import numpy as np
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
-from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.parse import lone_robot
 
 _FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it
 _SAG = math.radians(1.0)  # what a joint may give way under gravity [rad]

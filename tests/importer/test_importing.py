@@ -10,8 +10,8 @@ import pytest
 from simrob_drake.errors import InvalidModel, OutputError
 from simrob_drake.importer.importing import examine_robot, import_robot
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.robots.alone import LoneRobot, lone_robot
 from simrob_drake.robots.catalog import load_robot
+from simrob_drake.robots.parse import LoneRobot, lone_robot
 
 
 @pytest.fixture

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.parse import add_urdf, lone_robot
 
 
 def test_the_robot_stands_at_its_home_posture():

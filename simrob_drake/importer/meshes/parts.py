@@ -28,7 +28,7 @@ Rgba = tuple[float, float, float, float]
 
 
 def usable(image: Any) -> Image | None:
-    """Return an image, as opened by Pillow, that can be shown, at most 1024 pixels wide and high; None if it is none."""
+    """Return an image, as opened by Pillow, if it can be shown, at most 1024 pixels wide and high; else None."""
     from PIL import Image as Pillow
 
     if image is None or image.format not in _FORMATS or image.width * image.height > _MOST_PIXELS:

@@ -8,8 +8,7 @@ from pydrake.geometry import GeometryId
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
-from simrob_drake.blocks.contacts import ContactReader
-from simrob_drake.blocks.force_sensor import ForceSensor
+from simrob_drake.blocks.contacts import ContactReader, ForceSensor
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.sensors.momentum_balance import Balance
 from simrob_drake.parts.sensors.sensor import Sensor, axis_names, check_contact, sampled, sensor_label
