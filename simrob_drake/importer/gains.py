@@ -46,7 +46,7 @@ def _inertias_and_torques(robot: RobotModel) -> tuple[Vector, Vector]:
     random = np.random.default_rng(0)
     inertias, torques = np.zeros(len(lone.joints)), np.zeros(len(lone.joints))
     for posture in (robot.home, *random.uniform(lower, upper, (_POSTURES, len(lone.joints)))):
-        lone.set_axes(context, posture)
+        lone.axes.set_positions(plant, context, posture)
         inertias = np.maximum(inertias, np.diag(plant.CalcMassMatrix(context))[lone.axes.velocity_places])
         torques = np.maximum(torques, np.abs(lone.axes.efforts(plant.CalcGravityGeneralizedForces(context))))
     if robot.base == "floating":

@@ -16,7 +16,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
@@ -72,10 +72,6 @@ class LoneRobot:
     instance: ModelInstanceIndex
     joints: list[Joint]
     axes: AxisMap
-
-    def set_axes(self, context: Context, positions: Vector) -> None:
-        """Put the axes to positions, shape (n,) [rad or m], in a context of the plant."""
-        self.axes.set_positions(self.plant, context, positions)
 
     def origins(self) -> Vector:
         """Return where the links are at the default posture, shape (m, 3) [m]."""

@@ -15,14 +15,7 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import (
-    AddMultibodyPlant,
-    ContactModel,
-    CoulombFriction,
-    DiscreteContactApproximation,
-    MultibodyPlant,
-    MultibodyPlantConfig,
-)
+from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import FixedOffsetFrame, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
@@ -63,16 +56,16 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
         plant.RegisterAsSourceForSceneGraph(scene_graph)
     else:
-        time_step = config.solver.time_step if isinstance(config.solver, DiscreteSolver) else 0.0
-        plant, scene_graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=time_step), builder)
+        settings = MultibodyPlantConfig(
+            time_step=0.0, contact_model=config.contact.model if config.contact else "point"
+        )
+        if isinstance(config.solver, DiscreteSolver):
+            settings.time_step, settings.discrete_contact_approximation = config.solver.time_step, config.solver.scheme
+            settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
+        plant, scene_graph = AddMultibodyPlant(settings, builder)
     plant.set_name("plant")
     scene_graph.set_name("scene_graph")
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
-    if isinstance(config.solver, DiscreteSolver) and config.mode == "dynamic":
-        approximation = getattr(DiscreteContactApproximation, f"k{config.solver.scheme.capitalize()}")
-        plant.set_discrete_contact_approximation(approximation)
-        plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
-    _set_contact_model(plant, config.contact)
     robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     _add_floor(plant, config, collision)
@@ -119,15 +112,6 @@ def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) ->
         rigid.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
         rigid.AddProperty("material", "point_contact_stiffness", _FLOOR_STIFFNESS)
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", rigid)
-
-
-def _set_contact_model(plant: MultibodyPlant, contact: ContactConfig | None) -> None:
-    models = {
-        "point": ContactModel.kPoint,
-        "hydroelastic": ContactModel.kHydroelastic,
-        "hydroelastic_with_fallback": ContactModel.kHydroelasticWithFallback,
-    }
-    plant.set_contact_model(models[contact.model if contact else "point"])
 
 
 def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> None:

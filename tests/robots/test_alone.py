@@ -24,7 +24,7 @@ def test_axes_turn_in_their_sense():
     axes = {name: axis.model_copy(update={"sign": -1}) for name, axis in robot.axes.items()}
     lone = lone_robot(robot.model_copy(update={"axes": axes}))
     context = lone.plant.CreateDefaultContext()
-    lone.set_axes(context, np.full(6, 0.3))
+    lone.axes.set_positions(lone.plant, context, np.full(6, 0.3))
     np.testing.assert_allclose(lone.plant.GetPositions(context), np.full(6, -0.3))
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import io
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,6 @@ from simrob_drake.frames import Vector
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-
-import io
-from typing import TYPE_CHECKING, Any
 
 _FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "TIFF", "WEBP")
 """Formats that need nothing but the decoder; others start programs (EPS) or are never a texture."""
