@@ -12,7 +12,7 @@ from simrob_drake import add_station, build_station, load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.results.plots.files import save_plots
 from simrob_drake.simulation import simulate_diagram
-from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
 TIMES = np.array([0.0, 0.5, 1.0])
@@ -51,9 +51,8 @@ def test_it_gives_the_result_of_simulate_to_the_last_bit():
 @pytest.mark.parametrize("station", ["irb120_dynamic", "humanoid_dynamic", "bouncing_ball"])
 def test_a_station_that_closes_itself_is_that_of_simulate(station):
     config = load_station(station, {"duration": 1.2})
-    builder = DiagramBuilder()
-    closed = add_closed_station(builder, resolve(config), monitors=False)
-    own = simulate_diagram(builder.Build(), closed.ports, progress=False)
+    closed = closed_station(resolve(config), monitors=False)
+    own = simulate_diagram(closed.diagram, closed.ports, progress=False)
     ours = simulate(config, progress=False)
     assert own.names == ours.names
     np.testing.assert_array_equal(own.values, ours.values)

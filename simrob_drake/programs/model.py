@@ -18,8 +18,7 @@ from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.posed import PosedStation
-from simrob_drake.stations.resolve import carriers_of
-from simrob_drake.stations.tools import flange, tool_in_use
+from simrob_drake.stations.resolve import carriers_of, flange, tool_in_use
 
 
 class StationModel(PosedStation):
