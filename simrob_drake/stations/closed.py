@@ -98,7 +98,9 @@ def closed_station(
     except RuntimeError as problem:
         if not ports.blocks:
             raise
-        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so: {problem}") from problem
+        used = "been built into a different Diagram" in str(problem)
+        told = "a block serves one diagram; make it anew" if used else "signals must not go around in a circle"
+        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so; {told} ({problem})") from problem
 
 
 def _add_source(
