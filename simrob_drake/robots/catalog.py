@@ -19,14 +19,7 @@ from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
-from simrob_drake.robots.urdf import (
-    joint_effort,
-    joint_limits,
-    movable_joints,
-    name_of,
-    read_urdf,
-    root_link,
-)
+from simrob_drake.robots.urdf import joint_effort, joint_limits, movable_joints, name_of, read_urdf, root_link
 from simrob_drake.robots.urdf_check import check_urdf
 from simrob_drake.yaml_files import FileName, Number, Strict, is_file_name, read_yaml, validated
 
