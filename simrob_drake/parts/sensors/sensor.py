@@ -12,6 +12,7 @@ from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Surroundings
+from simrob_drake.quantities import Positive
 from simrob_drake.signals import Recorded
 from simrob_drake.yaml_files import Strict
 
@@ -30,6 +31,21 @@ class Sensor(Strict):
         A block that nothing reads still costs a solver time at every look at the diagram.
         """
         return False
+
+
+class ShapeSensor(Sensor):
+    """What sensors at the collision shapes of a body share."""
+
+    kind: str
+    body: str
+    """What it is at: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
+    rate: Positive | None = None
+    """Samples a second that a loop or a monitor gets [Hz]; it may always look unless given."""
+
+    @property
+    def stepped(self) -> bool:
+        """Whether it takes samples."""
+        return self.rate is not None
 
 
 def check_contact(key: str, sensor: str, station: Surroundings) -> None:
