@@ -12,7 +12,7 @@ from simrob_drake import add_station, build_station, load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.results.plots.files import save_plots
 from simrob_drake.simulation import simulate_diagram
-from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
 TIMES = np.array([0.0, 0.5, 1.0])
@@ -51,9 +51,8 @@ def test_it_gives_the_result_of_simulate_to_the_last_bit():
 @pytest.mark.parametrize("station", ["irb120_dynamic", "humanoid_dynamic", "bouncing_ball"])
 def test_a_station_that_closes_itself_is_that_of_simulate(station):
     config = load_station(station, {"duration": 1.2})
-    builder = DiagramBuilder()
-    closed = add_closed_station(builder, resolve(config), monitors=False)
-    own = simulate_diagram(builder.Build(), closed.ports, progress=False)
+    closed = closed_station(resolve(config), monitors=False)
+    own = simulate_diagram(closed.diagram, closed.ports, progress=False)
     ours = simulate(config, progress=False)
     assert own.names == ours.names
     np.testing.assert_array_equal(own.values, ours.values)
@@ -137,3 +136,18 @@ def test_cenic_needs_the_station_at_the_top():
 def test_a_duration_that_cannot_be():
     with pytest.raises(SimrobError, match="duration"):
         simulate_diagram(*wired(arm()), duration=-1)
+
+
+def test_the_forces_of_its_station_act():
+    push = {"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}
+    overrides = {"reference": {"kind": "hold"}, "forces": {"push": push}, "monitors": {"fall": {"tilt_deg": 30}}}
+    config = load_station("humanoid_dynamic", {**overrides, "duration": 3})
+    builder = DiagramBuilder()
+    ports = add_station(builder, config)
+    (robot,) = ports.plant.robots.values()
+    where = builder.AddNamedSystem("where", ConstantVectorSource(robot.initial))
+    builder.Connect(where.get_output_port(), ports.inputs["reference"])
+    inside, alone = simulate_diagram(builder.Build(), ports, progress=False), simulate(config, progress=False)
+    assert inside.stopped_by == alone.stopped_by == "fall"
+    assert inside.stop_time == pytest.approx(alone.stop_time, abs=2e-3)
+    np.testing.assert_array_equal(inside["applied_force.push.y"][21:50], -40)

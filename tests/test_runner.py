@@ -7,14 +7,12 @@ import sys
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.framework import LeafSystem
 
 from simrob_drake import load_station, simulate
-from simrob_drake.blocks.events import EventTimes
 from simrob_drake.errors import SimrobError
-from simrob_drake.lifetime import built
 from simrob_drake.simulation import Runner, simulate_diagram
-from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
 DISCRETE = {
@@ -181,10 +179,8 @@ class TestPushesUnderCenic:
         push = {"kind": "push", "start": 0.2, "duration": 0.1, "force": [5, 3, 0]}
         config = load_station("humanoid_dynamic", {"forces": {"shove": push}, "duration": 0.6, **solver})
         cut = simulate(config, progress=False)
-        builder = DiagramBuilder()
-        closed = add_closed_station(builder, resolve(config), monitors=False)
-        builder.AddNamedSystem("edges", EventTimes(closed.ports.edges))
-        wired = simulate_diagram(built(builder), closed.ports, progress=False)
+        closed = closed_station(resolve(config), monitors=False)
+        wired = simulate_diagram(closed.diagram, closed.ports, progress=False)
         assert np.ptp(cut["base.x"]) > 5e-4
         np.testing.assert_allclose(cut.axes("q"), wired.axes("q"), atol=1e-6)
         np.testing.assert_allclose(cut.axes("v"), wired.axes("v"), atol=1e-5)  # to which cenic solves for velocities
