@@ -22,7 +22,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 
 from simrob_drake.blocks.servo import ServoGains, ServoSignals
-from simrob_drake.blocks.wiring import joined, mapped
+from simrob_drake.blocks.wiring import fed, joined, mapped
 from simrob_drake.frames import Vector
 
 
@@ -35,10 +35,9 @@ def add_model_torque(
     """
     mode = InverseDynamics.InverseDynamicsMode.kInverseDynamics
     dynamics = builder.AddNamedSystem(f"{prefix}model_torque", InverseDynamics(plant, mode))
-    steady = ConstantVectorSource(np.zeros(plant.num_velocities()))
-    builder.AddNamedSystem(f"{prefix}model_torque.acceleration", steady)
+    steady = fed(builder, f"{prefix}model_torque.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
     builder.Connect(state, dynamics.get_input_port_estimated_state())
-    builder.Connect(steady.get_output_port(), dynamics.get_input_port_desired_acceleration())
+    builder.Connect(steady, dynamics.get_input_port_desired_acceleration())
     return mapped(builder, f"{prefix}model_torque.axes", pick, dynamics.get_output_port_generalized_force())
 
 
@@ -61,6 +60,4 @@ def add_admittance(
         parts, columns = [*parts, signals.feedforward], [*columns, -each]
     inputs = gain * np.hstack(columns)
     block = LinearSystem(A=-gain * each, B=inputs, C=each, D=np.zeros_like(inputs))
-    builder.AddNamedSystem(f"{prefix}admittance", block)
-    builder.Connect(joined(builder, f"{prefix}admittance.bus", *parts), block.get_input_port())
-    return block.get_output_port()
+    return fed(builder, f"{prefix}admittance", block, joined(builder, f"{prefix}admittance.bus", *parts))

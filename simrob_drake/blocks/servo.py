@@ -23,7 +23,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer, Saturation, Selector, SelectorParams
 
-from simrob_drake.blocks.wiring import joined
+from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
@@ -103,9 +103,7 @@ def add_servos(
 
 def add_saturation(builder: DiagramBuilder, command: OutputPort, limit: Vector, name: str) -> OutputPort:
     """Add a saturation at ``limit`` (n,) [N·m] to both sides, and return what it lets through."""
-    saturation = builder.AddNamedSystem(name, Saturation(-limit, limit))
-    builder.Connect(command, saturation.get_input_port())
-    return saturation.get_output_port()
+    return fed(builder, name, Saturation(-limit, limit), command)
 
 
 def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[list[int]], name: str) -> Selector:
@@ -128,9 +126,8 @@ def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[l
             for group in groups
         ],
     )
-    selector = builder.AddNamedSystem(name, Selector(params))
-    for index, port in enumerate(inputs):
-        builder.Connect(port, selector.get_input_port(index))
+    selector = Selector(params)
+    fed(builder, name, selector, *inputs)
     return selector
 
 
@@ -153,9 +150,7 @@ def _add_group(
     if (gains.ki[group] > 0).any():
         integral = add_integral(builder, bus, gains, group, name)
         matrix, bus = np.hstack([matrix, np.eye(len(group))]), joined(builder, f"{name}.signals", bus, integral)
-    command = builder.AddNamedSystem(f"{name}.pd", MatrixGain(matrix))
-    builder.Connect(bus, command.get_input_port())
-    return command.get_output_port()
+    return fed(builder, f"{name}.pd", MatrixGain(matrix), bus)
 
 
 def add_integral(

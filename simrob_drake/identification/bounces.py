@@ -10,6 +10,7 @@ Flights are parabolas in closed form; contacts are integrated (Hunt and Crossley
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -17,16 +18,73 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.csv_files import read_columns
+from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.identification.bounce_trace import BounceTrace
 
+COLUMNS = ("time", "height")
+_LONGEST_GAP = 5.0  # times the usual interval
+_FEWEST_SAMPLES = 20
+_FEWEST_BOUNCES = 2
 _TOLERANCE = 1e-9
 _LONGEST = 50.0  # half periods of the spring that a contact may last
 _CONFIDENCE = 0.95
 _ROUND_ABOUT = (0.4, 0.7, 1.0, 1.4, 2.5)  # parts of the first guess of k that are tried: the error has many valleys
 _STEPS = np.full(4, 1e-4)  # parts of the unknowns, for the Jacobian
 _FEW = 200  # samples that tell good starts from bad ones
+
+
+@dataclass(frozen=True)
+class BounceTrace:
+    """Heights of a ball that bounces.
+
+    Attributes:
+        times: shape (m,) [s], rising.
+        heights: of the ball's lowest point over the floor, shape (m,) [m]; negative while it is pressed in.
+    """
+
+    times: Vector
+    heights: Vector
+
+    @property
+    def bounces(self) -> int:
+        """How often the ball came back up: falls to the floor with a rise behind them."""
+        high = (self.heights.max() - min(self.heights.min(), 0.0)) / 10
+        low_points, falling = 0, False
+        for height in self.heights:
+            if height > high:
+                low_points, falling = low_points + falling, False
+            elif height < high / 2:
+                falling = True
+        return low_points
+
+
+def read_bounces(file: Path) -> BounceTrace:
+    """Read a CSV file with the columns ``time`` [s] and ``height`` [m] of the ball's lowest point over the floor.
+
+    Raises:
+        InvalidConfig: a file without these columns, with something that is no number, with gaps, with times that do
+            not rise, or with too few bounces to learn from.
+    """
+    values, lines = read_columns(file, COLUMNS)
+    times, heights = values.T
+    if len(times) < _FEWEST_SAMPLES:
+        raise InvalidConfig(file, "", f"has {len(times)} samples; it takes at least {_FEWEST_SAMPLES}")
+    intervals = np.diff(times)
+    if (intervals <= 0).any():
+        row = int(np.flatnonzero(intervals <= 0)[0])
+        problem = f"times must rise, but {times[row + 1]:g} s follows {times[row]:g} s"
+        raise InvalidConfig(file, f"line {lines[row + 1]}", problem)
+    usual = float(np.median(intervals))
+    if intervals.max() > _LONGEST_GAP * usual:
+        row = int(np.argmax(intervals))
+        problem = f"a gap of {intervals[row]:.3g} s from {times[row]:.4g} s on, where {usual:.3g} s is usual"
+        raise InvalidConfig(file, f"line {lines[row + 1]}", f"{problem}; cut the trace there or measure again")
+    trace = BounceTrace(times, heights)
+    if trace.bounces < _FEWEST_BOUNCES:
+        problem = f"holds {trace.bounces} bounces; it takes at least {_FEWEST_BOUNCES}, each with the rise behind it"
+        raise InvalidConfig(file, "", problem)
+    return trace
 
 
 @dataclass(frozen=True)
@@ -183,8 +241,6 @@ def _first_guess(trace: BounceTrace, mass: float, gravity: float) -> tuple[float
 def _parabola(times: Vector, heights: Vector, gravity: float) -> tuple[float, float]:
     """Return time and height of the top of a flight."""
     middle = float(np.mean(times))
-    slope, level = np.polynomial.polynomial.polyfit(times - middle, heights + gravity * (times - middle) ** 2 / 2, 1)[
-        ::-1
-    ]
+    level, slope = np.polynomial.polynomial.polyfit(times - middle, heights + gravity * (times - middle) ** 2 / 2, 1)
     after = float(slope) / gravity
     return middle + after, float(level) + gravity * after**2 / 2

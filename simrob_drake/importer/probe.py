@@ -76,14 +76,13 @@ def _built_without(file: Path, robot: ET.Element, places: list[tuple[int, int]])
 
 
 def _build(file: Path) -> None:
+    from pydrake.geometry import SceneGraph
     from pydrake.multibody.plant import MultibodyPlant
 
     from simrob_drake.robots.parse import add_urdf
     from simrob_drake.robots.urdf import read_urdf, with_absolute_meshes
 
     plant = MultibodyPlant(0.0)
-    from pydrake.geometry import SceneGraph
-
     scene_graph = SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     add_urdf(plant, with_absolute_meshes(read_urdf(file), file.parent), name="robot", where=file)

@@ -13,15 +13,18 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, PrismaticJoint, RevoluteJoint
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.kinematics.errors import UnsupportedChain
 from simrob_drake.kinematics.poses import Targets, one_pose
 from simrob_drake.kinematics.screws import Screws, skew
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
+
+
+class UnsupportedChain(SimrobError):
+    """Frames of a plant that joints other than the given ones move against each other."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,7 +155,7 @@ class _Program:
         for binding in self._prog.GetAllConstraints():
             evaluator = binding.evaluator()
             value = evaluator.Eval(full[self._prog.FindDecisionVariableIndices(binding.variables())])
-            by = _outside(evaluator, value).max(initial=0.0)
+            by = np.maximum(value - evaluator.upper_bound(), evaluator.lower_bound() - value).max(initial=0.0)
             if not by <= _VIOLATED:
                 missed.append((evaluator.get_description() or "the joint limits", float(by)))
         return missed
@@ -216,11 +216,6 @@ def _wish(constraint: Constraint, weights: Vector) -> Callable[[Any], Any]:
         return total
 
     return cost
-
-
-def _outside(constraint: Constraint, values: Vector) -> Vector:
-    outside: Vector = np.maximum(values - constraint.upper_bound(), constraint.lower_bound() - values)
-    return outside
 
 
 def _rigid(target: Vector) -> RotationMatrix:

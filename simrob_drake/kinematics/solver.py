@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.errors import Unreachable
 from simrob_drake.kinematics.poses import Targets, pose_matrices
 
 POSITION_TOLERANCE = 1e-6  # m: a tenth of the repeatability of a small arm, and fine enough for smooth paths
@@ -23,6 +22,30 @@ _SLACK = 1e-9  # rad beyond a limit that is rounding, and clipped
 _AT_LIMIT = 1e-9  # rad or m
 _SINGULAR = 0.02  # smallest singular value of the Jacobian [m, rad], as where damping begins
 _PUSH = 1e-3  # share of the error that must press a joint against its limit to count
+
+
+class Unreachable(SimrobError):
+    """A target pose that no posture of the robot reaches, as far as the solver found.
+
+    Attributes:
+        index: which target of the batch, counted from 0.
+        reason: why, in words.
+        positions: the best posture found, shape (n,) [rad or m].
+        position_error: how near it comes [m].
+        rotation_error: how near it comes [rad].
+    """
+
+    def __init__(
+        self, target: str, reason: str, *, index: int, positions: Vector, position_error: float, rotation_error: float
+    ) -> None:
+        """Say that ``target`` (such as "targets[3]") cannot be reached, why, and how near the best posture comes."""
+        near = f"the best solution comes within {position_error:.3g} m and {rotation_error:.3g} rad"
+        super().__init__(f"{target} cannot be reached: {reason}; {near}")
+        self.index = index
+        self.reason = reason
+        self.positions = positions
+        self.position_error = position_error
+        self.rotation_error = rotation_error
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,13 +22,13 @@ from simrob_drake.programs.moves import (
     AnyMove,
     Attach,
     AttachMove,
+    Cell,
     JointMove,
     Release,
     ReleaseMove,
     Walk,
     WalkMove,
     any_move,
-    cell_of,
     checked,
     move_of,
 )
@@ -248,7 +248,7 @@ class LeggedRobot(LeggedGeometry):
 
         Arguments and errors are those of :meth:`test_move`; nothing moves.
         """
-        cell = cell_of(target_deg)
+        cell = checked(Cell, target_deg=target_deg)
         targets_on(self.model, cell.target_deg, "the reference")
         self._remember()
         self.program = self.program.with_reference(cell)

@@ -18,8 +18,7 @@ from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.posed import PosedStation
-from simrob_drake.stations.resolve import carriers_of
-from simrob_drake.stations.tools import flange, tool_in_use
+from simrob_drake.stations.resolve import carriers_of, flange, tool_in_use
 
 
 class StationModel(PosedStation):
@@ -174,21 +173,16 @@ def reparented(
             wanted = "world, a robot, or a piece that does not hang on it"
             raise InvalidParameter(f"parent of {piece}", "the piece itself" if parent == piece else parent, wanted)
         above = model.resolved.pieces[above].parent
-    mount = _mount_pose(model, parent, frame)
+    if parent in config.pieces:
+        mount = model.pose(model.piece_frame(parent, TCP if frame is None else frame))
+    else:
+        mount = RigidTransform() if parent == WORLD else model.pose(model.flange(parent, frame))
     place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)
     entry = config.pieces[piece].model_copy(
         update={"parent": parent, "frame": frame, "pose": tuple(pose_from_transform(place).tolist())}
     )
     changed = config.model_copy(update={"pieces": {**config.pieces, piece: entry}})
     return _with_tools(model, changed, piece)
-
-
-def _mount_pose(model: StationModel, parent: str, frame: str | None) -> RigidTransform:
-    if parent == WORLD:
-        return RigidTransform()
-    if parent in model.config.pieces:
-        return model.pose(model.piece_frame(parent) if frame is None else model.piece_frame(parent, frame))
-    return model.pose(model.flange(parent, frame))
 
 
 def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationConfig:

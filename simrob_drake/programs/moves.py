@@ -6,7 +6,7 @@ What users give in Python is checked, and told of as any other parameter.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 import numpy as np
 from pydantic import (
@@ -148,14 +148,8 @@ class ReleaseMove(Strict):
 
 
 AnyMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove
-KINDS: dict[str, type[AnyMove]] = {
-    "target_deg": JointMove,
-    "walk": WalkMove,
-    "act": ActMove,
-    "attach": AttachMove,
-    "release": ReleaseMove,
-}
-"""By the key that tells them apart."""
+KINDS: dict[str, type[AnyMove]] = {next(iter(kind.model_fields)): kind for kind in get_args(AnyMove)}
+"""By the key that tells them apart, the first field."""
 
 
 def kind_of(content: Mapping[str, Any]) -> type[AnyMove] | None:
@@ -170,15 +164,6 @@ def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMo
         InvalidParameter: no axis, an angle that is no finite number, or a duration that is not positive.
     """
     return checked(JointMove, target_deg=target_deg, duration=duration)
-
-
-def cell_of(target_deg: Mapping[str, Any]) -> Cell:
-    """Return a checked cell of what a user gave.
-
-    Raises:
-        InvalidParameter: no axis, or an angle that is no finite number.
-    """
-    return checked(Cell, target_deg=target_deg)
 
 
 def any_move(

@@ -87,7 +87,5 @@ class Tape:
                     raise InvalidParameter("the recording", "with gaps", "replayed take by take: replay()")
                 stretches[robot] += [stretch.at(begin, factor) for stretch in own]
             begin += factor * take.duration
-        whole = Take(
-            config or first.config, first.start, {robot: tuple(own) for robot, own in stretches.items()}, begin
-        )
-        return whole.run()
+        whole = {robot: tuple(own) for robot, own in stretches.items()}
+        return Take(config or first.config, first.start, whole, begin).run()

@@ -19,16 +19,6 @@ from simrob_drake.results.record.summary import summary_of
 _WIDTH = 100  # characters of a line
 
 
-def lines_of(result: RecordedRun) -> list[str]:
-    """Return three lines: how a run ended, how much of it there is, and what its columns are called."""
-    steps, speed = len(result.step_times) - 1, f"{result.realtime_rate:.0f} × real time"
-    return [
-        f"{result.config.name}: {result.message}",
-        f"{len(result.times)} samples to {result.stop_time:.4g} s, {steps} steps, {speed}",
-        shortened(f"{len(result.names)} columns: {', '.join(result.names)}", _WIDTH),
-    ]
-
-
 def table_of(result: RecordedRun) -> list[list[str]]:
     """Return headings, and where every joint ended and its torques; without robots, where the free pieces ended."""
     if not result.plant.robots:
@@ -46,20 +36,6 @@ def table_of(result: RecordedRun) -> list[list[str]]:
                 [f"{robot.prefix}{axis}", *ends, unit, f"{torque[-1]:.3f}", f"{peak:.3f}", shown_limit, effort]
             )
     return table
-
-
-def html_of(result: RecordedRun) -> str:
-    """Return lines, film strip and table as HTML."""
-    from simrob_drake.results.animation.pictures import film_strip  # which loads matplotlib
-
-    strip = b64encode(film_strip(result)).decode()
-    head, *rows = table_of(result)
-    cells = "".join(_row("td", row) for row in rows)
-    return (
-        f"<p>{'<br>'.join(map(escape, lines_of(result)))}</p>"
-        f'<img alt="film strip" style="max-width: 100%" src="data:image/png;base64,{strip}">'
-        f"<table>{_row('th', head)}{cells}</table>"
-    )
 
 
 def _row(kind: str, cells: Iterable[str]) -> str:
@@ -82,12 +58,23 @@ class SimulationResult(RecordedRun):
     """
 
     def __repr__(self) -> str:
-        """Return three lines about the run."""
-        return "\n".join(lines_of(self))
+        """Return three lines: how the run ended, how much of it there is, and what its columns are called."""
+        steps, speed = len(self.step_times) - 1, f"{self.realtime_rate:.0f} × real time"
+        samples = f"{len(self.times)} samples to {self.stop_time:.4g} s, {steps} steps, {speed}"
+        columns = shortened(f"{len(self.names)} columns: {', '.join(self.names)}", _WIDTH)
+        return f"{self.config.name}: {self.message}\n{samples}\n{columns}"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: these lines, a film strip and where all ended."""
-        return html_of(self)
+        from simrob_drake.results.animation.pictures import film_strip  # which loads matplotlib
+
+        strip = b64encode(film_strip(self)).decode()
+        head, *rows = table_of(self)
+        return (
+            f"<p>{'<br>'.join(escape(repr(self)).splitlines())}</p>"
+            f'<img alt="film strip" style="max-width: 100%" src="data:image/png;base64,{strip}">'
+            f"<table>{_row('th', head)}{''.join(_row('td', row) for row in rows)}</table>"
+        )
 
     def save(
         self, folder: Path | str | None = None, *, force: bool = False, recording: bool = True, video: bool = False

@@ -20,6 +20,7 @@ from simrob_drake.blocks.references import (
     course_values,
     table,
 )
+from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
@@ -89,8 +90,7 @@ def closed_station(
                 players[robot.name] = source.player
     for name, port in ports.inputs.items():
         if not builder.IsConnectedOrExported(port):
-            zero = builder.AddNamedSystem(f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
-            builder.Connect(zero.get_output_port(), port)
+            builder.Connect(fed(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size()))), port)
             owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
             ports.draw(f"{name}.zero", "reference", "0", owner)
     try:

@@ -15,8 +15,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.parse import lone_robot
 
 _STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
 _ROOM = 0.4  # and at most this part of the way to the joint's limit

@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
+from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Surroundings
@@ -39,11 +40,7 @@ def check_contact(key: str, sensor: str, station: Surroundings) -> None:
 
 def sampled(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:
     """Hold a port's value between samples, ``rate`` a second [Hz]; as it is where that is None."""
-    if rate is None:
-        return port
-    hold = builder.AddNamedSystem(name, ZeroOrderHold(1 / rate, port.size()))
-    builder.Connect(port, hold.get_input_port())
-    return hold.get_output_port()
+    return port if rate is None else fed(builder, name, ZeroOrderHold(1 / rate, port.size()), port)
 
 
 def replayed(

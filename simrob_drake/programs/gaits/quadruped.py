@@ -136,7 +136,7 @@ def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     Raises:
         InvalidParameter: a triangle too small for the margin.
     """
-    corners = triangle if _doubled_area(*triangle) > 0 else triangle[::-1]  # counterclockwise
+    corners = triangle if np.linalg.det(triangle[1:] - triangle[0]) > 0 else triangle[::-1]  # counterclockwise
     sides = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([-sides[:, 1], sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, np.newaxis]
     offsets = np.einsum("kx,kx->k", normals, corners) + margin
@@ -147,10 +147,6 @@ def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     if not inside:
         raise InvalidParameter("inside", margin, "smaller than what the triangle of three feet has room for [m]")
     return min(inside, key=lambda place: float(np.linalg.norm(place - point)))
-
-
-def _doubled_area(a: Vector, b: Vector, c: Vector) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def _stance(walker: Walker, gait: Trot | Crawl | Stand) -> dict[str, Vector]:

@@ -11,8 +11,6 @@ with :math:`Z = \sum m (z\,\partial y/\partial\varphi - y\,\partial z/\partial\v
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from simrob_drake.frames import Vector
@@ -29,14 +27,6 @@ AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 ROUNDS = 4
 """How often the zero-moment point is mended."""
 _NUDGE = 1e-3  # lean whose effect is measured [rad]
-
-
-@dataclass(frozen=True)
-class _Trunk:
-    """The trunk's place on the floor (m, 2) [m], and its lean to the right (m,) [rad]."""
-
-    place: Vector
-    lean: Vector
 
 
 class WholeBody:
@@ -67,32 +57,34 @@ class WholeBody:
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))
         wanted = self.course.zmp
-        trunk = _Trunk(com_from_zmp(wanted, step=SAMPLE, height=height), np.zeros(count))
-        angles, root = self._postures(trunk, angles)
+        place, lean = com_from_zmp(wanted, step=SAMPLE, height=height), np.zeros(count)
+        angles, root = self._postures(place, lean, angles)
         zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
         for _ in range(rounds):
             missing = wanted - zmp
             move = com_from_zmp(missing, step=SAMPLE, height=height)
             if self.leans:
-                side = com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height)[:, 0]
-                trunk = _Trunk(trunk.place + move * [1, 0], trunk.lean + side / factor)
-            else:
-                trunk = _Trunk(trunk.place + move, trunk.lean)
+                lean = lean + com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height)[:, 0] / factor
+                move[:, 1] = 0.0
+            place = place + move
             self._roll(angles, root)
-            angles, root = self._postures(trunk, angles)
+            angles, root = self._postures(place, lean, angles)
             zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
         return self._in_the_world(angles, root), zmp
 
-    def _postures(self, trunk: _Trunk, angles: Vector) -> tuple[Vector, Vector]:
-        """Return the angles (m, n) for a motion of the trunk, and the poses of the root (m, 4, 4)."""
+    def _postures(self, place: Vector, lean: Vector, angles: Vector) -> tuple[Vector, Vector]:
+        """Return the angles (m, n) for a motion of the trunk, and the poses of the root (m, 4, 4).
+
+        The trunk goes over places (m, 2) [m] of the floor, and leans to the right by angles (m,) [rad].
+        """
         course, bearing = self.course, self.gait.bearing
-        lean, count = trunk.lean, len(trunk.lean)
+        count = len(lean)
         turned = rotations_about(UP, course.heading)
         rotation = (
             turned @ rotations_about(LEFT, np.full(count, np.deg2rad(bearing.pitch_deg))) @ rotations_about(AHEAD, lean)
         )
         rotation = rotation @ facing_rotation(self.facing_deg)
-        root = stacked(np.column_stack([trunk.place, np.full(count, bearing.height)]), rotation)
+        root = stacked(np.column_stack([place, np.full(count, bearing.height)]), rotation)
         angles = self._with_arms(angles, lean)
         apart = np.zeros(count)
         for foot in self.feet:
@@ -131,10 +123,12 @@ class WholeBody:
 
         A lean moves the centre of mass to the left [m/rad], as a pendulum of some height would [m].
         """
-        short = WholeBody(self.walker, self.gait, _first_sample(self.course))
+        way = self.course
+        first = Course(way.times[:1], {foot: path[:1] for foot, path in way.feet.items()}, way.zmp[:1], way.heading[:1])
+        short = WholeBody(self.walker, self.gait, first)
         angles, points = self._posture[np.newaxis], []
         for lean in (_NUDGE, 0.0):  # to one side: arms answer to each side by themselves
-            angles, root = short._postures(_Trunk(self.course.zmp[:1], np.array([lean])), angles)
+            angles, root = short._postures(first.zmp, np.array([lean]), angles)
             points.append(self.skeleton.mass_points(self.skeleton.frames(angles, root))[0])
         masses = self.skeleton.point_masses / self.skeleton.mass
         height = float(masses @ points[1][:, 2])
@@ -151,9 +145,3 @@ class WholeBody:
         places = (root[:, :3, 3] - root[0, :3, 3] * [1.0, 1.0, 0.0]) @ facing.T
         turned = stacked(places, facing @ root[:, :3, :3])
         return JointMotion(self.walker.model, self._kind, self.course.times, angles, turned, self.gait.servo)
-
-
-def _first_sample(course: Course) -> Course:
-    return Course(
-        course.times[:1], {name: path[:1] for name, path in course.feet.items()}, course.zmp[:1], course.heading[:1]
-    )

@@ -90,6 +90,8 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
     distance = float(np.linalg.norm(way))
     work = mechanical_work(result, name)
+    plant = result.plant.plant
+    weight = float(plant.CalcTotalMass(plant.CreateDefaultContext(), [own.instance]) * abs(result.config.gravity))  # N
     shares = np.abs(result.axes("tau", name)) / own.gains.torque_limit
     return Locomotion(
         distance=distance,
@@ -103,7 +105,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         peak_torque=_peak_torque(result, own),
         saturated=float((shares > _AT_LIMIT).mean(axis=0).max()),
         work=work,
-        cost_of_transport=work / (_weight(result, own) * distance) if distance > _SHORTEST_WAY else None,
+        cost_of_transport=work / (weight * distance) if distance > _SHORTEST_WAY else None,
         foot_slip=foot_slip(result, name),
     )
 
@@ -197,9 +199,3 @@ def _peak_torque(result: RecordedRun, robot: StationRobot) -> dict[str, Any]:
         "limit": float(limit[axis]),
         "ratio": float(torque[axis] / limit[axis]),
     }
-
-
-def _weight(result: RecordedRun, robot: StationRobot) -> float:
-    """Return the weight of a robot with what it carries [N]."""
-    plant = result.plant.plant
-    return float(plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance]) * abs(result.config.gravity))
