@@ -95,7 +95,7 @@ def test_a_yaml_file_is_what_it_claims(block, folder):
         assert check_station(load_station(claim.removesuffix(".yaml"), parse_yaml(block, claim)))
         return
     (folder / claim).write_text(block)
-    assert LOADERS[claim](folder / claim)
+    assert LOADERS[claim](folder / claim) is not None
 
 
 def commands(text):

@@ -91,7 +91,7 @@ def _extra_torques(
         ports.append(signals.feedforward)
         torque_of.append(np.eye(len(gains.kp)))
     if (gains.ki > 0).any():
-        bus = joined(builder, f"{prefix}servo.bus", signals.reference, signals.state)
-        ports.append(add_integral(builder, bus, gains, list(range(len(gains.kp))), f"{prefix}servo"))
+        sources = [signals.reference, signals.state]
+        ports.append(add_integral(builder, sources, gains, list(range(len(gains.kp))), f"{prefix}servo"))
         torque_of.append(np.eye(len(gains.kp)))
     return ports, torque_of

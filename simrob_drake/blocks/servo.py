@@ -148,25 +148,26 @@ def _add_group(
         columns.append(np.eye(len(group)))
     matrix = np.hstack(columns)
     if (gains.ki[group] > 0).any():
-        integral = add_integral(builder, bus, gains, group, name)
+        integral = add_integral(builder, [bus], gains, group, name)
         matrix, bus = np.hstack([matrix, np.eye(len(group))]), joined(builder, f"{name}.signals", bus, integral)
     return fed(builder, f"{name}.pd", MatrixGain(matrix), bus)
 
 
 def add_integral(
-    builder: DiagramBuilder, bus: OutputPort, gains: ServoGains, group: list[int], name: str
+    builder: DiagramBuilder, ports: Sequence[OutputPort], gains: ServoGains, group: list[int], name: str
 ) -> OutputPort:
     """Add the clamped integrator of a group: x' = ki e + (clip(x) - x) / T, with clip(x) as its output.
 
-    The bus carries the group's references and positions first; what follows them is not used.
+    The ports carry the group's references and positions first; what follows them is not used.
     """
     count, ki, limit = len(group), np.diag(gains.ki[group]), gains.integral_limit[group]
-    unused = np.zeros((count, bus.size() - 2 * count))
+    size = sum(port.size() for port in ports)
+    unused = np.zeros((count, size - 2 * count))
     leak = np.eye(count) / CLAMP_TIME
-    nothing = np.zeros((count, bus.size() + count))
+    nothing = np.zeros((count, size + count))
     integrator = LinearSystem(A=-leak, B=np.hstack([ki, -ki, unused, leak]), C=np.eye(count), D=nothing)
     builder.AddNamedSystem(f"{name}.integrator", integrator)
     clipped = add_saturation(builder, integrator.get_output_port(), limit, f"{name}.integral_clip")
-    fed_back = joined(builder, f"{name}.integrator_input", bus, clipped)
+    fed_back = joined(builder, f"{name}.integrator_input", *ports, clipped)
     builder.Connect(fed_back, integrator.get_input_port())
     return clipped

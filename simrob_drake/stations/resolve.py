@@ -172,7 +172,7 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
     for piece, carrier in carriers.items():
         entry, parent = config.pieces[piece], _parent(config, piece)
         model = models[piece] = piece_of(entry, piece)
-        if entry.free and not (model.mass > 0 and min(model.inertia) > 0):
+        if entry.free and not (model.mass > 0 and min(model.inertia[:3]) > 0):
             expected = "a piece with mass and inertia: gravity and contact move it"
             raise InvalidParameter(f"pieces.{piece}.free", True, expected)
         yield ResolvedPiece(

@@ -112,3 +112,8 @@ def test_force_limits_of_body_regions_are_those_of_the_standard():
     assert len(regions) == 12
     assert force_limit("chest") == 140
     assert force_limit(12.5) == 12.5
+
+
+def test_a_free_piece_may_have_negative_products_of_inertia():
+    ball = {"pieces.ball.mass": 1.0, "pieces.ball.inertia": [2e-3, 2e-3, 2e-3, -1e-4, 0, 0]}
+    load_station("bouncing_ball", ball)
