@@ -1,0 +1,165 @@
+"""Frames that are rigidly joined are one body: which frames those are, and what each body carries."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+from pydrake.math import RigidTransform
+
+from simrob_drake.errors import InvalidModel
+from simrob_drake.simulink.mechanics.joints import JOINTS, REFUSED_JOINTS, Joint, read_joint
+from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.solids import SOLIDS, SolidBody, read_solid
+from simrob_drake.simulink.mechanics.transforms import rigid_transform
+from simrob_drake.simulink.model.network import Network, Place
+from simrob_drake.simulink.model.nodes import Node
+
+_SAME = 1e-6
+"""How far apart two ways to one frame may put it [m, and of rotation]."""
+
+
+@dataclass(eq=False)
+class Body:
+    """A rigid body: frames, and what hangs on them.
+
+    Attributes:
+        frames: pose of each of its physical nodes in the first one.
+        solids: with their poses there.
+        marks: Reference Frame blocks by node, with their poses.
+        grounded: whether it is the world.
+    """
+
+    frames: dict[Place, RigidTransform] = field(default_factory=dict)
+    solids: list[SolidBody] = field(default_factory=list)
+    marks: list[tuple[Node, RigidTransform]] = field(default_factory=list)
+    grounded: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A joint between two bodies.
+
+    Attributes:
+        joint: what it lets free.
+        base, follower: the bodies, and the pose of the joint's frame in each.
+    """
+
+    joint: Joint
+    base: Body
+    follower: Body
+    in_base: RigidTransform
+    in_follower: RigidTransform
+
+
+@dataclass
+class Bodies:
+    """The mechanics of a model.
+
+    Attributes:
+        bodies: all of them; the world first, if there is one.
+        links: the joints that connect them.
+        by_place: which body a physical node is on.
+        roots: physical nodes that no transform or joint leads to.
+    """
+
+    bodies: list[Body]
+    links: list[Link]
+    by_place: dict[Place, Body]
+    roots: set[Place]
+
+
+_GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", "Point Cloud", "Grid Surface", "Spline", "Line Segment"}
+"""Curves and surfaces: their frame is the left port."""
+
+
+def frame_port(node: Node) -> tuple[str, int]:
+    """Return the port of a solid's reference frame, or of a surface's frame."""
+    if node.kind in _GEOMETRY_ONLY:
+        return "lconn", 1
+    return "rconn", 1
+
+
+def read_bodies(network: Network, meshes: MeshFiles) -> Bodies:
+    """Return the bodies and joints of a model.
+
+    Raises:
+        InvalidModel: a block's figures cannot be, or frames contradict each other.
+    """
+    nodes = [node for node in network.expanded.nodes if node.block.commented == "off"]
+    edges: dict[Place, list[tuple[Place, RigidTransform, Node]]] = {}
+    entered: set[Place] = set()
+    joints: list[tuple[Joint, Place, Place]] = []
+    attached: list[tuple[Node, Place]] = []
+    for node in nodes:
+        if node.kind in REFUSED_JOINTS:
+            raise node.refusal(f"a {node.kind} {REFUSED_JOINTS[node.kind]}, which no URDF can")
+        if node.kind in ("Rigid Transform", "Weld Joint") or node.kind in JOINTS:
+            base, follower = network.net(node, "lconn"), network.net(node, "rconn")
+            entered.add(follower)
+            edges.setdefault(base, []), edges.setdefault(follower, [])
+        if node.kind in ("Rigid Transform", "Weld Joint"):
+            pose = rigid_transform(node) if node.kind == "Rigid Transform" else RigidTransform()
+            edges[base].append((follower, pose, node))
+            edges[follower].append((base, pose.inverse(), node))
+        elif node.kind in JOINTS:
+            joints.append((read_joint(node), base, follower))
+        elif node.kind in SOLIDS or node.kind in ("World Frame", "Reference Frame") or node.kind in _GEOMETRY_ONLY:
+            attached.append((node, network.net(node, *frame_port(node))))
+    bodies = Bodies([], [], {}, set())
+    worlds = {place for node, place in attached if node.kind == "World Frame"}
+    _gather(edges, worlds, bodies)
+    for _, place in attached:
+        if place not in bodies.by_place:
+            _gather({**edges, place: []}, {place}, bodies, grounded=False)
+    _attach(attached, bodies, meshes)
+    for joint, base, follower in joints:
+        one, other = bodies.by_place[base], bodies.by_place[follower]
+        bodies.links.append(Link(joint, one, other, one.frames[base], other.frames[follower]))
+    bodies.roots = {place for place in bodies.by_place if place not in entered}
+    return bodies
+
+
+def _gather(
+    edges: dict[Place, list[tuple[Place, RigidTransform, Node]]],
+    worlds: set[Place],
+    bodies: Bodies,
+    *,
+    grounded: bool = True,
+) -> None:
+    """Walk along rigid connections from every frame not yet reached, the world's first."""
+    starts = [*worlds, *(edges if grounded else ())]
+    world: Body | None = None
+    for start in starts:
+        if start in bodies.by_place:
+            continue
+        body = world if start in worlds and world is not None else Body(grounded=grounded and start in worlds)
+        if start in worlds and grounded:
+            world = body
+        if body not in bodies.bodies:
+            bodies.bodies.append(body)
+        body.frames[start] = RigidTransform()
+        bodies.by_place[start] = body
+        queue = deque([start])
+        while queue:
+            here = queue.popleft()
+            for place, pose, node in edges.get(here, ()):
+                there = body.frames[here] @ pose
+                if place not in body.frames:
+                    body.frames[place], bodies.by_place[place] = there, body
+                    queue.append(place)
+                elif not body.frames[place].IsNearlyEqualTo(there, _SAME):
+                    raise node.refusal("closes a loop of rigid frames that does not fit: two ways put one frame apart")
+
+
+def _attach(attached: list[tuple[Node, Place]], bodies: Bodies, meshes: MeshFiles) -> None:
+    for node, place in attached:
+        body = bodies.by_place[place]
+        pose = body.frames[place]
+        if node.kind in SOLIDS:
+            try:
+                body.solids.append(replace(read_solid(node, meshes), pose=pose))
+            except InvalidModel as problem:
+                node.findings.report.add("refused", node.path, str(problem).rpartition(f"{node.path}: ")[2])
+        elif node.kind == "Reference Frame":
+            body.marks.append((node, pose))
