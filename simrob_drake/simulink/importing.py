@@ -23,12 +23,12 @@ class ImportedModel:
     Attributes:
         model: what was read.
         files: what was written.
-        station: the station's file.
+        station: the station's file; None where nothing moves.
     """
 
     model: SimulinkModel
     files: StationFiles
-    station: Path
+    station: Path | None
 
     @property
     def report(self) -> ImportReport:
@@ -55,7 +55,7 @@ def import_simulink(path: Path, folder: Path, *, force: bool = False, **options:
         files = StationWriter(model, work).write()
         text = json.dumps(model.report.as_json(), indent=2, ensure_ascii=False)
         (work / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
-    return ImportedModel(model, files, folder / f"{plain(path.stem)}.yaml")
+    return ImportedModel(model, files, folder / f"{plain(path.stem)}.yaml" if files.content else None)
 
 
 def check_importable(model: SimulinkModel) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field, replace
 
+from xml.etree.ElementTree import Element
+
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.mechanics.joints import JOINTS, REFUSED_JOINTS, Joint, read_joint
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.solid_ports import REFERENCE, frame_pose, solid_ports
 from simrob_drake.simulink.mechanics.solids import SOLIDS, SolidBody, read_solid
 from simrob_drake.simulink.mechanics.transforms import rigid_transform
 from simrob_drake.simulink.model.network import Network, Place
@@ -73,11 +76,16 @@ _GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", "Point Cloud", "Grid Surfac
 """Curves and surfaces: their frame is the left port."""
 
 
-def frame_port(node: Node) -> tuple[str, int]:
-    """Return the port of a solid's reference frame, or of a surface's frame."""
+def frame_place(network: Network, node: Node) -> Place:
+    """Return the physical node of a solid's reference frame, or of a surface's; one of its own where it is hidden."""
     if node.kind in _GEOMETRY_ONLY:
-        return "lconn", 1
-    return "rconn", 1
+        return network.net(node, "lconn")
+    if node.kind not in SOLIDS:
+        return network.net(node, "rconn")
+    for port in solid_ports(node):
+        if port.what == REFERENCE:
+            return network.net(node, port.side, port.number)
+    return (id(node), REFERENCE, 0)
 
 
 def read_bodies(network: Network, meshes: MeshFiles) -> Bodies:
@@ -105,7 +113,13 @@ def read_bodies(network: Network, meshes: MeshFiles) -> Bodies:
         elif node.kind in JOINTS:
             joints.append((read_joint(node), base, follower))
         elif node.kind in SOLIDS or node.kind in ("World Frame", "Reference Frame") or node.kind in _GEOMETRY_ONLY:
-            attached.append((node, network.net(node, *frame_port(node))))
+            place = frame_place(network, node)
+            attached.append((node, place))
+            for port in solid_ports(node) if node.kind in SOLIDS else ():
+                if isinstance(port.what, Element):
+                    other, pose = network.net(node, port.side, port.number), frame_pose(node, port.what)
+                    edges.setdefault(place, []).append((other, pose, node))
+                    edges.setdefault(other, []).append((place, pose.inverse(), node))
     bodies = Bodies([], [], {}, set())
     worlds = {place for node, place in attached if node.kind == "World Frame"}
     _gather(edges, worlds, bodies)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from simrob_drake.simulink.mechanics.bodies import Bodies, Body
+from simrob_drake.simulink.mechanics.solid_ports import GEOMETRY, solid_ports
 from simrob_drake.simulink.mechanics.solids import SOLIDS
 from simrob_drake.simulink.model.network import Network, Place
 from simrob_drake.simulink.model.nodes import Node
@@ -77,8 +77,8 @@ def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
     """Return the ports that hand out a shape."""
     if node.kind in ("Infinite Plane", "Disk"):
         yield "rconn", 1
-    elif node.kind in SOLIDS and (node.is_on("ExportEntireGeometry") or node.is_on("ExportConvexHullGeometry")):
-        yield "lconn", 1
+    elif node.kind in SOLIDS:
+        yield from ((port.side, port.number) for port in solid_ports(node) if port.what == GEOMETRY)
 
 
 def _surface(node: Node) -> Surface:
@@ -116,9 +116,3 @@ def dissipation(surface: Surface, weight_carried: float) -> float:
     depth = max(2 * weight_carried / surface.stiffness, 1e-6)
     return surface.damping / (surface.stiffness * depth)
 
-
-def carries(contact: Contact, bodies: Bodies, network: Network) -> list[tuple[Body, Node]]:
-    """Return the bodies of a contact with their solids."""
-    from simrob_drake.simulink.mechanics.bodies import frame_port
-
-    return [(bodies.by_place[network.net(node, *frame_port(node))], node) for node in contact.pair]

@@ -161,6 +161,9 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
                 node.number(f"{prefix}{end}LimitStiffness", "1e4", unit=f"{effort}/{length}"),
                 node.number(f"{prefix}{end}LimitDamping", "10", unit=f"{effort}*s/{length}"),
             )
+    if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
+        freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
+        node.findings.report.add("defaulted", node.path, "its limits are unknown: none are taken")
     if freedom.lower >= freedom.upper:
         raise node.refusal(f"its lower limit {freedom.lower:g} is not below its upper one, {freedom.upper:g}")
     return freedom

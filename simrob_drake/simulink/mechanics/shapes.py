@@ -96,15 +96,7 @@ def ellipsoid(node: Node) -> tuple[Shape, Weight]:
 def extrusion(node: Node) -> tuple[Shape, Weight]:
     """Return an outline drawn out along z about its middle, with the weight of 1 kg/m³."""
     (length,) = positive(node, "ExtrusionLength", "1", 1)
-    if node.text("ExtrusionType", "General") == "Regular":
-        (radius,) = positive(node, "PolygonOuterRadius", "1", 1)
-        sides = int(round(node.number("PolygonNumSides", "3")))
-        if not 3 <= sides <= 1000:
-            raise node.refusal(f"has {sides} sides; a polygon has at least three")
-        turns = 2 * np.pi * np.arange(sides) / sides
-        outline = radius * np.column_stack([np.cos(turns), np.sin(turns)])
-    else:
-        outline = _outline(node, "ExtrusionCrossSection")
+    outline = extrusion_outline(node)
     surface = area(outline)
     x = integral(outline, lambda x, _: x) / surface
     y = integral(outline, lambda _, y: y) / surface
@@ -115,6 +107,18 @@ def extrusion(node: Node) -> tuple[Shape, Weight]:
     inertia = np.array([[yy * length + thick, -xy * length, 0], [-xy * length, xx * length + thick, 0], [0, 0, 0]])
     inertia[2, 2] = (xx + yy) * length
     return Shape("mesh", mesh=_drawn_out(outline, length)), Weight(surface * length, np.array([x, y, 0.0]), inertia)
+
+
+def extrusion_outline(node: Node) -> Vector:
+    """Return the corners of what is drawn out, counterclockwise, shape (n, 2) [m]."""
+    if node.text("ExtrusionType", "General") != "Regular":
+        return _outline(node, "ExtrusionCrossSection")
+    (radius,) = positive(node, "PolygonOuterRadius", "1", 1)
+    sides = int(round(node.number("PolygonNumSides", "3")))
+    if not 3 <= sides <= 1000:
+        raise node.refusal(f"has {sides} sides; a polygon has at least three")
+    turns = 2 * np.pi * np.arange(sides) / sides
+    return np.asarray(radius * np.column_stack([np.cos(turns), np.sin(turns)]))
 
 
 def revolution(node: Node) -> tuple[Shape, Weight]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform
 
+from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics import shapes
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
@@ -73,7 +74,14 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
     even: Weight | None = None  # of 1 kg/m³
     file, scale = None, 1.0
     if kind in _SHAPES:
-        shape, even = _SHAPES[kind](node)
+        try:
+            shape, even = _SHAPES[kind](node)
+        except InvalidModel as problem:
+            if _weighs_by_shape(node, kind) and not node.findings.undefined:
+                raise
+            told = str(problem).rpartition(f"{node.path}: ")[2]
+            node.findings.report.add("dropped", node.path, f"its shape: it {told}")
+            even = NOTHING
     elif kind == "File Solid":
         file, scale = meshes.of(node)
     weight = _weight(node, kind, even, lambda: meshes.weight(node, file, scale))
@@ -88,6 +96,13 @@ def _kind(node: Node) -> str:
     if shape not in _OLD_SHAPES:
         raise node.refusal(f"has the unknown shape '{shape}'")
     return _OLD_SHAPES[shape]
+
+
+def _weighs_by_shape(node: Node, kind: str) -> bool:
+    """Tell whether a solid's mass follows from its shape."""
+    computed = node.text("InertiaType", "CalculateFromGeometry") == "CalculateFromGeometry" and kind != "Graphic"
+    massless = node.text("BasedOnType", "Density") == "Density" and node.number("Density", "1000", unit="kg/m^3") == 0
+    return computed and not massless
 
 
 def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], Weight]) -> Weight:
@@ -110,7 +125,7 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
     if even is None:
         even = of_mesh()
     if based == "Mass":
-        return even.scaled(_mass(node) / even.mass)
+        return even.scaled(_mass(node) / even.mass) if even.mass else NOTHING
     density = node.number("Density", "1000", unit="kg/m^3")
     if density < 0:
         raise node.refusal(f"Density is {density:g}; it must not be negative")

@@ -135,9 +135,15 @@ def _free_tree(body: Body, bodies: Bodies, world: Body | None) -> Tree:
                 link.joint.node.findings.report.add(
                     "repaired", link.joint.node.path, "starts from the world: its base is no part of it"
                 )
-            return Tree(body, link.in_follower, link.in_base @ link.joint.start)
+            return _seen_from_its_middle(body, link.in_base @ link.joint.start @ link.in_follower.inverse())
     place = next((place for place in body.frames if place in bodies.roots), next(iter(body.frames)))
-    return Tree(body, body.frames[place])
+    return _seen_from_its_middle(body, body.frames[place].inverse())
+
+
+def _seen_from_its_middle(body: Body, first: RigidTransform) -> Tree:
+    """Return the tree of a free root, its link's frame that of the heaviest solid; ``first`` is the body's pose."""
+    frame = max(body.solids, key=lambda solid: solid.weight.mass).pose if body.solids else RigidTransform()
+    return Tree(body, frame, first @ frame)
 
 
 def _refuse_loops(bodies: Bodies, trees: list[Tree]) -> None:

@@ -42,7 +42,7 @@ def expand(model: Model, libraries: Libraries, variables: dict[str, Any], findin
     """
     written = Workspace(name=model.name, code=model.code)
     given = Workspace(name="given", variables=variables, outer=written)
-    root = Node("", Block("", model.name, "SubSystem", system=model.system), given, findings, system=model.system)
+    root = Node("", Block("", model.name, "SubSystem", system=model.system), given, findings, system=model.system, home=model.name)
     if model.mask is not None:
         root.workspace = _masked(model.name, model.mask, {}, given)
     expanded = Expanded(model, root, findings, libraries)
@@ -74,34 +74,35 @@ class _Expansion:
 
     def _node(self, parent: Node, block: Block) -> Node:
         path = f"{parent.path}/{block.name}" if parent.path else block.name
-        block, mask, system, name = self._contents(block, path)
+        block, mask, system, home = self._contents(block, path, parent.home)
         workspace = parent.workspace
         if mask is not None:
-            workspace = _masked(name, mask, block.parameters, workspace)
-        return Node(path, block, workspace, parent.findings, parent, system=system)
+            workspace = _masked(path, mask, block.parameters, workspace)
+        return Node(path, block, workspace, parent.findings, parent, system=system, home=home)
 
-    def _contents(self, block: Block, path: str) -> tuple[Block, Mask | None, System | None, str]:
-        """Return a block as it is after its links are followed, with its mask and what is in it."""
+    def _contents(self, block: Block, path: str, home: str) -> tuple[Block, Mask | None, System | None, str]:
+        """Return a block as it is after its links are followed, with its mask, what is in it, and the file of that."""
         referenced = block.parameters.get("ReferencedSubsystem", "")
         if referenced:
             model = self._libraries.model(referenced)
             if model is None:
                 self._note_missing(path, referenced, "referenced subsystem")
-                return block, None, None, path
-            return block, model.mask, model.system, path
+                return block, None, None, home
+            return block, model.mask, model.system, referenced
         mask, own = block.mask, block
         for _ in range(DEEPEST):
             if not own.linked or own.kind.partition("/")[0] in BUILT_IN:
                 break
             source = own.kind
             if source.startswith("$bdroot/"):
-                source = f"{self._expanded.model.name}/{source.removeprefix('$bdroot/')}"
+                source = f"{home}/{source.removeprefix('$bdroot/')}"
+            home = source.partition("/")[0]
             found = self._libraries.block(source)
             if found is None:
-                self._note_missing(path, source.partition("/")[0], f"library block {source}")
-                return block, None, None, path
+                self._note_missing(path, home, f"library block {source}")
+                return block, None, None, home
             own, mask = replace(found, parameters={**found.parameters, **_own(block)}), mask or found.mask
-        return replace(own, sid=block.sid, name=block.name), mask, own.system, path
+        return replace(own, sid=block.sid, name=block.name), mask, own.system, home
 
     def _note_missing(self, path: str, name: str, what: str) -> None:
         report = self._expanded.findings.report

@@ -33,6 +33,12 @@ class Network:
         """Return the physical node that a port is part of; the same value for all ports on it."""
         return self._find((id(node), side, number))
 
+    def leads_outside(self, node: Node, side: str, number: int) -> bool:
+        """Tell whether a physical port is joined with a port of the model itself, as in a file that others use."""
+        here = self.net(node, side, number)
+        ports = [child for child in self.expanded.root.children.values() if child.kind == "PMIOPort"]
+        return any(self._find((id(port), "conn", 1)) == here for port in ports)
+
     def source(self, node: Node, number: int = 1) -> tuple[Node, int] | None:
         """Return the block and output that feed an input, through subsystems and tags; None where nothing does."""
         here: tuple[Node, int] | None = self._feeds.get((id(node), "in", number))

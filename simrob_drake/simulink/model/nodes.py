@@ -53,6 +53,7 @@ class Node:
         parent: the subsystem it is in.
         children: what is in it, by identifier.
         system: whose lines connect these.
+        home: name of the file it is written in.
     """
 
     path: str
@@ -62,6 +63,7 @@ class Node:
     parent: Node | None = None
     children: dict[str, Node] = field(default_factory=dict)
     system: System | None = None
+    home: str = ""
 
     @property
     def kind(self) -> str:

@@ -43,8 +43,10 @@ def read_laws(tracer: Tracer, joints: list[Joint]) -> dict[Freedom, Law]:
         for number, (freedom, how) in joint.inputs.items():
             signal = tracer.physical(joint.node, "lconn", number)
             if signal is None:
-                what = "torque" if how == "torque" else "motion"
-                joint.node.findings.report.add("refused", joint.node.path, f"its {what} input is not connected")
+                outside = tracer.network.leads_outside(joint.node, "lconn", number)
+                told = f"its {how} input comes from a port of the model: nothing drives it" if outside else (
+                    f"its {how} input is not connected; connect it, or choose another actuation")
+                joint.node.findings.report.add("defaulted" if outside else "refused", joint.node.path, told)
                 laws[freedom] = Law()
             elif how == "motion":
                 laws[freedom] = Law(wanted=signal[0])

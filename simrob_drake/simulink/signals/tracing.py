@@ -268,9 +268,9 @@ def _demux(tracer: Tracer, node: Node, number: int) -> Signal:
         count = int(sizes[0])
         signal = _spread(signal, count)
         width, rest = divmod(len(signal), count)
-        if rest or not width:
+        if not width:
             raise node.refusal(f"splits a signal of {len(signal)} elements in {count}")
-        return signal[(number - 1) * width : number * width]
+        sizes = np.array([width + 1] * rest + [width] * (count - rest))
     if number > sizes.size:
         raise node.refusal(f"has no output {number}")
     signal = _spread(signal, int(sizes.sum()))

@@ -125,7 +125,7 @@ class _Evaluation:
         return index.astype(int) - 1
 
     def _field(self, target: syntax.Node, name: str) -> Any:
-        value = self.value(target)
+        value = self._lookup(target.name) if isinstance(target, syntax.Name) else self.value(target)
         if not isinstance(value, dict):
             raise NotUnderstood(f"asks for the field '{name}' of something that is no structure")
         if name not in value:

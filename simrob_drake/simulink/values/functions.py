@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -39,10 +40,10 @@ def count(value: Any) -> int:
 
 
 def _shape(arguments: tuple[Any, ...]) -> tuple[int, int]:
-    if len(arguments) > 2:
-        raise NotUnderstood("makes an array of more than two dimensions")
     sizes = [count(number) for argument in arguments for number in matrix(argument).reshape(-1)]
-    rows, columns = (sizes * 2)[:2] if sizes else (1, 1)
+    if not sizes:
+        return 1, 1
+    rows, columns = sizes[0], math.prod(sizes[1:]) if sizes[1:] else sizes[0]  # further dimensions lie side by side
     if rows * columns > LARGEST:
         raise NotUnderstood(f"makes a matrix of more than {LARGEST} elements")
     return rows, columns

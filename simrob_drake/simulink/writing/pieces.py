@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from pydrake.math import RigidTransform
 
@@ -14,6 +15,9 @@ from simrob_drake.simulink.mechanics.shapes import Weight
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, together
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.writing.urdf import UrdfWriter
+
+
+_POINT = 1e-6  # m²: a mass without extent turns as a ball of 1.6 mm
 
 
 def write_piece(
@@ -47,6 +51,8 @@ def write_piece(
 
 def _figures(weight: Weight) -> dict[str, Any]:
     inertia = weight.inertia
+    if np.abs(inertia).max() < _POINT * weight.mass:
+        inertia = np.eye(3) * _POINT * weight.mass
     products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     moments = [*inertia.diagonal(), *(products if any(abs(p) > 1e-15 for p in products) else [])]
     return {

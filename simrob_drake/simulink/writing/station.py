@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ class StationFiles:
     Attributes:
         robots: by name, with their `robot.yaml`.
         pieces: names.
-        content: of the station's file.
+        content: of the station's file; empty where nothing moves, and there is no station.
     """
 
     robots: dict[str, RobotFile] = field(default_factory=dict)
@@ -75,7 +75,12 @@ class StationWriter:
             robot_name = self._names.give(homes[tree].partition("/")[0] or name)
             writer = UrdfWriter(self._folder / robot_name, self._report, self._names)
             self._files.robots[robot_name] = writer.robot(robot_name, tree, base_solids.get(tree, []))
+        for robot in self._files.robots.values():
+            robot.axes = dict(sorted(robot.axes.items(), key=lambda entry: self._place(entry[0])))
         pieces = self._pieces(base_solids)
+        if not self._files.robots and not any(entry.get("free") for entry in pieces.values()):
+            self._report.add("dropped", name, "the station: everything stands fixed, so only pieces are written")
+            return self._files
         self._files.content = self._station(name, pieces)
         text = yaml.safe_dump(
             self._files.content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
@@ -121,21 +126,20 @@ class StationWriter:
             if tree.branches or tree.root.grounded or not tree.root.solids:
                 continue
             path = tree.root.solids[0].node.path.partition("/")[0]
-            pose = self._turn @ tree.base @ tree.frame.inverse()
-            self._piece(pieces, path, tree.root.solids, {"free": True, "pose": pose_list(pose)})
+            solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
+            self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)})
         return pieces
 
     def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> None:
         name = self._names.give(path)
         fixed = "free" not in entry
+        if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
+            self._report.add("dropped", path, "is free and weighs nothing: it cannot move")
+            return
         folder = self._folder / name
         writer = UrdfWriter(folder, self._report, self._names)
         if not write_piece(folder, name, solids, self._touching.colliding, writer, weighs=not fixed):
             folder.rmdir()
-            return
-        weight = sum(solid.weight.mass for solid in solids)
-        if not fixed and weight <= 0:
-            self._report.add("dropped", path, "is free and weighs nothing: it cannot move")
             return
         pieces[name] = {"model": f"{name}/{PIECE_FILE}", **entry}
         self._files.pieces.append(name)
@@ -146,6 +150,11 @@ class StationWriter:
         model = self._model
         kinematic = self._kinematic()
         duration = model.duration
+        if kinematic:
+            for piece, entry in pieces.items():
+                if entry.pop("free", False):
+                    entry["parent"] = "world"
+                    self._report.add("repaired", piece, "stands fixed: nothing falls in a kinematic station")
         content: dict[str, Any] = {
             "description": f"{name}, from a Simulink model",
             "mode": "kinematic" if kinematic else "dynamic",
@@ -204,7 +213,7 @@ class StationWriter:
             described["feet"] = feet
         text = yaml.safe_dump(described, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
         (folder / ROBOT_FILE).write_text(text, encoding="utf-8")
-        start = {axis: freedom.start or 0.0 for freedom, axis in robot.axes.items()}
+        start = {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
         entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
         base = self._turn @ robot.tree.base
         if not base.IsNearlyIdentity(1e-12):
@@ -223,6 +232,14 @@ class StationWriter:
             self._report.add("dropped", name, "speeds at the start: a station starts at rest")
         return entry
 
+    def _start(self, freedom: Freedom) -> float:
+        """Return where a joint begins, within its limits."""
+        wanted = freedom.start or 0.0
+        taken = float(np.clip(wanted, freedom.lower, freedom.upper))
+        if taken != wanted:
+            self._report.add("repaired", freedom.name, f"starts at {wanted:.4g}, out of its limits: at {taken:.4g}")
+        return taken
+
     def _law(self, freedom: Freedom) -> Law:
         law = self._model.laws.get(freedom, Law())
         if freedom.driven == "motion":
@@ -237,6 +254,15 @@ class StationWriter:
         if not is_zero(law.effort):
             self._report.add("dropped", freedom.name, "torque that no position commands; give it with inputs: [feedforward]")
         return law
+
+    def _place(self, freedom: Freedom) -> tuple[int, int]:
+        """Return where a joint stands among the model's inputs; joints without one keep their order behind."""
+        law = self._model.laws.get(freedom, Law())
+        for term in (*law.wanted, *law.effort):
+            if term.kind == "input" and isinstance(term.of, Node):
+                port = term.of.text("Port", "1")
+                return int(port) if port.isdecimal() else 1, term.index
+        return 10**6, 0
 
     def _contact(self, pieces: dict[str, Any]) -> dict[str, Any]:
         """Return the contact section: the figures of the first contact that no robot's feet tell."""
@@ -283,9 +309,9 @@ class StationWriter:
         return ({"sensors": sensors} if sensors else {}) | ({"monitors": monitors} if monitors else {})
 
     def _end_name(self, body: Body, node: Node) -> str | None:
-        for robot in self._files.robots.values():
+        for name, robot in self._files.robots.items():
             if body in robot.links and not body.grounded:
-                return robot.links[body]
+                return robot.links[body] if len(self._files.robots) == 1 else f"{name}.{robot.links[body]}"
         if node.kind == "Infinite Plane":
             return "floor"
         group = plain(node.path.partition("/")[0])

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.simulink.mechanics.bodies import Bodies, Body, frame_port
+from simrob_drake.simulink.mechanics.bodies import Bodies, Body, frame_place
 from simrob_drake.simulink.mechanics.contacts import Contact, Surface, dissipation
 from simrob_drake.simulink.model.network import Network
 from simrob_drake.simulink.model.nodes import Node
@@ -41,7 +41,7 @@ def read_touching(contacts: list[Contact], bodies: Bodies, network: Network, tur
     touching = Touching()
     for contact in contacts:
         one, other = (
-            (bodies.by_place[network.net(node, *frame_port(node))], node) for node in contact.pair
+            (bodies.by_place[frame_place(network, node)], node) for node in contact.pair
         )
         touching.ends.append((contact, one, other))
         for body, node in (one, other):

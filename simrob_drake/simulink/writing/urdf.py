@@ -214,7 +214,7 @@ class UrdfWriter:
         return name
 
     def _add_tools(self, robot: RobotFile) -> None:
-        """Add Reference Frames as tools: the outermost level first, and of it what lies farthest out."""
+        """Add the Reference Frames of the outermost level as tools, first what lies farthest out."""
         order = [robot.tree.root, *(branch.body for branch in robot.tree.branches)]
         found = [
             (node.path.count("/"), -order.index(body), node, robot.frames[body].inverse() @ pose, robot.links[body])
@@ -222,7 +222,10 @@ class UrdfWriter:
             if not body.grounded
             for node, pose in body.marks
         ]
-        for _, _, node, pose, link in sorted(found, key=lambda entry: entry[:2]):
+        outermost = min((depth for depth, *_ in found), default=0)
+        for depth, _, node, pose, link in sorted(found, key=lambda entry: entry[:2]):
+            if depth > outermost:
+                break
             name = self._names.give(node.path)
             joint = ET.SubElement(robot.element, "joint", name=f"{name}_mount", type="fixed")
             ET.SubElement(joint, "parent", link=link)
