@@ -22,6 +22,7 @@ ROAD = [
     "identification",
     "kinematics",
     "programs",
+    "simulink",
     "cli",
 ]
 BASE = {

@@ -12,6 +12,15 @@ from rich.text import Text
 from simrob_drake.cli.given import asked, check_file, import_options, is_robot_file, refuse
 from simrob_drake.cli.options import Base, Collision, Density, Estimate, FileArgument, Force, Friction, MeshPath
 from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.simulink import (
+    Assume,
+    Library,
+    ModelSettings,
+    Variables,
+    import_model,
+    is_model_file,
+    model_options,
+)
 from simrob_drake.cli.tables import report_table, robot_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import written_at_once
@@ -31,9 +40,28 @@ def import_file(
     base: Base = "auto",
     friction_as_damping: Friction = False,
     force: Force = False,
+    library: Library = None,
+    set_: ModelSettings = None,
+    variables: Variables = None,
+    assume: Assume = False,
 ) -> None:
-    """Make a published robot run: convert its meshes, repair its URDF, and tell all that was done."""
-    options = import_options(
+    """Make a published robot run, or a Simulink model: convert, repair, and tell all that was done.
+
+    For example:
+
+        simrob import arm.urdf --out robots/arm
+
+        simrob import station.slx --library subsystems --set q0='[0 0 0]'
+    """
+    if is_model_file(file):
+        refuse(
+            "left out with a Simulink model", estimate_inertia=estimate_inertia, friction_as_damping=friction_as_damping
+        )
+        options = model_options(library=library, mesh_path=mesh_path, set_=set_, variables=variables, assume=assume)
+        import_model(file, out, options, force=force)
+        return
+    refuse("given with a Simulink model only", library=library, set=set_, variables=variables, assume=assume)
+    robot_options = import_options(
         mesh_path,
         collision=collision,
         estimate_inertia=estimate_inertia,
@@ -43,7 +71,7 @@ def import_file(
     )
     folder = out or Path(f"{file.stem}_imported")
     with errors.status(Text(f"importing {file}")):
-        imported = import_robot(file, folder, options, force=force)
+        imported = import_robot(file, folder, robot_options, force=force)
     _tell(imported)
     console.print(f"robot   {imported.model.urdf_path}", soft_wrap=True, highlight=False)
     console.print(f"next    simrob view {imported.model.urdf_path}", soft_wrap=True, highlight=False)

@@ -25,6 +25,7 @@ from simrob_drake.cli.options import (
 from simrob_drake.cli.robots import examine_file
 from simrob_drake.cli.saving import exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
+from simrob_drake.cli.simulink import Assume, Library, Variables, examine_model, is_model_file, model_options
 from simrob_drake.cli.tables import convergence_table, findings_table
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot, robot_names
@@ -79,12 +80,23 @@ def run(
 
 
 def check(
-    station: Annotated[str, typer.Argument(metavar="STATION|FILE.urdf", help="A station, or a robot's file.")],
+    station: Annotated[
+        str, typer.Argument(metavar="STATION|FILE", help="A station, a robot's file, or a Simulink model.")
+    ],
     set_: Settings = None,
     mesh_path: MeshPath = None,
     estimate_inertia: Estimate = False,
+    library: Library = None,
+    variables: Variables = None,
+    assume: Assume = False,
 ) -> None:
     """Say before any run what a station's robots need, and what will go wrong; or what an import would do."""
+    if is_model_file(station):
+        refuse("left out with a Simulink model", estimate_inertia=estimate_inertia)
+        options = model_options(library=library, mesh_path=mesh_path, set_=set_, variables=variables, assume=assume)
+        examine_model(Path(station), options)
+        return
+    refuse("given with a Simulink model only", library=library, variables=variables, assume=assume)
     if is_robot_file(station):
         refuse("left out with a robot's file: it changes stations", set=set_)
         examine_file(Path(station), mesh_path, estimate_inertia)

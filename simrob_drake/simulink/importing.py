@@ -10,8 +10,9 @@ from typing import Any
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.simulink.reading_model import SimulinkModel, read_simulink, undefined_variables
+from simrob_drake.simulink.writing.contact_sections import StationFiles
 from simrob_drake.simulink.writing.names import plain
-from simrob_drake.simulink.writing.station import StationFiles, StationWriter
+from simrob_drake.simulink.writing.station import StationWriter
 
 REPORT_FILE = "report.json"
 

@@ -156,12 +156,13 @@ def _stopping(tracer: Tracer, expanded: Expanded) -> list[Node]:
     return found
 
 
-
 def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     """Report what no station has: open blocks, sensors, forces from signals, callbacks."""
     report = expanded.findings.report
     for node in tracer.opened:
-        report.add("dropped", node.path, f"{node.kind or 'block'}: left open; drive the joints it feeds with a block of yours")
+        report.add(
+            "dropped", node.path, f"{node.kind or 'block'}: left open; drive the joints it feeds with a block of yours"
+        )
     for node in expanded.nodes:
         if node.block.commented != "off":
             continue

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field, replace
-
 from xml.etree.ElementTree import Element
 
 from pydrake.math import RigidTransform
@@ -94,48 +93,74 @@ def read_bodies(network: Network, meshes: MeshFiles) -> Bodies:
     Raises:
         InvalidModel: a block's figures cannot be, or frames contradict each other.
     """
-    nodes = [node for node in network.expanded.nodes if node.block.commented == "off"]
-    edges: dict[Place, list[tuple[Place, RigidTransform, Node]]] = {}
-    entered: set[Place] = set()
-    joints: list[tuple[Joint, Place, Place]] = []
-    attached: list[tuple[Node, Place]] = []
-    for node in nodes:
-        if node.kind in REFUSED_JOINTS:
-            raise node.refusal(f"a {node.kind} {REFUSED_JOINTS[node.kind]}, which no URDF can")
-        if node.kind in ("Rigid Transform", "Weld Joint") or node.kind in JOINTS:
-            base, follower = network.net(node, "lconn"), network.net(node, "rconn")
-            entered.add(follower)
-            edges.setdefault(base, []), edges.setdefault(follower, [])
-        if node.kind in ("Rigid Transform", "Weld Joint"):
-            pose = rigid_transform(node) if node.kind == "Rigid Transform" else RigidTransform()
-            edges[base].append((follower, pose, node))
-            edges[follower].append((base, pose.inverse(), node))
-        elif node.kind in JOINTS:
-            joints.append((read_joint(node), base, follower))
-        elif node.kind in SOLIDS or node.kind in ("World Frame", "Reference Frame") or node.kind in _GEOMETRY_ONLY:
-            place = frame_place(network, node)
-            attached.append((node, place))
-            for port in solid_ports(node) if node.kind in SOLIDS else ():
-                if isinstance(port.what, Element):
-                    other, pose = network.net(node, port.side, port.number), frame_pose(node, port.what)
-                    edges.setdefault(place, []).append((other, pose, node))
-                    edges.setdefault(other, []).append((place, pose.inverse(), node))
+    frames = _Frames(network)
+    for node in network.expanded.nodes:
+        if node.block.commented == "off":
+            frames.take(node)
     bodies = Bodies([], [], {}, set())
-    worlds = {place for node, place in attached if node.kind == "World Frame"}
-    _gather(edges, worlds, bodies)
-    for _, place in attached:
+    worlds = {place for node, place in frames.attached if node.kind == "World Frame"}
+    _gather(frames.edges, worlds, bodies)
+    for _, place in frames.attached:
         if place not in bodies.by_place:
-            _gather({**edges, place: []}, {place}, bodies, grounded=False)
-    _attach(attached, bodies, meshes)
-    for joint, base, follower in joints:
+            _gather({**frames.edges, place: []}, {place}, bodies, grounded=False)
+    _attach(frames.attached, bodies, meshes)
+    for joint, base, follower in frames.joints:
         one, other = bodies.by_place[base], bodies.by_place[follower]
         bodies.links.append(Link(joint, one, other, one.frames[base], other.frames[follower]))
-    bodies.roots = {place for place in bodies.by_place if place not in entered}
+    bodies.roots = {place for place in bodies.by_place if place not in frames.entered}
     return bodies
 
 
+Edges = dict[Place, list[tuple[Place, RigidTransform, Node]]]
+"""By physical node: which others are rigidly joined with it, with their poses in it, and by which block."""
+
+
+class _Frames:
+    """What is on which physical node, and how these are joined."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self.edges: Edges = {}
+        self.entered: set[Place] = set()
+        self.joints: list[tuple[Joint, Place, Place]] = []
+        self.attached: list[tuple[Node, Place]] = []
+
+    def take(self, node: Node) -> None:
+        """Note what a block is."""
+        if node.kind in REFUSED_JOINTS:
+            raise node.refusal(f"a {node.kind} {REFUSED_JOINTS[node.kind]}, which no URDF can")
+        if node.kind == "Rigid Transform":
+            self._join(*self._ends(node), rigid_transform(node), node)
+        elif node.kind == "Weld Joint":
+            self._join(*self._ends(node), RigidTransform(), node)
+        elif node.kind in JOINTS:
+            self.joints.append((read_joint(node), *self._ends(node)))
+        elif node.kind in SOLIDS:
+            self._take_solid(node)
+        elif node.kind in ("World Frame", "Reference Frame") or node.kind in _GEOMETRY_ONLY:
+            self.attached.append((node, frame_place(self._network, node)))
+
+    def _ends(self, node: Node) -> tuple[Place, Place]:
+        base, follower = self._network.net(node, "lconn"), self._network.net(node, "rconn")
+        self.entered.add(follower)
+        for place in (base, follower):
+            self.edges.setdefault(place, [])
+        return base, follower
+
+    def _join(self, base: Place, follower: Place, pose: RigidTransform, node: Node) -> None:
+        self.edges.setdefault(base, []).append((follower, pose, node))
+        self.edges.setdefault(follower, []).append((base, pose.inverse(), node))
+
+    def _take_solid(self, node: Node) -> None:
+        place = frame_place(self._network, node)
+        self.attached.append((node, place))
+        for port in solid_ports(node):
+            if isinstance(port.what, Element):
+                self._join(place, self._network.net(node, port.side, port.number), frame_pose(node, port.what), node)
+
+
 def _gather(
-    edges: dict[Place, list[tuple[Place, RigidTransform, Node]]],
+    edges: Edges,
     worlds: set[Place],
     bodies: Bodies,
     *,

@@ -115,4 +115,3 @@ def dissipation(surface: Surface, weight_carried: float) -> float:
     """
     depth = max(2 * weight_carried / surface.stiffness, 1e-6)
     return surface.damping / (surface.stiffness * depth)
-

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ def _without_case(folder: Path, parts: list[str]) -> Path | None:
     return folder if folder.is_file() else None
 
 
-def load_mesh(file: Path):  # noqa: ANN201
+def load_mesh(file: Path) -> Any:
     """Return a mesh as one body of triangles, or None where it cannot be read."""
     import trimesh
 

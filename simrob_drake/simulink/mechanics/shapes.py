@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -114,7 +115,7 @@ def extrusion_outline(node: Node) -> Vector:
     if node.text("ExtrusionType", "General") != "Regular":
         return _outline(node, "ExtrusionCrossSection")
     (radius,) = positive(node, "PolygonOuterRadius", "1", 1)
-    sides = int(round(node.number("PolygonNumSides", "3")))
+    sides = round(node.number("PolygonNumSides", "3"))
     if not 3 <= sides <= 1000:
         raise node.refusal(f"has {sides} sides; a polygon has at least three")
     turns = 2 * np.pi * np.arange(sides) / sides
@@ -169,7 +170,10 @@ def _drawn_out(outline: Vector, length: float) -> Mesh:
     here = np.arange(count)
     following = np.roll(here, -1)
     sides = np.vstack(
-        [np.column_stack([here, following, following + count]), np.column_stack([here, following + count, here + count])]
+        [
+            np.column_stack([here, following, following + count]),
+            np.column_stack([here, following + count, here + count]),
+        ]
     )
     caps = triangles(outline)
     return Mesh(corners, np.vstack([sides, caps[:, ::-1], caps + count]))
@@ -183,7 +187,7 @@ def _turned(outline: Vector, angle: float, scale: Vector) -> Mesh:
     count = len(outline)
     here = np.arange(count)
     following = np.roll(here, -1)
-    faces = []
+    faces: list[Any] = []
     for step in range(steps):
         one, other = step * count, (step + 1) * count
         faces += [

@@ -6,6 +6,7 @@ where it is shown, takes the first place on the right.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -64,43 +65,63 @@ def frame_pose(node: Node, frame: Element) -> RigidTransform:
     for name in ("PrimaryAxis", "SecondaryAxis"):
         source = frame.findtext(f"Value/{name}/Source") or "ReferenceFrame"
         if source == "GeometricFeature":
-            raise node.refusal(f"a frame follows {frame.findtext(f'Value/{name}/FeatureName')}, which is not known here")
+            raise node.refusal(
+                f"a frame follows {frame.findtext(f'Value/{name}/FeatureName')}, which is not known here"
+            )
         default = "+Z" if name == "PrimaryAxis" else "+X"
         axes.append(AXES.get(frame.findtext(f"Value/{name}/DefinedDirection") or default, AXES[default]))
         directions.append(AXES.get(frame.findtext(f"Value/{name}/SourceDirection") or default, AXES[default]))
     if abs(axes[0] @ axes[1]) > 0.5 or abs(directions[0] @ directions[1]) > 0.5:
         raise node.refusal("a frame has both axes along one line")
-    own = np.column_stack([*axes, np.cross(*axes)])
-    there = np.column_stack([*directions, np.cross(*directions)])
+    own = np.column_stack([*axes, np.cross(axes[0], axes[1])])
+    there = np.column_stack([*directions, np.cross(directions[0], directions[1])])
     return RigidTransform(RotationMatrix(there @ own.T), place)
 
 
 def _origin(node: Node, frame: Element) -> Vector:
     source = frame.findtext("Value/Origin/Source") or "ReferenceFrame"
-    if source == "ReferenceFrame":
-        return np.zeros(3)
     feature = " ".join((frame.findtext("Value/Origin/FeatureName") or "").split())
-    kind = node.kind
-    if source == "CenterOfMassFrame":
-        if kind in ("Brick Solid", "Cylindrical Solid", "Spherical Solid", "Ellipsoidal Solid"):
-            return np.zeros(3)
-    elif kind == "Brick Solid":
-        half = node.numbers("BrickDimensions", "[1 1 1]", unit="m", size=3) / 2
-        words = feature.split()[:-1]
-        if words and all(word.upper() in AXES for word in words):
-            return np.asarray(half * sum(AXES[word.upper()] for word in words))
-    elif kind in ("Cylindrical Solid", "Extruded Solid"):
-        cylinder = kind == "Cylindrical Solid"
-        length = node.number("CylinderLength" if cylinder else "ExtrusionLength", "1", unit="m")
-        end = {"top": length / 2, "bottom": -length / 2, "side": 0.0}.get(feature.partition(" ")[0])
-        if end is not None and cylinder:
-            return np.array([0.0, 0.0, end])
-        if end is not None and not feature.startswith("side"):
-            return np.asarray(extrusion(node)[1].com + [0.0, 0.0, end])
-        number = feature.rpartition(" ")[2]
-        if end is not None and number.isdecimal():
-            corners = extrusion_outline(node)
-            if 1 <= int(number) <= len(corners):
-                node.findings.report.add("read", node.path, f"a frame on '{feature}': in the middle of side {number}")
-                return np.append((corners[int(number) - 1] + corners[int(number) % len(corners)]) / 2, 0.0)
-    raise node.refusal(f"a frame is on '{feature or source}', whose place is not known here")
+    place: Vector | None = None
+    if source == "ReferenceFrame" or (source == "CenterOfMassFrame" and node.kind in _CENTRED):
+        place = np.zeros(3)
+    elif source == "GeometricFeature" and node.kind in _FEATURES:
+        place = _FEATURES[node.kind](node, feature)
+    if place is None:
+        raise node.refusal(f"a frame is on '{feature or source}', whose place is not known here")
+    return place
+
+
+def _on_brick(node: Node, feature: str) -> Vector | None:
+    """Return the middle of a side, edge or corner, such as ``+x -y curve``."""
+    half = node.numbers("BrickDimensions", "[1 1 1]", unit="m", size=3) / 2
+    words = [word.upper() for word in feature.split()[:-1]]
+    if not words or any(word not in AXES for word in words):
+        return None
+    return np.asarray(half * sum(AXES[word] for word in words))
+
+
+def _on_cylinder(node: Node, feature: str) -> Vector | None:
+    half = node.number("CylinderLength", "1", unit="m") / 2
+    end = {"top": half, "bottom": -half, "side": 0.0}.get(feature.partition(" ")[0])
+    return None if end is None else np.array([0.0, 0.0, end])
+
+
+def _on_extrusion(node: Node, feature: str) -> Vector | None:
+    half = node.number("ExtrusionLength", "1", unit="m") / 2
+    where, _, number = feature.partition(" ")
+    if where in ("top", "bottom"):
+        return np.asarray(extrusion(node)[1].com + np.array([0.0, 0.0, half if where == "top" else -half]))
+    side = number.rpartition(" ")[2]
+    corners = extrusion_outline(node)
+    if not side.isdecimal() or not 1 <= int(side) <= len(corners):
+        return None
+    node.findings.report.add("read", node.path, f"a frame on '{feature}': in the middle of side {side}")
+    return np.append((corners[int(side) - 1] + corners[int(side) % len(corners)]) / 2, 0.0)
+
+
+_CENTRED = "Brick Solid", "Cylindrical Solid", "Spherical Solid", "Ellipsoidal Solid"
+_FEATURES: dict[str, Callable[[Node, str], Vector | None]] = {
+    "Brick Solid": _on_brick,
+    "Cylindrical Solid": _on_cylinder,
+    "Extruded Solid": _on_extrusion,
+}

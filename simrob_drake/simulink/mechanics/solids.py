@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +60,7 @@ class SolidBody:
     visible: bool = True
     file: Path | None = None
     scale: float = 1.0
-    pose: RigidTransform = RigidTransform()
+    pose: RigidTransform = field(default_factory=RigidTransform)
 
 
 def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:

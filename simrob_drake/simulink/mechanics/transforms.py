@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis, Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
@@ -56,29 +58,29 @@ def rotation(node: Node, prefix: str = "") -> RotationMatrix:
         InvalidModel: a method or figure that cannot be.
     """
     method = node.text(f"{prefix}RotationMethod", "None")
-    if method == "None":
-        return RotationMatrix()
-    if method == "StandardAxis":
-        return _about(node, axis(node, f"{prefix}RotationStandardAxis"), prefix)
-    if method == "ArbitraryAxis":
-        return _about(node, node.numbers(f"{prefix}RotationArbitraryAxis", "[0 0 1]", size=3), prefix)
-    if method == "AlignedAxes":
-        follower = _triad(node, f"{prefix}FollAlignAxisA", f"{prefix}FollAlignAxisB")
-        base = _triad(node, f"{prefix}BaseAlignAxisA", f"{prefix}BaseAlignAxisB")
-        return RotationMatrix(base @ follower.T)
-    if method == "RotationSequence":
-        return _sequence(node, prefix)
-    if method == "RotationMatrix":
-        matrix = node.numbers(f"{prefix}RotationMatrix", "[1 0 0;0 1 0;0 0 1]", size=9).reshape(3, 3)
-        if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-4) or np.linalg.det(matrix) < 0:
-            raise node.refusal(f"its {prefix}RotationMatrix is no rotation: not orthonormal and right-handed")
-        return RotationMatrix.ProjectToRotationMatrix(matrix)
-    if method == "Quaternion":
-        quaternion = node.numbers(f"{prefix}Quaternion", "[1 0 0 0]", size=4)
-        if np.linalg.norm(quaternion) < 1e-9:
-            raise node.refusal(f"its {prefix}Quaternion is zero")
-        return RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
-    raise node.refusal(f"has the unknown rotation method '{method}'")
+    if method not in _ROTATIONS:
+        raise node.refusal(f"has the unknown rotation method '{method}'")
+    return _ROTATIONS[method](node, prefix)
+
+
+def _aligned(node: Node, prefix: str) -> RotationMatrix:
+    follower = _triad(node, f"{prefix}FollAlignAxisA", f"{prefix}FollAlignAxisB")
+    base = _triad(node, f"{prefix}BaseAlignAxisA", f"{prefix}BaseAlignAxisB")
+    return RotationMatrix(base @ follower.T)
+
+
+def _matrix(node: Node, prefix: str) -> RotationMatrix:
+    matrix = node.numbers(f"{prefix}RotationMatrix", "[1 0 0;0 1 0;0 0 1]", size=9).reshape(3, 3)
+    if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-4) or np.linalg.det(matrix) < 0:
+        raise node.refusal(f"its {prefix}RotationMatrix is no rotation: not orthonormal and right-handed")
+    return RotationMatrix.ProjectToRotationMatrix(matrix)
+
+
+def _quaternion(node: Node, prefix: str) -> RotationMatrix:
+    quaternion = node.numbers(f"{prefix}Quaternion", "[1 0 0 0]", size=4)
+    if np.linalg.norm(quaternion) < 1e-9:
+        raise node.refusal(f"its {prefix}Quaternion is zero")
+    return RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
 
 
 def axis(node: Node, name: str) -> Vector:
@@ -113,3 +115,16 @@ def _sequence(node: Node, prefix: str) -> RotationMatrix:
     if node.text(f"{prefix}RotationSequenceAxes", "FollowerAxes") == "BaseAxes":
         turns.reverse()  # about fixed axes the later turn stands to the left
     return turns[0] @ turns[1] @ turns[2]
+
+
+_ROTATIONS: dict[str, Callable[[Node, str], RotationMatrix]] = {
+    "None": lambda *_: RotationMatrix(),
+    "StandardAxis": lambda node, prefix: _about(node, axis(node, f"{prefix}RotationStandardAxis"), prefix),
+    "ArbitraryAxis": lambda node, prefix: _about(
+        node, node.numbers(f"{prefix}RotationArbitraryAxis", "[0 0 1]", size=3), prefix
+    ),
+    "AlignedAxes": _aligned,
+    "RotationSequence": _sequence,
+    "RotationMatrix": _matrix,
+    "Quaternion": _quaternion,
+}

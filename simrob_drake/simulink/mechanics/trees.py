@@ -151,4 +151,6 @@ def _refuse_loops(bodies: Bodies, trees: list[Tree]) -> None:
     for link in bodies.links:
         if link not in used and not link.joint.floating:
             node = link.joint.node
-            node.findings.report.add("refused", node.path, "closes a loop of joints; only trees of joints are taken over")
+            node.findings.report.add(
+                "refused", node.path, "closes a loop of joints; only trees of joints are taken over"
+            )

@@ -42,7 +42,14 @@ def expand(model: Model, libraries: Libraries, variables: dict[str, Any], findin
     """
     written = Workspace(name=model.name, code=model.code)
     given = Workspace(name="given", variables=variables, outer=written)
-    root = Node("", Block("", model.name, "SubSystem", system=model.system), given, findings, system=model.system, home=model.name)
+    root = Node(
+        "",
+        Block("", model.name, "SubSystem", system=model.system),
+        given,
+        findings,
+        system=model.system,
+        home=model.name,
+    )
     if model.mask is not None:
         root.workspace = _masked(model.name, model.mask, {}, given)
     expanded = Expanded(model, root, findings, libraries)

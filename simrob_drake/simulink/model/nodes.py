@@ -80,8 +80,9 @@ class Node:
         return self.text(name, "off") == "on"
 
     def value(self, name: str, default: str, unknown: str | None = None) -> Any:
-        """Return a parameter's value: a matrix, text or structure; what counts as ``unknown``, else the default,
-        where a variable is not known.
+        """Return a parameter's value: a matrix, text or structure.
+
+        Where a variable is not known it is ``unknown``, or else the default.
 
         Raises:
             InvalidModel: it cannot be computed.

@@ -11,7 +11,6 @@ MOST_BLOCKS = 200_000
 DEEPEST = 100  # subsystems in subsystems
 
 
-
 class TooLarge(ValueError):
     """A model that refers to its own parts so often that it grows without end."""
 
@@ -57,7 +56,7 @@ class SystemReader:
         inner = element.find("System")
         mask = element.find("Mask")
         return Block(
-            sid=element.get("SID") or parameters.get("SID") or element.get("Name", ""),
+            sid=element.get("SID") or parameters.get("SID") or element.get("Name") or "",
             name=one_line(element.get("Name", "")),
             kind=one_line(source) if linked else kind,
             linked=linked,

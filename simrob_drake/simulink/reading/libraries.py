@@ -64,7 +64,9 @@ class Libraries:
         if "/" in name or "\\" in name or name.startswith("."):
             return None
         for folder in self._folders:
-            below = sorted(child for child in folder.iterdir() if child.is_dir())[:_MOST_FOLDERS] if folder.is_dir() else []
+            below = (
+                sorted(child for child in folder.iterdir() if child.is_dir())[:_MOST_FOLDERS] if folder.is_dir() else []
+            )
             for place in (folder, *below):
                 for suffix in _SUFFIXES:
                     if (place / f"{name}{suffix}").is_file():

@@ -8,7 +8,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 from simrob_drake.simulink.reading.xml_part import MAX_DEPTH, Unreadable
 
-_TOKEN = re.compile(r'\s+|#[^\n]*\n|(?P<text>"(?:\\.|[^"\\])*")|(?P<list>\[[^\]]*\])|(?P<brace>[{}])|(?P<word>[^\s{}"\[]+)')
+_TOKEN = re.compile(
+    r'\s+|#[^\n]*\n|(?P<text>"(?:\\.|[^"\\])*")|(?P<list>\[[^\]]*\])|(?P<brace>[{}])|(?P<word>[^\s{}"\[]+)'
+)
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 _CONNECTION = re.compile(r"([LR])Conn(\d+)")
 

@@ -28,14 +28,13 @@ def read_model(path: Path) -> Model:
         InvalidModel: it is missing, damaged, protected, or holds no block diagram.
     """
     package = Package(path)
-    if package.text:
-        diagram = _of_text(package)
-    else:
-        diagram = _element(package, _DIAGRAM)
+    diagram = _of_text(package) if package.text else _element(package, _DIAGRAM)
     top = next((child for child in diagram if child.tag in _KINDS), None)
     inner = None if top is None else top.find("System")
     if top is None or inner is None:
-        raise InvalidModel(path, _DIAGRAM, "holds no model, library or subsystem; a newer format than this reader knows?")
+        raise InvalidModel(
+            path, _DIAGRAM, "holds no model, library or subsystem; a newer format than this reader knows?"
+        )
     reader = SystemReader(lambda name: _element(package, f"simulink/systems/{name}.xml"))
     try:
         system = reader.system(inner)
@@ -48,7 +47,9 @@ def read_model(path: Path) -> Model:
         kind=top.tag,
         system=system,
         mask=_mask(package),
-        code="" if workspace is None else "".join(
+        code=""
+        if workspace is None
+        else "".join(
             parameter.text or "" for parameter in workspace.iterfind("P") if parameter.get("Name") == "WSMATLABCode"
         ),
         stop_time=_stop_time(package, texts),

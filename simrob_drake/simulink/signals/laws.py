@@ -44,8 +44,11 @@ def read_laws(tracer: Tracer, joints: list[Joint]) -> dict[Freedom, Law]:
             signal = tracer.physical(joint.node, "lconn", number)
             if signal is None:
                 outside = tracer.network.leads_outside(joint.node, "lconn", number)
-                told = f"its {how} input comes from a port of the model: nothing drives it" if outside else (
-                    f"its {how} input is not connected; connect it, or choose another actuation")
+                told = (
+                    f"its {how} input comes from a port of the model: nothing drives it"
+                    if outside
+                    else (f"its {how} input is not connected; connect it, or choose another actuation")
+                )
                 joint.node.findings.report.add("defaulted" if outside else "refused", joint.node.path, told)
                 laws[freedom] = Law()
             elif how == "motion":
@@ -65,7 +68,7 @@ class _Reading:
     def law(self, form: Form) -> Law:
         limit, form = self._unlimited(form)
         law = Law(limit=limit)
-        own = {kind: form.get(Term(kind, self._freedom), 0.0) for kind in ("q", "w")}  # type: ignore[arg-type]
+        own = {"q": form.get(Term("q", self._freedom), 0.0), "w": form.get(Term("w", self._freedom), 0.0)}
         rest = {term: value for term, value in form.items() if term.of is not self._freedom or term.kind not in own}
         law.kp, law.kd = max(0.0, -own["q"]), max(0.0, -own["w"])
         for kind, name in (("q", "position"), ("w", "speed")):
@@ -113,7 +116,9 @@ class _Reading:
     def _integral(self, law: Law, term: Term, value: float) -> None:
         inner = self._tracer.integrands[term]()
         gain = -value * inner.get(Term("q", self._freedom), 0.0)
-        others = [part for part in inner if part.of is not self._freedom and part.kind not in ("input", "source", "one")]
+        others = [
+            part for part in inner if part.of is not self._freedom and part.kind not in ("input", "source", "one")
+        ]
         if gain <= 0 or others:
             self._drop("an integral of something else than its position error")
         else:

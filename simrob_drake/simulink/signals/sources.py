@@ -34,9 +34,10 @@ def _step(node: Node, times: Vector) -> Vector:
 
 def _ramp(node: Node, times: Vector) -> Vector:
     late = np.maximum(times - node.number("start", "0"), 0.0)
-    return node.number("InitialOutput" if "InitialOutput" in node.block.parameters else "X0", "0") + node.number(
-        "slope", "1"
-    ) * late
+    return (
+        node.number("InitialOutput" if "InitialOutput" in node.block.parameters else "X0", "0")
+        + node.number("slope", "1") * late
+    )
 
 
 def _sine(node: Node, times: Vector) -> Vector:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from simrob_drake.simulink.mechanics.contacts import Contact
 from simrob_drake.simulink.mechanics.joints import Joint
 from simrob_drake.simulink.model.network import Network, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import ONE, Form, Limits, Term, added, as_constant, constant
+from simrob_drake.simulink.signals.forms import ONE, Form, Limits, Term, TermKind, added, as_constant, constant
 from simrob_drake.simulink.values.units import UnknownUnit, factor, parse_unit
 
 Signal = list[Form]
@@ -25,6 +26,7 @@ _PASSING = {
     "ZeroOrderHold", "Memory", "UnitDelay", "Delay", "BusToVector",
 }  # fmt: skip
 _DELAYING = {"ZeroOrderHold", "Memory", "UnitDelay", "Delay"}
+_SENSED: dict[str, TermKind] = {"q": "q", "w": "w", "a": "a", "t": "t"}
 _MOST_ELEMENTS = 10_000
 
 
@@ -48,17 +50,16 @@ class Tracer:
         self._physical: dict[Place, Callable[[], Signal]] = {}
         for joint in joints:
             for number, (freedom, what) in joint.outputs.items():
-                kind = what if what in ("q", "w", "a", "t") else "open"
-                term = Term(kind, freedom if kind != "open" else joint.node)  # type: ignore[arg-type]
+                term = Term(_SENSED[what], freedom) if what in _SENSED else Term("open", joint.node, number)
                 self._offer(joint.node, number, [{term: 1.0}])
         for contact in contacts:
             if contact.senses_distance:
                 self._offer(contact.node, contact.senses_distance, [{Term("distance", contact.node): 1.0}])
         for node in network.expanded.nodes:
             if node.kind == "Simulink-PS Converter":
-                self._physical[network.net(node, "rconn")] = lambda node=node: self._into_physics(node)
+                self._physical[network.net(node, "rconn")] = partial(self._into_physics, node)
             elif node.kind == "PS Gain":
-                self._physical[network.net(node, "rconn")] = lambda node=node: self._scaled(node)
+                self._physical[network.net(node, "rconn")] = partial(self._scaled, node)
 
     def _offer(self, node: Node, number: int, signal: Signal) -> None:
         self._physical[self.network.net(node, "rconn", number)] = lambda: signal
@@ -253,10 +254,8 @@ def _product(tracer: Tracer, node: Node, _: int) -> Signal | None:
 def _mux(tracer: Tracer, node: Node, _: int) -> Signal:
     text = node.text("Inputs", node.text("NumInputs", "2"))
     sizes = node.numbers("Inputs", "2") if "Inputs" in node.block.parameters else np.array([2.0])
-    if "," in text and "[" not in text:
-        count = text.count(",") + 1  # names of signals
-    else:
-        count = int(sizes[0]) if sizes.size == 1 else sizes.size
+    named = "," in text and "[" not in text  # names of signals instead of widths
+    count = text.count(",") + 1 if named else int(sizes[0]) if sizes.size == 1 else sizes.size
     parts = [tracer.input(node, place + 1) for place in range(min(count, 1000))]
     return [form for part in parts for form in part]
 
@@ -308,9 +307,14 @@ def _integrator(tracer: Tracer, node: Node, _: int) -> Signal:
     found = []
     for index in range(max(size, _width(tracer, node))):
         term = Term("integral", node, index)
-        tracer.integrands[term] = lambda index=index: (lambda s: s[min(index, len(s) - 1)])(tracer.input(node))  # type: ignore[misc]
+        tracer.integrands[term] = partial(_element, tracer, node, index)
         found.append({term: 1.0})
     return found
+
+
+def _element(tracer: Tracer, node: Node, index: int) -> Form:
+    signal = tracer.input(node)
+    return signal[min(index, len(signal) - 1)]
 
 
 def _width(tracer: Tracer, node: Node) -> int:
@@ -326,13 +330,13 @@ def _width(tracer: Tracer, node: Node) -> int:
 
 
 def _derivative(tracer: Tracer, node: Node, _: int) -> Signal | None:
-    following = {"q": "w", "w": "a"}
+    following: dict[TermKind, TermKind] = {"q": "w", "w": "a"}
     found: Signal = []
     for form in tracer.input(node):
         rate: Form = {}
         for term, value in form.items():
             if term.kind in following:
-                rate[Term(following[term.kind], term.of)] = value  # type: ignore[arg-type]
+                rate[Term(following[term.kind], term.of)] = value
             elif term.kind != "one":
                 return None
         found.append(rate)
@@ -353,7 +357,7 @@ def _pid(tracer: Tracer, node: Node, _: int) -> Signal | None:
         parts: list[tuple[float, Form]] = [(float(p), form)]
         if i:
             term = Term("integral", node, index)
-            tracer.integrands[term] = lambda form=form: form  # type: ignore[misc]
+            tracer.integrands[term] = partial(dict, form)
             parts.append((float(i), {term: 1.0}))
         if d:
             parts.append((float(d), {Term("w", t.of): v for t, v in form.items() if t.kind == "q"}))

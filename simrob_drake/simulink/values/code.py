@@ -114,8 +114,10 @@ class Run:
         if not name:
             raise NotUnderstood("an element of a field")
         array = matrix(self._lookup(name)).copy() if name in self.variables else np.zeros((0, 0))
-        words = [part for part in index[1:-1].split(",")]
-        places = [np.arange(size) if word.strip() == ":" else self._places(word, size) for word, size in _paired(words, array)]
+        words = index[1:-1].split(",")
+        places = [
+            np.arange(size) if word.strip() == ":" else self._places(word, size) for word, size in _paired(words, array)
+        ]
         if len(places) == 1:
             flat = array.reshape(-1)
             grown = np.zeros(max(flat.size, int(places[0].max()) + 1))
@@ -137,7 +139,7 @@ class Run:
     def _if(self, part: list[str]) -> None:
         for condition, body in _branches(part[:-1], ("if", "elseif", "else")):
             test = condition.removeprefix("elseif").removeprefix("if").strip()
-            if condition.startswith("else") and not condition.startswith("elseif") or np.all(self._value(test)):
+            if (condition.startswith("else") and not condition.startswith("elseif")) or np.all(self._value(test)):
                 self._block(body)
                 return
 

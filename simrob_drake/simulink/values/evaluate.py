@@ -16,6 +16,9 @@ Lookup = Callable[[str], Any]
 """Returns the value of a variable, or raises `UndefinedVariable`."""
 
 
+_Composed = syntax.Call | syntax.Field | syntax.Unary | syntax.Binary | syntax.Range | syntax.Matrix
+
+
 class UndefinedVariable(LookupError):
     """A name that no workspace knows.
 
@@ -40,7 +43,9 @@ def evaluate(node: syntax.Node, lookup: Lookup) -> Any:
     try:
         return _Evaluation(lookup).value(node)
     except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
-        raise problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}") from problem
+        raise (
+            problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
+        ) from problem
 
 
 class _Evaluation:
@@ -51,6 +56,9 @@ class _Evaluation:
         self._ends: list[int] = []  # what `end` is in the indices around
 
     def value(self, node: syntax.Node) -> Any:
+        return self._of_parts(node) if isinstance(node, _Composed) else self._of_word(node)
+
+    def _of_word(self, node: syntax.Node) -> Any:
         match node:
             case syntax.Number(number):
                 return matrix(number)
@@ -58,24 +66,25 @@ class _Evaluation:
                 return text
             case syntax.Name(name):
                 return self._named(name, ())
-            case syntax.Call(target, arguments):
-                return self._called(target, arguments)
-            case syntax.Field(target, name):
-                return self._field(target, name)
-            case syntax.Unary(operator, operand):
-                return _unary(operator, matrix(self.value(operand)))
-            case syntax.Binary(operator, left, right):
-                return _binary(operator, self.value(left), self.value(right))
-            case syntax.Range(start, step, stop):
-                return self._range(start, step, stop)
-            case syntax.Matrix(rows):
-                return self._matrix(rows)
-            case syntax.End():
-                if not self._ends:
-                    raise NotUnderstood("has an 'end' outside an index")
+            case syntax.End() if self._ends:
                 return matrix(self._ends[-1])
-            case _:
-                raise NotUnderstood("has a ':' outside an index")
+        raise NotUnderstood("has an 'end' or a ':' outside an index")
+
+    def _of_parts(self, node: syntax.Node) -> Any:
+        match node:
+            case syntax.Call(target, arguments):
+                found = self._called(target, arguments)
+            case syntax.Field(target, name):
+                found = self._field(target, name)
+            case syntax.Unary(operator, operand):
+                found = _unary(operator, matrix(self.value(operand)))
+            case syntax.Binary(operator, left, right):
+                found = _binary(operator, self.value(left), self.value(right))
+            case syntax.Range(start, step, stop):
+                found = self._range(start, step, stop)
+            case syntax.Matrix(rows):
+                found = self._matrix(rows)
+        return found
 
     def _named(self, name: str, arguments: tuple[syntax.Node, ...]) -> Any:
         try:
@@ -107,11 +116,11 @@ class _Evaluation:
             shape = index.shape if 1 not in array.shape or array.size == 1 else None
             if shape is None:
                 shape = (1, -1) if array.shape[0] == 1 else (-1, 1)
-            return flat[index.reshape(-1, order="F")].reshape(shape, order="F")
+            return np.asarray(flat[index.reshape(-1, order="F")].reshape(shape, order="F"))
         if len(arguments) == 2:
             rows = self._index(arguments[0], array.shape[0]).reshape(-1)
             columns = self._index(arguments[1], array.shape[1]).reshape(-1)
-            return array[np.ix_(rows, columns)]
+            return np.asarray(array[np.ix_(rows, columns)])
         raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
 
     def _index(self, node: syntax.Node, size: int) -> Any:
@@ -159,7 +168,11 @@ def _written(node: syntax.Node) -> str:
 
 
 def _unary(operator: str, value: Vector) -> Vector:
-    return {"-": lambda: -value, "+": lambda: value, "~": lambda: (value == 0) * 1.0, "'": lambda: value.T}[operator]()
+    if operator == "-":
+        return -value
+    if operator == "~":
+        return matrix(value == 0)
+    return value.T if operator == "'" else value
 
 
 _EACH: dict[str, Callable[[Vector, Vector], Any]] = {
@@ -190,10 +203,9 @@ def _binary(operator: str, left: Any, right: Any) -> Vector:
             return matrix(_EACH[operator](first, second))
         if operator == "*":
             return matrix(first * second if lone else first @ second)
-        if operator == "/":
-            return matrix(first / second if second.size == 1 else np.linalg.solve(second.T, first.T).T)
+        if operator == "^":
+            return matrix(first**second if lone else np.linalg.matrix_power(first, int(second[0, 0])))
         if operator == "\\":
-            return matrix(second / first if first.size == 1 else np.linalg.solve(first, second))
-        if lone:
-            return matrix(np.power(first, second))
-    return matrix(np.linalg.matrix_power(first, int(second[0, 0])))
+            first, second = second.T, first.T  # A \\ B is (B' / A')'
+        quotient = first / second if second.size == 1 else np.linalg.solve(second.T, first.T).T
+    return matrix(quotient.T if operator == "\\" else quotient)

@@ -1,4 +1,4 @@
-"""The syntax of the MATLAB expressions that are understood: numbers, text, matrices, names, calls, fields, operators."""
+"""The syntax of the MATLAB expressions that are read: numbers, text, matrices, names, calls, fields, operators."""
 
 from __future__ import annotations
 

@@ -87,7 +87,8 @@ def parse_unit(text: str) -> Unit:
     Raises:
         UnknownUnit: the text is none.
     """
-    tokens, place = [], 0
+    tokens: list[str] = []
+    place = 0
     text = text.strip()
     while place < len(text):
         match = _TOKEN.match(text, place)

@@ -88,12 +88,16 @@ def given_variables(settings: Mapping[str, str], files: list[Path]) -> dict[str,
             try:
                 run.run(file.read_text(encoding="utf-8", errors="replace"))
             except (OSError, NotUnderstood) as problem:
-                raise InvalidParameter("--variables", str(file), f"a .mat file or a script of assignments: {problem}") from problem
+                raise InvalidParameter(
+                    "--variables", str(file), f"a .mat file or a script of assignments: {problem}"
+                ) from problem
     for name, text in settings.items():
         try:
             value = evaluate(parse(text), lambda other: _known(run.variables, other))
         except (NotUnderstood, UndefinedVariable) as problem:
-            raise InvalidParameter(f"--set {name}", text, f"an expression such as [0 0 1] or 30*pi/180: it {problem}") from problem
+            raise InvalidParameter(
+                f"--set {name}", text, f"an expression such as [0 0 1] or 30*pi/180: it {problem}"
+            ) from problem
         target, *fields = name.split(".")
         here = run.variables
         for part in [target, *fields][:-1]:
@@ -117,9 +121,15 @@ def _of_mat(file: Path) -> dict[str, Any]:
     try:
         content = loadmat(file, squeeze_me=False, struct_as_record=True)
     except (OSError, ValueError, NotImplementedError, TypeError, KeyError) as problem:
-        reason = "saved with -v7: version 7.3 is not read" if isinstance(problem, NotImplementedError) else f"readable: {problem}"
+        reason = (
+            "saved with -v7: version 7.3 is not read"
+            if isinstance(problem, NotImplementedError)
+            else f"readable: {problem}"
+        )
         raise InvalidParameter("--variables", str(file), reason) from problem
-    return {name: value for name, raw in content.items() if not name.startswith("__") and (value := _plain(raw)) is not None}
+    return {
+        name: value for name, raw in content.items() if not name.startswith("__") and (value := _plain(raw)) is not None
+    }
 
 
 def _plain(raw: Any) -> Any:

@@ -16,7 +16,6 @@ from simrob_drake.simulink.mechanics.solids import SolidBody, moved, together
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.writing.urdf import UrdfWriter
 
-
 _POINT = 1e-6  # m²: a mass without extent turns as a ball of 1.6 mm
 
 

@@ -38,7 +38,7 @@ def reference(
         if targets == resting:
             return {"kind": "hold"}
         return {"kind": "hold", "target_deg": {name: float(f"{value:.12g}") for name, value in targets.items()}}
-    times = np.linspace(0.0, duration, int(round(duration * RATE)) + 1)
+    times = np.linspace(0.0, duration, round(duration * RATE) + 1)
     columns: dict[str, Vector] = {"time": times}
     for freedom, name in axes.items():
         form = wanted.get(freedom, {})

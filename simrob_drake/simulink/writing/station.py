@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -16,17 +16,17 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.catalog import ROBOT_FILE
 from simrob_drake.robots.pieces import PIECE_FILE
-from simrob_drake.simulink.mechanics.bodies import Body
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading_model import SimulinkModel
 from simrob_drake.simulink.signals.laws import Law, is_zero
+from simrob_drake.simulink.writing.contact_sections import StationFiles, contact_sections
 from simrob_drake.simulink.writing.names import Names, plain
 from simrob_drake.simulink.writing.pieces import pose_list, write_piece
 from simrob_drake.simulink.writing.references import reference
-from simrob_drake.simulink.writing.touching import Touching, bounded_dissipation, feet_of, read_touching
+from simrob_drake.simulink.writing.touching import feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UrdfWriter
 
 _STIFF = 1000.0, 10.0
@@ -36,21 +36,6 @@ _SOLVERS: dict[str, dict[str, Any]] = {
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
-
-
-@dataclass
-class StationFiles:
-    """What is written.
-
-    Attributes:
-        robots: by name, with their `robot.yaml`.
-        pieces: names.
-        content: of the station's file; empty where nothing moves, and there is no station.
-    """
-
-    robots: dict[str, RobotFile] = field(default_factory=dict)
-    pieces: list[str] = field(default_factory=list)
-    content: dict[str, Any] = field(default_factory=dict)
 
 
 class StationWriter:
@@ -150,48 +135,40 @@ class StationWriter:
         model = self._model
         kinematic = self._kinematic()
         duration = model.duration
-        if kinematic:
-            for piece, entry in pieces.items():
-                if entry.pop("free", False):
-                    entry["parent"] = "world"
-                    self._report.add("repaired", piece, "stands fixed: nothing falls in a kinematic station")
+        for piece, entry in pieces.items() if kinematic else ():
+            if entry.pop("free", False):
+                entry["parent"] = "world"
+                self._report.add("repaired", piece, "stands fixed: nothing falls in a kinematic station")
         content: dict[str, Any] = {
             "description": f"{name}, from a Simulink model",
             "mode": "kinematic" if kinematic else "dynamic",
         }
-        robots = {
-            robot_name: self._robot(robot_name, robot, duration, kinematic)
-            for robot_name, robot in self._files.robots.items()
-        }
-        if len(robots) == 1:
-            content["robot"] = next(iter(robots.values()))
-            for section in ("servo", "reference"):
-                if section in content["robot"]:
-                    content[section] = content["robot"].pop(section)
-        elif robots:
-            content["robots"] = robots
+        robots = {key: self._robot(key, robot, duration, kinematic) for key, robot in self._files.robots.items()}
+        content |= _robot_sections(robots)
         if pieces:
             content["pieces"] = pieces
         if self._touching.floor:
             content["floor"] = {"size": 3}
         if self._touching.ends and not kinematic:
-            content["contact"] = self._contact(pieces)
-            content |= self._sensors()
+            content |= contact_sections(self._touching, self._files, self._model, self._gravity, self._names)
         content["gravity"] = self._gravity
-        if not kinematic:
-            content["solver"] = self._solver(robots)
-            stops = self._stops()
-            if stops:
-                content["joint_stops"] = stops
+        content |= {} if kinematic else self._dynamics(robots)
         content["duration"] = duration
         return content
+
+    def _dynamics(self, robots: dict[str, Any]) -> dict[str, Any]:
+        """Return what only a station of torques has: its solver, and stops that differ from a station's own."""
+        stops = self._stops()
+        return {"solver": self._solver(robots), **({"joint_stops": stops} if stops else {})}
 
     def _kinematic(self) -> bool:
         """Tell whether the motion is the input, or nothing weighs enough to be moved by torque."""
         driven = {freedom.driven for robot in self._files.robots.values() for freedom in robot.axes}
         weightless = [link for robot in self._files.robots.values() for link in robot.weightless]
         if weightless and self._files.robots:
-            self._report.add("repaired", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}")
+            self._report.add(
+                "repaired", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}"
+            )
             return True
         return "motion" in driven and "torque" not in driven
 
@@ -225,9 +202,7 @@ class StationWriter:
         if not kinematic:
             entry["servo"] = _servo(robot, laws)
         wanted = {freedom: law.wanted for freedom, law in laws.items()}
-        entry["reference"] = reference(
-            robot.axes, wanted, start, duration, self._folder / f"{name}_reference.csv"
-        )
+        entry["reference"] = reference(robot.axes, wanted, start, duration, self._folder / f"{name}_reference.csv")
         if any(freedom.start_speed for freedom in robot.axes):
             self._report.add("dropped", name, "speeds at the start: a station starts at rest")
         return entry
@@ -252,7 +227,9 @@ class StationWriter:
             self._report.add("read", freedom.name, f"its spring of {freedom.stiffness:g} is its servo's kp")
             return Law(kp=freedom.stiffness, wanted=constant(freedom.rest))
         if not is_zero(law.effort):
-            self._report.add("dropped", freedom.name, "torque that no position commands; give it with inputs: [feedforward]")
+            self._report.add(
+                "dropped", freedom.name, "torque that no position commands; give it with inputs: [feedforward]"
+            )
         return law
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
@@ -263,59 +240,6 @@ class StationWriter:
                 port = term.of.text("Port", "1")
                 return int(port) if port.isdecimal() else 1, term.index
         return 10**6, 0
-
-    def _contact(self, pieces: dict[str, Any]) -> dict[str, Any]:
-        """Return the contact section: the figures of the first contact that no robot's feet tell."""
-        section: dict[str, Any] = {"model": "point"}
-        robot_bodies = {body for robot in self._files.robots.values() for body in robot.links}
-        own = [
-            (contact, ends)
-            for contact, *ends in self._touching.ends
-            if not any(body in robot_bodies and not body.grounded for body, _ in ends)
-        ]
-        if own and pieces:
-            contact, ends = own[0]
-            surface = contact.surface
-            moving = next((body for body, _ in ends if not body.grounded), None)
-            weight = sum(solid.weight.mass for solid in moving.solids) * self._gravity if moving else 1.0
-            shared = sum(any(body is moving for body, _ in other) for _, other in own)
-            section |= {
-                "stiffness": surface.stiffness,
-                "dissipation": bounded_dissipation(surface, weight / shared, self._report, contact.node.path),
-                "friction": {"static": surface.static, "dynamic": surface.dynamic},
-                "stiction_speed": surface.speed,
-            }
-            if len({other.surface for other, _ in own}) > 1:
-                self._report.add("repaired", "contact", "contacts differ: all pieces get the figures of the first")
-        elif self._touching.ends:
-            section["stiction_speed"] = self._touching.ends[0][0].surface.speed
-        return section
-
-    def _sensors(self) -> dict[str, Any]:
-        """Return distance sensors for contacts that sense it, and monitors where it stops the simulation."""
-        sensors: dict[str, Any] = {}
-        monitors: dict[str, Any] = {}
-        for contact, *ends in self._touching.ends:
-            if not contact.senses_distance:
-                continue
-            names = [self._end_name(body, node) for body, node in ends]
-            if None in names:
-                continue
-            body, other = (names[1], names[0]) if names[0] == "floor" else (names[0], names[1])
-            name = self._names.give(contact.node.path)
-            sensors[name] = {"kind": "distance", "body": body, "other": other}
-            if contact.node in self._model.stopping:
-                monitors[f"{name}_stop"] = {"kind": "contact", "sensor": name}
-        return ({"sensors": sensors} if sensors else {}) | ({"monitors": monitors} if monitors else {})
-
-    def _end_name(self, body: Body, node: Node) -> str | None:
-        for name, robot in self._files.robots.items():
-            if body in robot.links and not body.grounded:
-                return robot.links[body] if len(self._files.robots) == 1 else f"{name}.{robot.links[body]}"
-        if node.kind == "Infinite Plane":
-            return "floor"
-        group = plain(node.path.partition("/")[0])
-        return group if group in self._files.pieces else None
 
     def _solver(self, robots: dict[str, Any]) -> dict[str, Any]:
         if not robots:
@@ -335,6 +259,15 @@ class StationWriter:
         if len(set(found)) > 1:
             self._report.add("repaired", "joint_stops", "limits differ in stiffness: all get the figures of the first")
         return {"stiffness": found[0][0], "damping": found[0][1]}
+
+
+def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
+    """Return the robots as a station's file has them; one robot's servo and reference stand on top."""
+    if len(robots) != 1:
+        return {"robots": robots} if robots else {}
+    (robot,) = robots.values()
+    shared = {section: robot.pop(section) for section in ("servo", "reference") if section in robot}
+    return {"robot": robot, **shared}
 
 
 def _servo(robot: RobotFile, laws: dict[Freedom, Law]) -> dict[str, Any]:
@@ -374,5 +307,7 @@ def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:
         from pydrake.common.eigen_geometry import AngleAxis
 
         turn = RotationMatrix(AngleAxis(float(np.arccos(np.clip(up[2], -1, 1))), axis / np.linalg.norm(axis)))
-    model.report.add("repaired", "gravity", f"points along {vector.round(4).tolist()}: the world is turned to put it down")
+    model.report.add(
+        "repaired", "gravity", f"points along {vector.round(4).tolist()}: the world is turned to put it down"
+    )
     return RigidTransform(turn), strength

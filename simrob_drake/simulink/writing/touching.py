@@ -40,9 +40,7 @@ def read_touching(contacts: list[Contact], bodies: Bodies, network: Network, tur
     """Sort contacts by what they connect; ``turn`` places the model's world in ours."""
     touching = Touching()
     for contact in contacts:
-        one, other = (
-            (bodies.by_place[frame_place(network, node)], node) for node in contact.pair
-        )
+        one, other = ((bodies.by_place[frame_place(network, node)], node) for node in contact.pair)
         touching.ends.append((contact, one, other))
         for body, node in (one, other):
             touching.colliding.add(node)

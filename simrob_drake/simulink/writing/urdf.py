@@ -14,10 +14,12 @@ from pydrake.multibody.tree import RotationalInertia
 from simrob_drake.frames import Vector
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf_shapes import text
+from simrob_drake.simulink.mechanics.bodies import Body
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
-from simrob_drake.simulink.mechanics.solids import SolidBody, Weight, moved, together
-from simrob_drake.simulink.mechanics.trees import Body, Branch, Tree
+from simrob_drake.simulink.mechanics.shapes import Mesh, Weight
+from simrob_drake.simulink.mechanics.solids import SolidBody, moved, together
+from simrob_drake.simulink.mechanics.trees import Branch, Tree
 from simrob_drake.simulink.writing.names import Names
 
 ROOT = "base"
@@ -109,10 +111,12 @@ class UrdfWriter:
         ET.SubElement(joint, "parent", link=parent)
         ET.SubElement(joint, "child", link=child)
         _origin(joint, origin)
-        ET.SubElement(joint, "axis", xyz=text(sign * freedom.axis))
+        ET.SubElement(joint, "axis", xyz=text((sign * freedom.axis).tolist()))
         limit = ET.SubElement(joint, "limit", effort=text([AMPLE]), velocity="1000")
         if kind != "continuous":
-            lower, upper = (bound if isfinite(bound) else np.sign(bound) * _FAR for bound in (freedom.lower, freedom.upper))
+            lower, upper = (
+                bound if isfinite(bound) else np.sign(bound) * _FAR for bound in (freedom.lower, freedom.upper)
+            )
             limit.set("lower", text([lower]))
             limit.set("upper", text([upper]))
         elif isfinite(freedom.lower) or isfinite(freedom.upper):
@@ -153,7 +157,7 @@ class UrdfWriter:
 
     def _inertial(self, link: ET.Element, weight: Weight) -> None:
         inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=text(weight.com))
+        ET.SubElement(inertial, "origin", xyz=text(weight.com.tolist()))
         ET.SubElement(inertial, "mass", value=text([weight.mass]))
         keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
         moments = {key: float(weight.inertia[place]) for key, place in keys.items()}
@@ -205,8 +209,6 @@ class UrdfWriter:
         if mesh is None:
             self._report.add("dropped", solid.node.path, f"the mesh {solid.file.name} cannot be read")
             return None
-        from simrob_drake.simulink.mechanics.shapes import Mesh
-
         folder.mkdir(exist_ok=True)
         name = f"meshes/{self._meshes.give(solid.file.stem)}.obj"
         corners: Vector = np.asarray(mesh.vertices, dtype=float) * solid.scale

@@ -1,0 +1,116 @@
+"""What `simrob import` and `simrob check` do with a Simulink model, and `simrob fmu`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.tables import report_table
+from simrob_drake.errors import InvalidParameter
+
+if TYPE_CHECKING:
+    from simrob_drake.simulink.reading_model import SimulinkModel
+
+SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
+
+Library = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--library",
+        metavar="DIR",
+        exists=True,
+        file_okay=False,
+        help="A folder with libraries of a Simulink model; may be given often.",
+    ),
+]
+Variables = Annotated[
+    list[Path] | None,
+    typer.Option("--variables", metavar="FILE", help="Variables of a Simulink model: .mat, or an .m of assignments."),
+]
+Assume = Annotated[
+    bool, typer.Option("--assume", help="Take a block's default where a variable of a Simulink model is unknown.")
+]
+ModelSettings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A variable of a Simulink model; may be given often."),
+]
+
+
+def is_model_file(file: str | Path) -> bool:
+    """Tell whether an argument is a Simulink model."""
+    return Path(file).suffix.lower() in SUFFIXES
+
+
+def model_options(
+    *,
+    library: list[Path] | None,
+    mesh_path: list[Path] | None,
+    set_: list[str] | None,
+    variables: list[Path] | None,
+    assume: bool,
+) -> dict[str, Any]:
+    """Return the options of reading a model.
+
+    Raises:
+        InvalidParameter: a setting that is none, or a file of variables that cannot be read.
+    """
+    from simrob_drake.simulink.values.workspace import given_variables
+
+    settings = {}
+    for setting in set_ or []:
+        name, equals, value = setting.partition("=")
+        if not (equals and all(part.isidentifier() for part in name.strip().split("."))):
+            raise InvalidParameter("--set", setting, "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1")
+        settings[name.strip()] = value
+    return {
+        "libraries": tuple(library or ()),
+        "meshes": tuple(mesh_path or ()),
+        "variables": given_variables(settings, variables or []),
+        "assume": assume,
+    }
+
+
+def import_model(file: Path, out: Path | None, options: dict[str, Any], *, force: bool) -> None:
+    """Write the robots, pieces and station of a model, and tell what became of its blocks."""
+    from simrob_drake.simulink.importing import import_simulink
+
+    folder = out or Path(f"{file.stem}_imported")
+    with errors.status(Text(f"importing {file}")):
+        imported = import_simulink(file, folder, force=force, **options)
+    _tell(imported.model)
+    for name, robot in imported.files.robots.items():
+        joints = ", ".join(robot.axes.values())
+        console.print(f"robot   {name}: {joints}", soft_wrap=True, highlight=False)
+    if imported.files.pieces:
+        console.print(f"pieces  {', '.join(imported.files.pieces)}", soft_wrap=True, highlight=False)
+    if imported.station is not None:
+        console.print(f"station {imported.station}", soft_wrap=True, highlight=False)
+        console.print(f"next    simrob run {imported.station}", soft_wrap=True, highlight=False)
+
+
+def examine_model(file: Path, options: dict[str, Any]) -> None:
+    """Report on a model without writing anything."""
+    from simrob_drake.simulink.importing import check_importable
+    from simrob_drake.simulink.reading_model import read_simulink
+
+    with errors.status(Text(f"reading {file}")):
+        model = read_simulink(file, **options)
+    if model.findings.undefined:
+        table = Table("variable that only MATLAB knows", "where it is used", box=None, pad_edge=False)
+        for name, places in model.findings.undefined.items():
+            table.add_row(Text(name), Text("; ".join(places[:4]) + (" …" if len(places) > 4 else "")))
+        console.print(table)
+    _tell(model)
+    check_importable(model)
+
+
+def _tell(model: SimulinkModel) -> None:
+    joints = len(model.bodies.links)
+    told = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
+    console.print(report_table(model.report))
+    console.print(f"{model.path.name}: {told}; {model.report.summary()}", soft_wrap=True, highlight=False)
