@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,8 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.cli.given import given_station
+from simrob_drake.cli.options import Force, Settings, StationArgument
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import report_table
 from simrob_drake.errors import InvalidParameter
@@ -109,8 +112,36 @@ def examine_model(file: Path, options: dict[str, Any]) -> None:
     check_importable(model)
 
 
+def fmu(
+    station: StationArgument,
+    out: Annotated[Path | None, typer.Option(help="FILE.fmu; STATION.fmu unless given.")] = None,
+    set_: Settings = None,
+    step: Annotated[
+        float | None,
+        typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write a station as an FMI 2.0 co-simulation unit, for Simulink, OpenModelica and others.
+
+    For example:
+
+        simrob fmu irb120_dynamic --step 1e-3 --out irb120.fmu
+    """
+    from simrob_drake.simulink.fmi.writing import with_fixed_steps, write_fmu
+
+    config = given_station(station, set_)
+    if step is not None:
+        config = with_fixed_steps(config, step)
+    target = out or Path(f"{config.name}.fmu")
+    console.print(f"unit    {write_fmu(config, target, force=force)}", soft_wrap=True, highlight=False)
+
+
 def _tell(model: SimulinkModel) -> None:
     joints = len(model.bodies.links)
     told = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
     console.print(report_table(model.report))
     console.print(f"{model.path.name}: {told}; {model.report.summary()}", soft_wrap=True, highlight=False)
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu}
