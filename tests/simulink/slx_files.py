@@ -1,4 +1,4 @@
-"""Small Simulink models in the shape of the real format: a zip of XML parts, blocks with parameters, lines with SIDs."""
+"""Small Simulink models in the shape of the real format: a zip of XML, blocks with parameters, lines by SID."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _BASES = {
 """Units of the variables by their SI bases."""
 
 
-class StationSlave(Fmi2Slave):  # type: ignore[misc]
+class StationSlave(Fmi2Slave):
     """A station of FMI: inputs and outputs are its ports, an element each, named ``<port>.<axis or element>``."""
 
     def __init__(self, **kwargs: Any) -> None:

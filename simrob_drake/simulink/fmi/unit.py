@@ -1,4 +1,4 @@
-"""A station that is stepped from outside: inputs held over a step, outputs read at its end, states kept and put back."""
+"""A station that is stepped from outside: inputs held over a step, outputs read at its end, states put back."""
 
 from __future__ import annotations
 

@@ -27,6 +27,11 @@ def value_over_time(form: Form, times: Vector) -> Vector:
     return total
 
 
+def step_times(form: Form) -> list[float]:
+    """Return when the Step blocks of a form step [s]."""
+    return [term.of.number("Time", "1") for term in form if isinstance(term.of, Node) and term.of.kind == "Step"]
+
+
 def _step(node: Node, times: Vector) -> Vector:
     before, after = node.number("Before", "0"), node.number("After", "1")
     return np.where(times < node.number("Time", "1"), before, after)

@@ -20,7 +20,8 @@ MOST_STEPS = 20_000
 
 _KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
 _ASSIGNMENT = re.compile(r"([A-Za-z]\w*)((?:\.[A-Za-z]\w*)*)(\([^=]*\))?\s*=(?!=)\s*(.+)", re.DOTALL)
-_TARGETS = re.compile(r"(?:^|[;,\n\[ ])([A-Za-z]\w*)[\w.,\s()~\]:]*?=(?!=)")
+_TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)[^=]*=(?!=)")
+_NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
 _OPENS = "if", "for", "while", "switch", "try", "function"
 
 
@@ -30,14 +31,12 @@ class Run:
     Attributes:
         variables: what it sets, on top of those it began with.
         unknown: names that a passed-over statement would have set.
-        skipped: such statements, cut short.
     """
 
     def __init__(self, variables: dict[str, Any], lookup: Callable[[str], Any]) -> None:
         """Take the variables that are there, changed in place, and where others are found."""
         self.variables = variables
         self.unknown: set[str] = set()
-        self.skipped: list[str] = []
         self._outside = lookup
         self._steps = 0
 
@@ -165,11 +164,9 @@ class Run:
             self._block(part[1:-1])
 
     def _pass_over(self, part: list[str]) -> None:
-        text = "\n".join(part)
-        names = {match[1] for match in _TARGETS.finditer(text)}
+        targets = [match[1] for line in part if (match := _TARGETS.match(line))]
+        names = {name for target in targets for name in _NAME.findall(target)}
         self.unknown |= {name for name in names if not _KEYWORD.fullmatch(name)}
-        if text.strip():
-            self.skipped.append(" ".join(text.split())[:80])
 
 
 def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:

@@ -10,8 +10,9 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.signals.forms import Form
-from simrob_drake.simulink.signals.sources import value_over_time
+from simrob_drake.simulink.signals.sources import step_times, value_over_time
 
+_CORNER = 1e-6  # s: how long a step takes
 RATE = 200.0
 """Rows a second of a table of sources."""
 
@@ -38,7 +39,9 @@ def reference(
         if targets == resting:
             return {"kind": "hold"}
         return {"kind": "hold", "target_deg": {name: float(f"{value:.12g}") for name, value in targets.items()}}
-    times = np.linspace(0.0, duration, round(duration * RATE) + 1)
+    corners = [corner for form in wanted.values() for corner in step_times(form) if 0 < corner < duration]
+    even = np.linspace(0.0, duration, round(duration * RATE) + 1)
+    times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
     columns: dict[str, Vector] = {"time": times}
     for freedom, name in axes.items():
         form = wanted.get(freedom, {})

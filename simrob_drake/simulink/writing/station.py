@@ -53,7 +53,7 @@ class StationWriter:
     def write(self) -> StationFiles:
         """Write everything, and return what there is."""
         name = plain(self._model.path.stem)
-        mechanisms = [tree for tree in self._model.trees if tree.branches]
+        mechanisms = _together([tree for tree in self._model.trees if tree.branches])
         homes = self._homes(mechanisms)
         base_solids = self._share_world(mechanisms, homes)
         for tree in mechanisms:
@@ -259,6 +259,16 @@ class StationWriter:
         if len(set(found)) > 1:
             self._report.add("repaired", "joint_stops", "limits differ in stiffness: all get the figures of the first")
         return {"stiffness": found[0][0], "damping": found[0][1]}
+
+
+def _together(trees: list[Tree]) -> list[Tree]:
+    """Return the mechanisms with those as one that stand on the world and are drawn in one subsystem."""
+    merged: dict[str, Tree] = {}
+    for tree in trees:
+        if tree.root.grounded:
+            home = tree.branches[0].link.joint.node.path.rpartition("/")[0].partition("/")[0]
+            merged.setdefault(home, Tree(tree.root)).branches += tree.branches
+    return [*merged.values(), *(tree for tree in trees if not tree.root.grounded)]
 
 
 def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
