@@ -31,6 +31,8 @@ from simrob_drake.simulink.writing.urdf import RobotFile, UrdfWriter
 
 _STIFF = 1000.0, 10.0
 """kp and kd of a joint whose motion is an input, in a station of torques."""
+_INSIDE = 1e-8
+"""How far within its limits a joint starts at least [rad or m]: files hold degrees and radians."""
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
@@ -210,8 +212,8 @@ class StationWriter:
     def _start(self, freedom: Freedom) -> float:
         """Return where a joint begins, within its limits."""
         wanted = freedom.start or 0.0
-        taken = float(np.clip(wanted, freedom.lower, freedom.upper))
-        if taken != wanted:
+        taken = float(np.clip(wanted, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
+        if abs(taken - wanted) > _INSIDE:
             self._report.add("repaired", freedom.name, f"starts at {wanted:.4g}, out of its limits: at {taken:.4g}")
         return taken
 
