@@ -144,4 +144,34 @@ def _tell(model: SimulinkModel) -> None:
     console.print(f"{model.path.name}: {told}; {model.report.summary()}", soft_wrap=True, highlight=False)
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu}
+def compare(
+    station: StationArgument,
+    with_: Annotated[Path, typer.Option("--with", metavar="FILE", help="Logged signals: CSV with a header, or .mat.")],
+    map_: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="THEIRS=OURS", help="What a logged signal is called here, as yout.1=q.joint_1."),
+    ] = None,
+    set_: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for pictures of each signal with its log.")] = None,
+) -> None:
+    """Hold logged signals of the original against a station's, in numbers and pictures.
+
+    For example:
+
+        simrob compare irb120_dynamic --with logged.mat --map yout.1=q.joint_1
+    """
+    from simrob_drake.simulink import comparing
+
+    names = dict(entry.partition("=")[::2] for entry in map_ or [])
+    times, logged = comparing.read_log(with_, names)
+    _, differences = comparing.compare(given_station(station, set_), times, logged)
+    table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
+    for found in differences:
+        table.add_row(found.signal, f"{found.largest:.3g}", f"{found.at:.3f}", f"{found.rms:.3g}")
+    console.print(table)
+    if out is not None:
+        comparing.save_pictures(differences, out)
+        console.print(f"pictures {out}", soft_wrap=True, highlight=False)
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu, "compare": compare}
