@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.frames import Vector
+from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.sequences import posing, standing_height
-from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.results.record.locomotion import locomotion
 
 AREAS = ("A", "B", "C")

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from simrob_drake import SimulationResult, load_station, simulate
 
-PUSHES = [
-    {"start": 0.5, "duration": 0.5, "force": [0, 2, 0]},
-    {"start": 3.0, "duration": 0.5, "force": [-2, 0, 0]},
-]  # N, along the tool's axes
+PUSHES = {
+    "aside": {"kind": "push", "start": 0.5, "duration": 0.5, "force": [0, 2, 0]},
+    "back": {"kind": "push", "start": 3.0, "duration": 0.5, "force": [-2, 0, 0]},
+}  # N, along the tool's axes
 FINE = {"solver.accuracy": 1e-3, "solver.max_step": 0.02}  # the estimate is as true as the steps are fine
 
 
@@ -22,7 +22,8 @@ def run(*, yield_gain: float = 1000.0, duration: float = 6.0) -> SimulationResul
     overrides = {
         **FINE,
         "servo.yield_gain": yield_gain,
-        "external_force": {"kind": "pushes", "pushes": PUSHES},
+        "forces": {},  # the station's own, taken away
+        **{f"forces.{name}": push for name, push in PUSHES.items()},
         "sensors": {"hand": {"kind": "external_torque"}},
     }
     return simulate(load_station("irb120_cobot", overrides), duration=duration, progress=False)
@@ -33,7 +34,8 @@ def picture(result: SimulationResult, file: Path) -> Path:
     figure = Figure(figsize=(9, 7), layout="constrained")
     force, path = figure.subplots(2, 1, sharex=True)
     colours = ("#1f6fb4", "#e08214", "#4d9221")
-    felt, applied, tool = result.vector("external_force.hand"), result.vector("external_force"), result.pose("tcp")
+    felt, tool = result.vector("external_force.hand"), result.pose("tcp")
+    applied = result.vector("applied_force.aside") + result.vector("applied_force.back")
     for axis, colour in enumerate(colours):
         force.plot(result.times, applied[:, axis], "--", color=colour, label=f"applied {'xyz'[axis]}")
         force.plot(result.times, felt[:, axis], color=colour, label=f"felt {'xyz'[axis]}")

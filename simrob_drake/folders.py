@@ -69,11 +69,18 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
             raise OutputError(f"{folder} holds something else than a result; it is not replaced, choose another folder")
         if not force:
             raise OutputError(f"{folder} exists already; choose another folder or replace it with --force")
+    with writing(folder), tempfile.TemporaryDirectory(dir=_nearest_parent(folder)):
+        pass  # trying tells more than asking for permissions
+
+
+@contextmanager
+def writing(target: Path) -> Iterator[None]:
+    """Turn what the system says against writing a file or folder into an OutputError that names it."""
     try:
-        with tempfile.TemporaryDirectory(dir=_nearest_parent(folder)):  # trying tells more than asking for permissions
-            pass
+        yield
     except OSError as problem:
-        raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
+        why = problem.strerror or str(problem).partition("\n")[0]
+        raise OutputError(f"{target} cannot be written: {why}") from problem
 
 
 @contextmanager
@@ -91,22 +98,17 @@ def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterato
         OutputError: the folder is not to be replaced, or the disk does not take it; nothing is left behind.
     """
     check_folder(folder, marker=marker, force=force)
-    prefix = f".{folder.name}-"
-    try:
-        with tempfile.TemporaryDirectory(
-            prefix=prefix, dir=_nearest_parent(folder), ignore_cleanup_errors=True
-        ) as place:
-            work = Path(place) / folder.name
-            work.mkdir()  # with the permissions that the user wants, which the folder around it has not
-            yield work
-            check_folder(folder, marker=marker, force=force)
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            if folder.exists():
-                _exchange(folder, work, aside=Path(place) / "before")
-            else:
-                work.rename(folder)  # fails where a folder with something in it came this moment
-    except OSError as problem:
-        raise OutputError(f"{folder} cannot be written: {problem.strerror or problem}") from problem
+    prefix, beside = f".{folder.name}-", _nearest_parent(folder)
+    with writing(folder), tempfile.TemporaryDirectory(prefix=prefix, dir=beside, ignore_cleanup_errors=True) as place:
+        work = Path(place) / folder.name
+        work.mkdir()  # with the permissions that the user wants, which the folder around it has not
+        yield work
+        check_folder(folder, marker=marker, force=force)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        if folder.exists():
+            _exchange(folder, work, aside=Path(place) / "before")
+        else:
+            work.rename(folder)  # fails where a folder with something in it came this moment
 
 
 def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
@@ -125,14 +127,12 @@ def written_at_once(file: Path, text: str) -> None:
     Raises:
         OutputError: the disk does not take it.
     """
-    try:
+    with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{file.name}-", dir=file.parent) as folder:
             work = Path(folder) / file.name
             work.write_text(text, encoding="utf-8")
             work.replace(file)
-    except OSError as problem:
-        raise OutputError(f"{file} cannot be written: {problem.strerror or problem}") from problem
 
 
 def _nearest_parent(folder: Path) -> Path:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
 from simrob_drake.errors import InvalidParameter
@@ -53,11 +52,6 @@ def stacked(places: Vector, turns: Vector) -> Vector:
     matrices = np.zeros((len(places), 4, 4))
     matrices[:, :3, :3], matrices[:, :3, 3], matrices[:, 3, 3] = turns, places, 1.0
     return matrices
-
-
-def transforms(matrices: Vector) -> list[RigidTransform]:
-    """Return the transforms of homogeneous matrices (k, 4, 4)."""
-    return [as_transform(matrix) for matrix in matrices]
 
 
 @dataclass(frozen=True)

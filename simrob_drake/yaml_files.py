@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections import Counter
 from copy import deepcopy
 from functools import lru_cache
 from pathlib import Path
@@ -50,9 +52,8 @@ class _Loader(yaml.SafeLoader):
     """A safe loader for which a key that stands twice is an error, and 1e-3 a number as in YAML 1.2."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [key.value for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
+        for key, count in Counter(str(key.value) for key, _ in node.value).items():
+            if count > 1:
                 raise yaml.constructor.ConstructorError(problem=f"'{key}' stands twice", problem_mark=node.start_mark)
         return super().construct_mapping(node, deep)
 
@@ -115,6 +116,24 @@ def validated(model: type[Model], content: dict[str, Any], where: Path | str) ->
         return model.model_validate(content)
     except ValidationError as problem:
         raise _first_finding(problem, model, where) from problem
+
+
+def file_schema(model: type[BaseModel], *, from_place: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return the JSON Schema of a file that holds a model.
+
+    Args:
+        model: what the file holds.
+        from_place: fields that follow from where the file lies; they need not stand in it.
+    """
+    schema = model.model_json_schema()
+    schema["required"] = [key for key in schema.get("required", []) if key not in from_place]
+    return schema
+
+
+def write_schema(file: Path, schema: dict[str, Any]) -> Path:
+    """Write a schema, for editors that complete and check YAML, and return its file."""
+    file.write_text(json.dumps(schema, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return file
 
 
 def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path | str) -> InvalidConfig:

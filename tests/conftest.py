@@ -1,5 +1,6 @@
 """What several tests share: a one-joint arm as a URDF text and as a plant, and the plant of the IRB120."""
 
+import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -51,6 +52,12 @@ ONE_JOINT_URDF = """<robot name="arm">
 
 PENDULUM_MASS = 1.0  # kg, a point
 PENDULUM_LENGTH = 0.5  # m
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what needs a program that is not there."""
+    if item.get_closest_marker("graphviz") and shutil.which("dot") is None:
+        pytest.skip("needs Graphviz, whose program `dot` is not found")
 
 
 @pytest.fixture

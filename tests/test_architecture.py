@@ -16,6 +16,7 @@ ROAD = [
     "robots",
     "importer",
     "blocks",
+    "parts",
     "stations",
     "results",
     "simulation",
@@ -31,11 +32,13 @@ BASE = {
     "paths",
     "folders",
     "frames",
+    "lifetime",
     "interpolation",
     "yaml_files",
     "csv_files",
     "progress",
     "quantities",
+    "signals",
 }
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 
@@ -93,3 +96,9 @@ def test_the_package_loads_nothing_heavy():
     assert simrob_drake.Arm.__module__ == "simrob_drake.programs.arm"
     with pytest.raises(AttributeError, match="attribute Amr"):
         _ = simrob_drake.Amr
+
+
+def test_python_blocks_share_a_base():
+    """A solver asks each block for derivatives; Drake's own base makes that dear, see Block."""
+    bare = [str(file) for file in MODULES if "(LeafSystem)" in file.read_text() and file.name != "block.py"]
+    assert bare == []

@@ -1,8 +1,10 @@
 """The command line from the outside: exit codes, files, and one line for every mistake."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -129,12 +131,12 @@ def test_diagram_writes_what_the_suffix_says(tmp_path, capsys):
 
 
 def test_a_picture_is_replaced_by_force_only(tmp_path, capsys):
-    (tmp_path / "mine.svg").write_text("dear to me")
-    assert run_command(["diagram", "double_pendulum", "--out", "mine.svg"]) == ExitCode.BAD_INPUT
+    (tmp_path / "mine.dot").write_text("dear to me")
+    assert run_command(["diagram", "double_pendulum", "--out", "mine.dot"]) == ExitCode.BAD_INPUT
     assert "replace it with --force" in capsys.readouterr().err
-    assert (tmp_path / "mine.svg").read_text() == "dear to me"
-    assert run_command(["diagram", "double_pendulum", "--out", "mine.svg", "--force"]) == 0
-    assert "<svg" in (tmp_path / "mine.svg").read_text()
+    assert (tmp_path / "mine.dot").read_text() == "dear to me"
+    assert run_command(["diagram", "double_pendulum", "--out", "mine.dot", "--force"]) == 0
+    assert "digraph" in (tmp_path / "mine.dot").read_text()
 
 
 @pytest.mark.parametrize(
@@ -249,3 +251,23 @@ def test_importing_the_package_is_quick_and_loads_nothing_heavy():
     code = "import sys, simrob_drake; print([m for m in ('matplotlib', 'pydrake.all', 'trimesh') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+THREADS = """
+import atexit, os, sys
+from simrob_drake.cli import main
+atexit.register(lambda: print("threads", len(os.listdir("/proc/self/task"))))
+sys.argv = ["simrob", "list"]
+main()
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads as Linux tells them")
+@pytest.mark.parametrize(
+    ("told", "threads"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, 2), ({"OMP_NUM_THREADS": "2"}, 2)]
+)
+def test_one_thread_works_unless_the_environment_says_otherwise(told, threads):
+    command = [sys.executable, "-c", THREADS]
+    plain = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    done = subprocess.run(command, env={**plain, **told}, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == f"threads {min(threads, len(os.sched_getaffinity(0)))}"

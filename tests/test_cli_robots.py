@@ -138,3 +138,10 @@ def test_view_shows_the_robot_until_it_is_interrupted(raw):
         window.send_signal(signal.SIGINT)
         assert window.wait(timeout=20) == 130
         assert window.stderr.read().splitlines()[-1] == "simrob: interrupted"
+
+
+def test_a_file_is_a_robot_whatever_the_case_of_its_ending(raw, capsys):
+    shouted = raw.with_suffix(".URDF")
+    shouted.write_bytes(raw.read_bytes())
+    assert run_command(["check", str(shouted)]) == ExitCode.DONE
+    assert "moving links without inertia" in capsys.readouterr().out

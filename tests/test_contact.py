@@ -258,16 +258,16 @@ class TestCobot:
         assert swings[0] < 0.003 < 10 * swings[0] < swings[-1]
 
     def test_with_no_gain_it_only_sags(self):
-        result = simulate(load_station("irb120_cobot", {"servo.yield_gain": 0, "external_force.amplitude": [0, 0, 0]}))
+        result = simulate(load_station("irb120_cobot", {"servo.yield_gain": 0, "forces.hand.amplitude": [0, 0, 0]}))
         position = result.axes("q")[-1]
         np.testing.assert_allclose((result.axes("q_ref")[-1] - position) * 1000, result.axes("tau")[-1], atol=0.05)
         assert "felt.joint_1" not in result.names
 
     def test_a_known_force_is_felt_while_it_stands_and_while_it_moves(self):
         force = np.array([3.0, -4.0, 12.0])
-        push = {"kind": "pushes", "pushes": [{"start": 0.2, "duration": 2.8, "force": force.tolist()}]}
+        push = {"start": 0.2, "duration": 2.8, "force": force.tolist()}
         overrides = {
-            "external_force": push,
+            "forces": {"push": push},
             "sensors": {"hand": {"kind": "external_torque"}},
             "reference": {"kind": "move", "target_deg": 30, "duration": 1.0},
             "solver.max_step": 0.01,
@@ -280,9 +280,9 @@ class TestCobot:
         assert error[(result.times > 2.0) & (result.times < 2.9)].max() < 0.02
 
     def test_in_the_loop_the_observer_tells_the_same(self):
-        push = {"kind": "pushes", "pushes": [{"start": 0.1, "duration": 1.0, "force": [0, 0, 8]}]}
+        push = {"start": 0.1, "duration": 1.0, "force": [0, 0, 8]}
         sensor = {"kind": "external_torque", "in_loop": True}
-        overrides = {"external_force": push, "sensors": {"hand": sensor}, "robot.initial_deg": {"joint_5": 45}}
+        overrides = {"forces": {"push": push}, "sensors": {"hand": sensor}, "robot.initial_deg": {"joint_5": 45}}
         overrides["reference"] = {"kind": "hold", "target_deg": {"joint_5": 45}}
         result = simulate(load_station("irb120_dynamic", overrides), duration=1.0)
         np.testing.assert_allclose(result.vector("external_force.hand")[-1], [0, 0, 8], atol=0.16)

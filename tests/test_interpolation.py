@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.interpolation import Arc, line, poses, transforms, turn, turned_by
+from simrob_drake.interpolation import Arc, line, poses, turn, turned_by
 
 ANGLES = st.floats(0.1, 6.1)
 
@@ -66,7 +66,7 @@ def test_a_turn_goes_about_one_axis_at_even_speed() -> None:
 
 def test_a_pose_moves_and_turns_together() -> None:
     start, end = transform_from_pose([0, 0, 0, 0, 0, 0]), transform_from_pose([1, 2, 0, 1.0, 0, 0])
-    middle = transforms(poses(start, end, [0.5]))[0]
+    middle = RigidTransform(poses(start, end, [0.5])[0])
     assert middle.IsNearlyEqualTo(transform_from_pose([0.5, 1, 0, 0.5, 0, 0]), 1e-12)
-    assert transforms(poses(start, end, 1.0))[0].IsNearlyEqualTo(end, 1e-12)
+    assert RigidTransform(poses(start, end, 1.0)[0]).IsNearlyEqualTo(end, 1e-12)
     assert RigidTransform(poses(start, end, 0.0)[0]).IsNearlyEqualTo(start, 1e-12)

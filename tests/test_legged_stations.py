@@ -203,7 +203,7 @@ def fell(result: SimulationResult) -> bool:
 
 def pushed(name: str, force: list[float], overrides: dict[str, object] | None = None) -> SimulationResult:
     push = {"start": 0.5, "duration": 0.1, "force": force}
-    return simulate(load_station(name, {**(overrides or {}), "robot.pushes": [push], "duration": 3.0}))
+    return simulate(load_station(name, {**(overrides or {}), "forces.push": push, "duration": 3.0}))
 
 
 @pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1)])

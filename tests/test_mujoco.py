@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 
 from simrob_drake import load_station
 from simrob_drake.stations.plant import StationPlant, add_plant
+from simrob_drake.stations.resolve import resolve
 
 mujoco = pytest.importorskip("mujoco", reason="a cross-check, installed with the extra dev")
 
@@ -29,7 +30,7 @@ class Both:
 def both(request: pytest.FixtureRequest) -> Both:
     from tests.benchmarks.mujoco_model import mujoco_spec
 
-    station = add_plant(DiagramBuilder(), load_station(request.param))
+    station = add_plant(DiagramBuilder(), resolve(load_station(request.param)))
     (robot,) = station.robots.values()
     model = mujoco_spec(station, robot).compile()
     data, context = mujoco.MjData(model), station.plant.CreateDefaultContext()
@@ -93,13 +94,13 @@ def test_servos_damping_and_limits_are_those_of_the_plant(both: Both) -> None:
     for joint, speed in zip(robot.joints, speeds, strict=True):
         both.data.joint(joint.name()).qvel[0] = speed
     away = np.linspace(-0.1, 0.1, len(robot.axes))
-    both.data.ctrl[:] = robot.signs * [joint.get_angle(both.context) for joint in robot.joints] + away
+    both.data.ctrl[:] = robot.axis_map.signs * [joint.get_angle(both.context) for joint in robot.joints] + away
     mujoco.mj_forward(both.model, both.data)
     limit = robot.gains.torque_limit
-    wanted = robot.gains.kp * away - robot.gains.kd * robot.signs * speeds
+    wanted = robot.gains.kp * away - robot.gains.kd * robot.axis_map.signs * speeds
     assert (np.abs(wanted) > limit).any()
     assert (np.abs(wanted) < limit).any()
-    torques = robot.signs * np.clip(wanted, -limit, limit)
+    torques = robot.axis_map.signs * np.clip(wanted, -limit, limit)
     for joint, torque, speed in zip(robot.joints, torques, speeds, strict=True):
         there = both.data.joint(joint.name())
         assert there.qfrc_actuator[0] == pytest.approx(torque)

@@ -24,7 +24,8 @@ from simrob_drake.yaml_files import parse_yaml
 
 ROOT = Path(__file__).parent.parent
 READMES = sorted(ROOT.glob("README*.md"))
-PAGES = {str(page.relative_to(ROOT)): page.read_text() for page in [*READMES, *sorted(ROOT.glob("docs/**/*.md"))]}
+TEXTS = [*READMES, ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
+PAGES = {str(page.relative_to(ROOT)): page.read_text() for page in TEXTS}
 
 each_page = pytest.mark.parametrize("page", PAGES)
 each_readme = pytest.mark.parametrize("page", [page.name for page in READMES])
@@ -100,6 +101,10 @@ def commands(text):
     return [line.split("#")[0].split()[1:] for line in text.splitlines() if line.startswith("simrob ")]
 
 
+def draws(command):
+    return command[-1].endswith(".svg")
+
+
 def different_commands():
     """Return the blocks that hold commands, one of those that differ in their comments only."""
     blocks = {str(commands(case.values[0])): case for case in fenced("sh")}
@@ -113,7 +118,18 @@ SHORTER = {"run": ["--duration", "0.1", "--no-recording"], "walk": ["--no-record
 def test_commands_do_their_work(block, folder, monkeypatch):
     monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
     for command in commands(block):
-        assert run_command([*command, *SHORTER.get(command[0], [])]) == 0, command
+        if not draws(command):
+            assert run_command([*command, *SHORTER.get(command[0], [])]) == 0, command
+
+
+@pytest.mark.graphviz
+@each_readme
+def test_commands_that_draw_do_so(page, folder):
+    drawing = [command for command in commands(PAGES[page]) if draws(command)]
+    assert drawing
+    for command in drawing:
+        assert run_command(command) == 0
+        assert (folder / command[-1]).is_file()
 
 
 @each_page

@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from rounded import Parts, block, drum, hull, mirrored, solid, wedge, write_parts
-from urdf_writing import Joint, Link, write_urdf
-
-from simrob_drake.robots.urdf_shapes import ZERO, Shape, box, sphere
+from urdf_writing import ZERO, Joint, Link, Shape, box, sphere, write_urdf
 
 COMMENT = """
   The humanoid of MATLAB (sm_humanoid): 22 bodies, 18 joints, 2.292 kg. It faces -y; its left is +x.

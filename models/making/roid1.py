@@ -11,9 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from rounded import Parts, block, drum, hull, mirrored_parts, write_parts
-from urdf_writing import Joint, Link, write_urdf
-
-from simrob_drake.robots.urdf_shapes import Shape, box
+from urdf_writing import Joint, Link, Shape, box, write_urdf
 
 COMMENT = """
   roid1 (Ninagawa123): 22 joints, 1.4585 kg, 0.40 m. It faces +x; all frames are parallel at zero.

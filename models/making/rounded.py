@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import trimesh
-from urdf_writing import mesh
+from urdf_writing import Shape, mesh
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.urdf_shapes import Shape
 
 Triple = tuple[float, float, float]
 

@@ -12,7 +12,50 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simrob_drake.robots.urdf import DRAKE
-from simrob_drake.robots.urdf_shapes import ZERO, Numbers, Shape, add_origin, shape_element, text
+from simrob_drake.robots.urdf_elements import MOMENTS, add_motor
+
+Numbers = Sequence[float]
+ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A box, cylinder, sphere or mesh somewhere on a link."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    xyz: Numbers = ZERO
+    rpy: Numbers = ZERO
+
+
+def box(size: Numbers, xyz: Numbers = ZERO, rpy: Numbers = ZERO) -> Shape:
+    """Return a box of a size, shape (3,) [m], about its centre."""
+    return Shape("box", {"size": text(size)}, xyz, rpy)
+
+
+def sphere(radius: float, xyz: Numbers = ZERO) -> Shape:
+    """Return a sphere about its centre."""
+    return Shape("sphere", {"radius": text([radius])}, xyz)
+
+
+def shape_element(link: ET.Element, tag: str, shape: Shape) -> ET.Element:
+    """Add a shape to a link, as a ``visual`` or a ``collision`` element, and return that."""
+    element = ET.SubElement(link, tag)
+    add_origin(element, shape.xyz, shape.rpy)
+    ET.SubElement(ET.SubElement(element, "geometry"), shape.tag, dict(shape.attributes))
+    return element
+
+
+def add_origin(element: ET.Element, xyz: Numbers, rpy: Numbers) -> None:
+    """Add a place and a turn to an element, where they are not zero."""
+    if any(xyz) or any(rpy):
+        turned = {"rpy": text(rpy)} if any(rpy) else {}
+        ET.SubElement(element, "origin", {"xyz": text(xyz), **turned})
+
+
+def text(values: Numbers) -> str:
+    """Return numbers as an attribute of a URDF."""
+    return " ".join(f"{float(value):.12g}" for value in values)
 
 
 def cylinder(radius: float, length: float, xyz: Numbers = ZERO, rpy: Numbers = ZERO) -> Shape:
@@ -100,8 +143,7 @@ def _add_link(robot: ET.Element, link: Link) -> None:
         inertial = ET.SubElement(element, "inertial")
         add_origin(inertial, link.com, ZERO)
         ET.SubElement(inertial, "mass", value=text([link.mass]))
-        keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-        values = zip(keys, (*link.moments, *link.products), strict=True)
+        values = zip(MOMENTS, (*link.moments, *link.products), strict=True)
         ET.SubElement(inertial, "inertia", {key: text([value]) for key, value in values})
     for shape, colour in link.visuals:
         ET.SubElement(shape_element(element, "visual", shape), "material", name=colour)
@@ -128,10 +170,7 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
 
 
 def _add_motor(robot: ET.Element, joint: Joint) -> None:
-    drive = ET.SubElement(robot, "transmission", name=f"{joint.name}_drive")
-    ET.SubElement(drive, "type").text = "transmission_interface/SimpleTransmission"
-    ET.SubElement(drive, "joint", name=joint.name)
-    motor = ET.SubElement(drive, "actuator", name=f"{joint.name}_motor")
+    motor = add_motor(robot, joint.name, drive=f"{joint.name}_drive")
     if joint.reflected_inertia:
         ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=text([joint.reflected_inertia]))
         ET.SubElement(motor, f"{DRAKE}gear_ratio", value="1")

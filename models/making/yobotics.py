@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from rounded import Parts, block, drum, hull, mirrored_parts, write_parts
-from urdf_writing import Joint, Link, cylinder, write_urdf
-
-from simrob_drake.robots.urdf_shapes import Shape, box, sphere
+from urdf_writing import Joint, Link, Shape, box, cylinder, sphere, write_urdf
 
 COMMENT = """
   Yobotics quadruped: 12 joints, 9.443 kg, legs of 0.2115 and 0.2304 m. It faces +x; all frames are parallel at zero.

@@ -12,9 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from rounded import Parts, block, drum, hull, mirrored, mirrored_parts, wedge, write_parts
-from urdf_writing import Joint, Link, write_urdf
-
-from simrob_drake.robots.urdf_shapes import Shape, box, sphere
+from urdf_writing import Joint, Link, Shape, box, sphere, write_urdf
 
 COMMENT = """
   ZJUDancer, kid size: 18 joints, 4.7 kg, 0.69 m. It faces +y, its right is +x; all frames are parallel at zero.

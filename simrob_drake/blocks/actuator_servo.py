@@ -1,7 +1,14 @@
-"""Joint servos inside the plant's own actuators, which discrete and convex solvers treat implicitly.
+r"""Joint servos inside the plant's own actuators, which discrete and convex solvers treat implicitly.
 
 The law is that of :mod:`simrob_drake.blocks.servo`; PD and torque limit are set in the plant's actuators before it is
-finalized. Integral part and feedforward enter through the actuation port, and the sum is clamped at the limit.
+finalized. Feedforward, integral part and reference velocity, torques :math:`\tau_e = \tau_{ff} + i + k_d v_r`, enter
+through the desired position,
+
+.. math:: k_p (q_r + \tau_e / k_p - q) - k_d v = k_p (q_r - q) - k_d (v - v_r) + i + \tau_{ff},
+
+which the actuator clamps as one. So no other port of the plant is wired: the scheme ``cenic`` differentiates each of
+them at every step. (Drake 1.51 to 1.58 take a desired velocity with the wrong sign under it, too.) Where a joint has no
+stiffness, :math:`\tau_e` of the whole robot enters through the actuation port.
 """
 
 from __future__ import annotations
@@ -11,8 +18,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_integral, add_saturation
-from simrob_drake.blocks.wiring import joined, mapped, summed
+from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_integral
+from simrob_drake.blocks.wiring import joined, mapped
 from simrob_drake.frames import Vector
 
 
@@ -45,7 +52,6 @@ def add_actuator_servos(
     *,
     actuation_map: Vector,
     prefix: str = "",
-    velocity_sense: int = 1,
 ) -> OutputPort:
     """Wire the desired state of a model instance whose actuators hold the PD gains.
 
@@ -54,51 +60,44 @@ def add_actuator_servos(
         plant: finalized, with gains set.
         instance: the robot.
         signals: the ports to read, in axis order.
-        gains: the figures, in axis order; of them only the integral part is used here.
+        gains: the figures, in axis order.
         actuation_map: matrix (actuators, n) from axis torques to actuator torques.
         prefix: stands before the names of all blocks.
-        velocity_sense: -1 for the scheme ``cenic`` of Drake 1.51, which takes the desired velocity with the wrong sign.
 
     Returns:
         the torques that the actuators apply, size n [N·m], in axis order.
     """
-    nothing = np.zeros_like(actuation_map)
-    desired = np.vstack([actuation_map, nothing])
-    source = signals.reference
-    if signals.reference_velocity is not None:
-        desired = np.hstack([desired, np.vstack([nothing, velocity_sense * actuation_map])])
-        source = joined(builder, f"{prefix}desired", signals.reference, signals.reference_velocity)
-    builder.Connect(
-        mapped(builder, f"{prefix}desired_state", desired, source), plant.get_desired_state_input_port(instance)
-    )
-    extra = [port for port in (signals.feedforward,) if port is not None]
-    if (gains.ki > 0).any():
-        bus = joined(builder, f"{prefix}servo.bus", signals.reference, signals.state)
-        extra.append(add_integral(builder, bus, gains, list(range(len(gains.kp))), f"{prefix}servo"))
-    if extra:
-        total = mapped(
-            builder, f"{prefix}actuation", actuation_map, summed(builder, f"{prefix}feedforward_sum", *extra)
-        )
-        builder.Connect(total, plant.get_actuation_input_port(instance))
-    if velocity_sense < 0 and signals.reference_velocity is not None:
-        return _torque_by_law(builder, signals, gains, signals.reference_velocity, extra, prefix)
+    extra, torque_of = _extra_torques(builder, signals, gains, prefix)
+    stiff = bool((gains.kp > 0).all())
+    ports, columns = [signals.reference], [np.eye(len(gains.kp))]
+    if stiff:
+        ports, columns = [*ports, *extra], [*columns, *(matrix / gains.kp[:, np.newaxis] for matrix in torque_of)]
+    elif extra:
+        bus = joined(builder, f"{prefix}extra_torques", *extra)
+        torque = mapped(builder, f"{prefix}actuation", actuation_map @ np.hstack(torque_of), bus)
+        builder.Connect(torque, plant.get_actuation_input_port(instance))
+    position = actuation_map @ np.hstack(columns)
+    desired = np.vstack([position, np.zeros_like(position)])
+    source = joined(builder, f"{prefix}desired", *ports)
+    state = mapped(builder, f"{prefix}desired_state", desired, source)
+    builder.Connect(state, plant.get_desired_state_input_port(instance))
     applied = plant.get_net_actuation_output_port(instance)
     return mapped(builder, f"{prefix}applied_torque", actuation_map.T, applied)
 
 
-def _torque_by_law(
-    builder: DiagramBuilder,
-    signals: ServoSignals,
-    gains: ServoGains,
-    velocity: OutputPort,
-    extra: list[OutputPort],
-    prefix: str,
-) -> OutputPort:
-    """Add the servos' law once more, to be read only: the plant's port would tell it with the wrong sense, too."""
-    proportional, derivative = np.diag(gains.kp), np.diag(gains.kd)
-    law = np.hstack([proportional, -proportional, -derivative, derivative])
-    bus = joined(builder, f"{prefix}applied_torque.bus", signals.reference, signals.state, velocity)
-    total = mapped(builder, f"{prefix}applied_torque.pd", law, bus)
-    if extra:
-        total = summed(builder, f"{prefix}applied_torque.sum", total, *extra)
-    return add_saturation(builder, total, gains.torque_limit, f"{prefix}applied_torque")
+def _extra_torques(
+    builder: DiagramBuilder, signals: ServoSignals, gains: ServoGains, prefix: str
+) -> tuple[list[OutputPort], list[Vector]]:
+    """Return the ports that make torques beside the PD part, and the matrices (n, n) that make these of them."""
+    ports, torque_of = [], []
+    if signals.reference_velocity is not None:
+        ports.append(signals.reference_velocity)
+        torque_of.append(np.diag(gains.kd))
+    if signals.feedforward is not None:
+        ports.append(signals.feedforward)
+        torque_of.append(np.eye(len(gains.kp)))
+    if (gains.ki > 0).any():
+        bus = joined(builder, f"{prefix}servo.bus", signals.reference, signals.state)
+        ports.append(add_integral(builder, bus, gains, list(range(len(gains.kp))), f"{prefix}servo"))
+        torque_of.append(np.eye(len(gains.kp)))
+    return ports, torque_of

@@ -10,9 +10,11 @@ import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import ContactResults
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class Contacts:
 _NOTHING = np.zeros(3)
 
 
-class ContactReader(LeafSystem):
+class ContactReader(Block):
     """Hand on a plant's contact results as :class:`Contacts`, read once for all blocks that need them.
 
     Ports:
@@ -95,7 +97,7 @@ class ContactReader(LeafSystem):
         """Make the block."""
         super().__init__()
         self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
-        self.DeclareAbstractOutputPort("contacts", Value[object], self._read)
+        self.DeclareAbstractOutputPort("contacts", Value[object], weakly(self._read))
 
     def _read(self, context: Context, output: AbstractValue) -> None:
         output.set_value(Contacts.of(self._results.Eval(context)))

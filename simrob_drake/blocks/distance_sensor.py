@@ -22,15 +22,18 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
+_RIM = np.arange(16) * np.pi / 8  # angles of the points that stand for the rim of a cylinder
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
-class DistanceSensor(LeafSystem):
+class DistanceSensor(Block):
     """Measure the signed distance between two sets of shapes: that of the nearest, or deepest, pair.
 
     Drake finds it for all pairs of convex shapes (a mesh counts as its convex hull), but of half spaces for spheres
@@ -58,7 +61,7 @@ class DistanceSensor(LeafSystem):
         self._pairs = [pair for pair in pairs if not self._is_flat(inspector, *pair)]
         self._above = [self._over_plane(inspector, *pair) for pair in pairs if self._is_flat(inspector, *pair)]
         self._query = self.DeclareAbstractInputPort("query", Value[QueryObject]())
-        self.DeclareVectorOutputPort("distance", 1, self._calc_distance)
+        self.DeclareVectorOutputPort("distance", 1, weakly(self._calc_distance))
 
     @staticmethod
     def _is_flat(inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> bool:
@@ -80,12 +83,13 @@ class DistanceSensor(LeafSystem):
         distances = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._pairs]
         for shape_id, shape, corners, plane in self._above:
             base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
-            distances.append(lowest_point(shape, base @ query.GetPoseInWorld(shape_id), corners))
+            points = lowest_points(shape, base @ query.GetPoseInWorld(shape_id), corners)
+            distances.append(float(points[:, 2].min()))
         output.SetAtIndex(0, min(distances))
 
 
-def lowest_point(shape: Shape, pose: RigidTransform, corners: Vector) -> float:
-    """Return the smallest z of a convex shape [m].
+def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector:
+    """Return points of a convex shape, of which one is its lowest, shape (k, 3) [m].
 
     Args:
         shape: sphere, cylinder, capsule, ellipsoid, or one that its corners describe.
@@ -93,18 +97,23 @@ def lowest_point(shape: Shape, pose: RigidTransform, corners: Vector) -> float:
         corners: of the shape in its frame, shape (m, 3) [m]; of those with corners only.
     """
     up = pose.rotation().matrix()[2]  # the world's z axis in the frame of the shape
-    height = float(pose.translation()[2])
     match shape:
         case Sphere():
-            return float(height - shape.radius())
+            points = -shape.radius() * up[np.newaxis]
         case Ellipsoid():
-            return height - float(np.linalg.norm(up * [shape.a(), shape.b(), shape.c()]))
+            axes = np.array([shape.a(), shape.b(), shape.c()])
+            points = -(axes**2 * up / np.linalg.norm(axes * up))[np.newaxis]
         case Capsule():
-            return float(height - shape.radius() - abs(up[2]) * shape.length() / 2)
+            ends = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1, 1)])
+            points = ends - shape.radius() * up
         case Cylinder():
-            return float(height - shape.radius() * np.hypot(up[0], up[1]) - abs(up[2]) * shape.length() / 2)
+            turns = np.arctan2(-up[1], -up[0]) + _RIM  # the first is the lowest of the rim
+            rim = shape.radius() * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))])
+            middle = np.array([0.0, 0.0, shape.length() / 2])
+            points = np.vstack([rim - middle, rim + middle])
         case _:
-            return height + float((corners @ up).min())
+            points = corners
+    return np.asarray((pose @ points.T).T)
 
 
 def shape_corners(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vector:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 
 _NEVER_AGAIN = 1e9
 """Period [s] of an event that is meant to happen once."""
 
 
-class EventTimes(LeafSystem):
+class EventTimes(Block):
     """Make a simulation's steps end at given times; the block does nothing else.
 
     Error control measures steps that are smooth: a corner inside of one is smeared over it, and a scheme that
@@ -40,7 +41,7 @@ class EventTimes(LeafSystem):
         """Let the simulation go on."""
 
 
-class SteadySteps(LeafSystem):
+class SteadySteps(Block):
     """Make a simulation take steps of at most a given length, where nothing else would.
 
     The block has no ports.

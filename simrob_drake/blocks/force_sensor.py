@@ -10,13 +10,15 @@ from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 
-class ForceSensor(LeafSystem):
+class ForceSensor(Block):
     r"""Measure the contact force on a body, and its moment about the origin of a frame.
 
     .. math:: f = \sum_i f_i, \qquad m = \sum_i (p_i - p_F) \times f_i + m_i
@@ -55,7 +57,7 @@ class ForceSensor(LeafSystem):
         self._pose = frame.CalcPoseInWorld(plant.CreateDefaultContext())  # where it stays, if it does
         self._contacts = self.DeclareAbstractInputPort("contacts", Value[object]())
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
-        self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench)
+        self.DeclareVectorOutputPort("wrench", 6, weakly(self._calc_wrench))
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
         contacts: Contacts = self._contacts.Eval(context)

@@ -8,12 +8,14 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.tree import Joint, PrismaticJoint
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
 
-class JointTorqueSensor(LeafSystem):
+class JointTorqueSensor(Block):
     """Measure the torque about, or the force along, each joint's axis: what the joint hands on to its link.
 
     It is the motor's torque less the joint's own damping. Forces that act on the links from outside, such as elastic
@@ -32,7 +34,7 @@ class JointTorqueSensor(LeafSystem):
             for joint, sign in zip(joints, signs, strict=True)
         ]
         self._forces = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
-        self.DeclareVectorOutputPort("torque", len(joints), self._calc_torque)
+        self.DeclareVectorOutputPort("torque", len(joints), weakly(self._calc_torque))
 
     def _calc_torque(self, context: Context, output: BasicVector) -> None:
         forces = self._forces.Eval(context)

@@ -14,18 +14,23 @@ Lightweight Manipulator Arm", IROS 2006; here in discrete time.
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyForces
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.multibody.tree import Frame, JacobianWrtVariable, MultibodyForces
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
+from simrob_drake.robots.axis_map import AxisMap
 
 _EPSILON = 1e-5  # s: how far along the motion the mass matrix is looked at for its rate
 
 
-class MomentumObserver(LeafSystem):
+class MomentumObserver(Block):
     """Estimate the torques from outside at the joints of a robot, and the force at its tool that would cause them.
 
     Ports:
@@ -39,41 +44,36 @@ class MomentumObserver(LeafSystem):
         self,
         *,
         plant: MultibodyPlant,
-        joints: list[Joint],
-        signs: Vector,
+        axes: AxisMap,
         gain: float,
         period: float,
         tool: Frame | None = None,
-        sampled: bool = True,
     ) -> None:
         """Make the block.
 
         Args:
             plant: finalized; it need not be part of the diagram.
-            joints: of the robot's axes.
-            signs: senses of the axes, shape (n,).
+            axes: where the robot's axes stand in the plant.
             gain: K [1/s]; the estimate lags by 1/K.
             period: h, between samples [s].
             tool: where the force is thought to act.
-            sampled: sample by itself; otherwise its user calls :meth:`next_state`.
         """
         super().__init__()
         for name, value in (("gain", gain), ("period", period)):
             if not (np.isfinite(value) and value > 0):
                 raise InvalidParameter(name, value, "positive and finite")
-        count = len(joints)
-        self._plant, self._signs, self._tool, self.period = plant, signs, tool, period
+        count = len(axes.signs)
+        self._plant, self._axes, self.period = weakref.proxy(plant), axes, period
+        self._tool = None if tool is None else tool.index()
         self._share = 1 - np.exp(-gain * period)
-        self._rows = [joint.velocity_start() for joint in joints]
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         self._torque = self.DeclareVectorInputPort("torque", count)
         self._memory = self.DeclareDiscreteState(np.full(3 * count, np.inf))  # r, p, f; unknown before the first sample
-        self.DeclareVectorOutputPort("external_torque", count, self._calc_torque)
+        self.DeclareVectorOutputPort("external_torque", count, weakly(self._calc_torque))
         if tool is not None:
-            self.DeclareVectorOutputPort("external_force", 3, self._calc_force)
-        if sampled:
-            self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+            self.DeclareVectorOutputPort("external_force", 3, weakly(self._calc_force))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def next_state(self, memory: Vector, state: Vector, torque: Vector) -> Vector:
         """Return what is remembered after a sample: r, p and f, shape (3n,).
@@ -95,12 +95,12 @@ class MomentumObserver(LeafSystem):
         """Return the force at the tool, shape (3,) [N] in its axes, that explains torques (n,) [N·m] best."""
         assert self._tool is not None
         plant, nothing = self._plant, np.zeros(3)
+        tool = plant.get_frame(self._tool)
         plant.SetPositionsAndVelocities(self._scratch, state)
         jacobian = plant.CalcJacobianTranslationalVelocity(
-            self._scratch, JacobianWrtVariable.kV, self._tool, nothing, plant.world_frame(), self._tool
+            self._scratch, JacobianWrtVariable.kV, tool, nothing, plant.world_frame(), tool
         )
-        columns = self._signs * jacobian[:, self._rows]
-        return np.asarray(np.linalg.lstsq(columns.T, torque, rcond=1e-6)[0])
+        return np.asarray(np.linalg.lstsq(self._axes.velocities(jacobian).T, torque, rcond=1e-6)[0])
 
     def _momentum_and_rate(self, state: Vector) -> tuple[Vector, Vector]:
         """Return p and what the model knows of its rate, but for the torques, each (n,) in axis order."""
@@ -108,13 +108,13 @@ class MomentumObserver(LeafSystem):
         positions, velocities = np.split(state, [plant.num_positions()])
         plant.SetPositionsAndVelocities(context, state)
         step = _EPSILON * plant.MapVelocityToQDot(context, velocities)
-        forces = MultibodyForces(plant)
+        forces = MultibodyForces(nb=plant.num_bodies(), nv=plant.num_velocities())
         plant.CalcForceElementsContribution(context, forces)
         known = -plant.CalcInverseDynamics(context, np.zeros_like(velocities), forces)
         momentum = plant.CalcMassMatrix(context) @ velocities
         ahead, behind = (self._momentum(positions + sign * step, velocities) for sign in (1, -1))
         known += (ahead - behind) / (2 * _EPSILON)
-        return self._signs * momentum[self._rows], self._signs * known[self._rows]
+        return self._axes.efforts(momentum), self._axes.efforts(known)
 
     def _momentum(self, positions: Vector, velocities: Vector) -> Vector:
         self._plant.SetPositions(self._scratch, positions)

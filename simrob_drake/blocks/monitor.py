@@ -1,104 +1,116 @@
-"""What all monitors are: blocks that watch a robot and may end the simulation with a reason."""
+"""A block that may end the simulation with a reason, once a condition has lasted for a given time."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    EventStatus,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-)
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, EventStatus
 
+from simrob_drake.blocks.block import Block
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import weakly
 
-_NOT_YET = np.inf
+NOT_YET = np.inf
+"""The onset of a condition that does not hold [s]."""
 
 
-class Monitor(LeafSystem):
+@dataclass(frozen=True)
+class Condition:
+    """What signals may come to, told by functions of their values, one vector a signal.
+
+    Attributes:
+        watched: the sizes of the signals by their names; a station's are named as its output ports.
+        excess: by how much the condition is exceeded; it holds where this is not negative.
+        why: the reason, in words and figures, where it holds.
+    """
+
+    watched: Mapping[str, int]
+    excess: Callable[..., float]
+    why: Callable[..., str]
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """When a condition ends a run: at the first step's end at which it holds, and has lasted.
+
+    Attributes:
+        condition: to be looked at.
+        hold: how long it must last [s].
+        after: when watching begins [s].
+    """
+
+    condition: Condition
+    hold: float = 0.0
+    after: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("hold", self.hold), ("after", self.after)):
+            if not (np.isfinite(value) and value >= 0):
+                raise InvalidParameter(name, value, "a finite time, not negative [s]")
+
+    def holds(self, time: float, values: Sequence[Vector]) -> bool:
+        """Tell whether the condition holds at a time [s] at which the watched signals have these values."""
+        return time >= self.after and self.condition.excess(*values) >= 0
+
+    def since(self, onset: float, time: float, values: Sequence[Vector]) -> float:
+        """Return since when the condition holds [s], or NOT_YET, at a step's end; it held since ``onset`` before."""
+        if not self.holds(time, values):
+            return NOT_YET
+        return time if onset == NOT_YET else onset
+
+    def ends(self, onset: float, time: float) -> bool:
+        """Tell whether the run ends at a step's end, at which the condition holds since ``onset``."""
+        return time - onset >= self.hold
+
+
+class Monitor(Block):
     """End a run once a condition has lasted for a given time.
 
-    A subclass declares the ports it watches and says by how much its condition is exceeded. The run ends at the first
-    accepted step at which the condition holds and has held for ``hold`` seconds; between the steps nothing is forced,
-    so a monitor does not change the motion. The time of the condition's onset is kept in discrete state.
+    Between the steps nothing is forced, so a monitor does not change the motion. The time of the condition's onset is
+    kept in discrete state.
 
     Ports:
-        in  what the subclass watches, named as the station's output ports.
+        in  what the condition watches.
         out ``excess`` (1): by how much the condition is exceeded; it holds where this is not negative.
     """
 
-    def __init__(self, *, hold: float = 0.0, after: float = 0.0) -> None:
+    def __init__(self, condition: Condition, *, hold: float = 0.0, after: float = 0.0) -> None:
         """Make the block.
 
         Args:
-            hold: how long the condition must last [s].
+            condition: that ends the run.
+            hold: how long it must last [s].
             after: when watching begins [s].
 
         Raises:
             InvalidParameter: a time that is negative or not finite.
         """
         super().__init__()
-        for name, value in (("hold", hold), ("after", after)):
-            if not (np.isfinite(value) and value >= 0):
-                raise InvalidParameter(name, value, "a finite time, not negative [s]")
-        self.hold, self.after = hold, after
-        self._onset = self.DeclareDiscreteState(np.array([_NOT_YET]))
-        self.DeclareVectorOutputPort("excess", 1, self._calc_excess)
+        self._trigger = Trigger(condition, hold, after)
+        self._watched = [self.DeclareVectorInputPort(name, size) for name, size in condition.watched.items()]
+        self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
+        self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
         self.DeclarePerStepPublishEvent(self._watch)
         if hold > 0:
             self.DeclarePerStepDiscreteUpdateEvent(self._remember)
 
-    def watch(self, name: str, size: int) -> InputPort:
-        """Declare that the monitor watches the signal ``name`` of ``size`` values."""
-        return self.DeclareVectorInputPort(name, size)
-
-    @property
-    def excess_port(self) -> OutputPort:
-        """The output that tells by how much the condition is exceeded."""
-        return self.GetOutputPort("excess")
-
-    @abstractmethod
-    def excess(self, context: Context) -> float:
-        """Return by how much the condition is exceeded; it holds where this is not negative."""
-
-    @abstractmethod
-    def why(self, context: Context) -> str:
-        """Return the reason, in words and figures, at a time when the condition holds."""
-
-    def onset(self, context: Context) -> float:
-        """Return the end of the first step since which the condition has held [s]; inf while it does not."""
-        return float(context.get_discrete_state(self._onset).value()[0])
-
-    def holds(self, context: Context) -> bool:
-        """Tell whether the condition holds now."""
-        return context.get_time() >= self.after and self.excess(context) >= 0
+    def _values(self, context: Context) -> list[Vector]:
+        return [port.Eval(context) for port in self._watched]
 
     def _calc_excess(self, context: Context, output: BasicVector) -> None:
-        output.SetAtIndex(0, self.excess(context))
+        output.SetAtIndex(0, self._trigger.condition.excess(*self._values(context)))
 
     def _watch(self, context: Context) -> EventStatus:
-        if not self.holds(context):
-            return EventStatus.DidNothing()
-        if self.hold > 0 and context.get_time() - self.onset(context) < self.hold:
-            return EventStatus.DidNothing()
-        return EventStatus.ReachedTermination(self, self.why(context))
+        if self._trigger.ends(self._since(context), context.get_time()):
+            return EventStatus.ReachedTermination(self, self._trigger.condition.why(*self._values(context)))
+        return EventStatus.DidNothing()
 
     def _remember(self, context: Context, state: DiscreteValues) -> None:
-        onset = self.onset(context)
-        if not self.holds(context):
-            onset = _NOT_YET
-        elif onset == _NOT_YET:
-            onset = context.get_time()
-        state.set_value(self._onset, np.array([onset]))
+        state.set_value(self._onset, np.array([self._since(context)]))
 
-
-def largest(values: Vector) -> tuple[int, float]:
-    """Return place and value of the largest entry; one that is not a number counts as infinite."""
-    index = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
-    return index, float(values[index]) if np.isfinite(values[index]) else np.inf
+    def _since(self, context: Context) -> float:
+        onset = float(context.get_discrete_state(self._onset).value()[0])
+        return self._trigger.since(onset, context.get_time(), self._values(context))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,20 +13,73 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, Demultiplexer, Sine, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.blocks.events import EventTimes
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
+BLEND = (10.0, -15.0, 6.0)
+"""Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
+PEAK = 1.875
+"""Largest over mean speed of it."""
 _JUMP = 1e-9  # rad or rad/s: what counts as a corner
+
+
+Samples = tuple[npt.ArrayLike, npt.ArrayLike]
+"""Times (m,) [s] and positions (m, n) [rad]."""
+
+
+@dataclass(frozen=True)
+class SineCourse:
+    r"""The course :math:`q = q_c + a \sin(2 \pi f t + \varphi)`.
+
+    Attributes:
+        centre: q_c, shape (n,) [rad].
+        amplitude: a, shape (n,) [rad].
+        frequency: f [Hz].
+        phase: the angle at the start, shape (n,) [rad].
+    """
+
+    centre: Vector
+    amplitude: Vector
+    frequency: float
+    phase: Vector
+
+    def values(self, times: Vector) -> Vector:
+        """Return the positions at times (m,) [s], shape (m, n) [rad]."""
+        angles = 2 * np.pi * self.frequency * times[:, np.newaxis] + self.phase
+        return np.asarray(self.centre + self.amplitude * np.sin(angles))
+
+
+Course: TypeAlias = "Trajectory | SineCourse"
+"""Desired joint positions over time: a trajectory (n, 1), which holds its ends, or a sine."""
 
 
 @dataclass(frozen=True)
 class ReferenceSource:
-    """The ports of a reference, each of size n; the derivatives are None where they were not asked for."""
+    """A reference in a diagram.
 
-    position: OutputPort  # rad
-    velocity: OutputPort | None = None  # rad/s
-    acceleration: OutputPort | None = None  # rad/s²
+    Attributes:
+        position: port of size n [rad].
+        velocity, acceleration: its derivatives [rad/s, rad/s²]; None where they were not asked for.
+        player: the block that plays a trajectory; None of a sine.
+    """
+
+    position: OutputPort
+    velocity: OutputPort | None = None
+    acceleration: OutputPort | None = None
+    player: TrajectorySource | None = None
+
+
+def course_values(course: Course, times: Vector) -> Vector:
+    """Return where a course is at times (m,) [s], shape (m, n) [rad]."""
+    if isinstance(course, SineCourse):
+        return course.values(times)
+    inside = np.clip(times, course.start_time(), course.end_time())
+    return np.asarray(course.vector_values(inside.tolist())).T
+
+
+def smooth(part: Vector) -> Vector:
+    """Return :math:`10 s^3 - 15 s^4 + 6 s^5`, the part of a way from rest to rest at a part s of its time, 0 to 1."""
+    return np.asarray(part**3 * (BLEND[0] + BLEND[1] * part + BLEND[2] * part**2))
 
 
 def hold(position: npt.ArrayLike) -> Trajectory:
@@ -47,10 +101,9 @@ def move(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_
 def sequence(
     start: npt.ArrayLike, times: Sequence[float], targets: Sequence[npt.ArrayLike], *, start_time: float = 0.0
 ) -> Trajectory:
-    r"""Go through ``targets``, each (n,) [rad], at ``times`` [s], resting at each.
+    """Go through ``targets``, each (n,) [rad], at ``times`` [s], resting at each.
 
-    Between two of them, with :math:`s` from 0 to 1, :math:`q = q_0 + (q_1 - q_0)(10 s^3 - 15 s^4 + 6 s^5)`: the
-    shortest polynomial with zero velocity and acceleration at both ends.
+    Between two of them by the polynomial of :func:`smooth`.
 
     Raises:
         InvalidParameter: times that do not rise.
@@ -62,7 +115,7 @@ def sequence(
     segments = []
     for low, high, before, after in zip(points, points[1:], breaks, breaks[1:], strict=False):
         span, distance = after - before, high - low
-        shape = np.array([10 / span**3, -15 / span**4, 6 / span**5])
+        shape = BLEND / span ** np.array([3, 4, 5])
         segments.append(
             np.array([[Polynomial([q, 0.0, 0.0, *(shape * d)])] for q, d in zip(low, distance, strict=True)])
         )
@@ -128,11 +181,13 @@ def _checked(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vecto
     return breaks, samples
 
 
-def corner_times(trajectory: Trajectory) -> list[float]:
+def corner_times(trajectory: Course) -> list[float]:
     """Return the times at which a piecewise polynomial's value or velocity jumps, its ends included.
 
     Other trajectories are taken as smooth inside; only their ends count.
     """
+    if isinstance(trajectory, SineCourse):
+        return []
     start, end = trajectory.start_time(), trajectory.end_time()
     if not np.isfinite([start, end]).all():
         return []
@@ -155,49 +210,35 @@ def corner_times(trajectory: Trajectory) -> list[float]:
     return corners
 
 
-def add_trajectory(
-    builder: DiagramBuilder, trajectory: Trajectory, *, name: str = "reference_source", derivatives: bool = False
+def add_course(
+    builder: DiagramBuilder, course: Course, *, name: str = "reference_source", derivatives: bool = False
 ) -> ReferenceSource:
-    """Add a source that plays a trajectory of shape (n, 1), holds its ends, and makes its corners events.
+    """Add the source of a course; that of a trajectory holds its ends.
+
+    Steps must end at the course's :func:`corner_times`: error control measures steps that are smooth, and a scheme that
+    freezes its inputs over a step misses what happens within it.
 
     Raises:
         InvalidParameter: a trajectory that is no column.
     """
-    if trajectory.cols() != 1:
-        raise InvalidParameter("trajectory", f"{trajectory.rows()} x {trajectory.cols()}", "of shape (n, 1)")
-    source = builder.AddNamedSystem(name, TrajectorySource(trajectory, 2 if derivatives else 0))
-    corners = corner_times(trajectory)
-    if corners:
-        builder.AddNamedSystem(f"{name}.corners", EventTimes(corners))
+    if isinstance(course, SineCourse):
+        return _add_sine(builder, course, name)
+    if course.cols() != 1:
+        raise InvalidParameter("trajectory", f"{course.rows()} x {course.cols()}", "of shape (n, 1)")
+    source = builder.AddNamedSystem(name, TrajectorySource(course, 2 if derivatives else 0))
     if not derivatives:
-        return ReferenceSource(source.get_output_port())
-    split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer([trajectory.rows()] * 3))
+        return ReferenceSource(source.get_output_port(), player=source)
+    split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer([course.rows()] * 3))
     builder.Connect(source.get_output_port(), split.get_input_port())
-    return ReferenceSource(*(split.get_output_port(order) for order in range(3)))
+    position, velocity, acceleration = (split.get_output_port(order) for order in range(3))
+    return ReferenceSource(position, velocity, acceleration, source)
 
 
-def add_sine(
-    builder: DiagramBuilder,
-    centre: Vector,
-    amplitude: Vector,
-    *,
-    frequency: float,
-    phase: Vector,
-    name: str = "reference_source",
-) -> ReferenceSource:
-    r"""Add :math:`q = q_c + a \sin(2 \pi f t + \varphi)` with its derivatives.
-
-    Args:
-        builder: the diagram under construction.
-        centre: q_c, shape (n,) [rad].
-        amplitude: a, shape (n,) [rad].
-        frequency: f [Hz].
-        phase: the angle at the start, shape (n,) [rad].
-        name: of the source block.
-    """
-    count = len(centre)
-    wave = builder.AddNamedSystem(name, Sine(amplitude, np.full(count, 2 * np.pi * frequency), phase))
-    middle = builder.AddNamedSystem(f"{name}.centre", ConstantVectorSource(centre))
+def _add_sine(builder: DiagramBuilder, course: SineCourse, name: str) -> ReferenceSource:
+    count = len(course.centre)
+    frequency = np.full(count, 2 * np.pi * course.frequency)
+    wave = builder.AddNamedSystem(name, Sine(course.amplitude, frequency, course.phase))
+    middle = builder.AddNamedSystem(f"{name}.centre", ConstantVectorSource(course.centre))
     sum_ = builder.AddNamedSystem(f"{name}.sum", Adder(2, count))
     builder.Connect(wave.get_output_port(0), sum_.get_input_port(0))
     builder.Connect(middle.get_output_port(), sum_.get_input_port(1))

@@ -1,4 +1,4 @@
-"""What the options of a command ask for: a station, or how a robot is imported."""
+"""What the arguments and options of a command ask for, and those that would do nothing."""
 
 from __future__ import annotations
 
@@ -39,21 +39,9 @@ def given_station(station: str, settings: list[str] | None, **options: Any) -> S
     return load_station(station, overrides, called=called)
 
 
-def import_options(mesh_path: list[Path] | None = None, **others: Any) -> ImportOptions:
-    """Return the options of an import, by their names there."""
-    if not 0 < others.get("density", 1.0) < float("inf"):
-        raise InvalidParameter("--density", others["density"], "a positive number [kg/m³]")
-    return ImportOptions(mesh_path=tuple(mesh_path or ()), **others)
-
-
-def asked(options: ImportOptions) -> ImportOptions | None:
-    """Return options if they ask for anything."""
-    return None if options == ImportOptions() else options
-
-
 def is_robot_file(text: str) -> bool:
     """Tell whether an argument is the file of a robot, and not the name of a robot or a station."""
-    return Path(text).suffix in ROBOT_SUFFIXES
+    return Path(text).suffix.lower() in ROBOT_SUFFIXES
 
 
 def refuse(why: str, **options: Any) -> None:
@@ -69,6 +57,11 @@ def refuse(why: str, **options: Any) -> None:
     for name, value in options.items():
         if value:
             raise InvalidParameter(f"--{name.replace('_', '-')}", "given", why)
+
+
+def refuse_import(why: str, options: ImportOptions | None) -> None:
+    """Refuse options of an import where nothing is imported, as :func:`refuse` does."""
+    refuse(why, **(options.model_dump(exclude_defaults=True) if options else {}))
 
 
 def check_file(file: Path, *, force: bool) -> None:

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
 import typer
+from pydantic.fields import FieldInfo
+
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.yaml_files import validated
 
 StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
 Settings = Annotated[
@@ -22,26 +29,39 @@ Video = Annotated[bool, typer.Option("--video", help="Write an MP4, too (needs t
 FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="A URDF or xacro file, or a Simulink model (import).")
 ]
-MeshPath = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--mesh-path",
-        metavar="DIR",
-        exists=True,
-        file_okay=False,
-        help="A further folder with meshes or packages; may be given often.",
-    ),
-]
-Collision = Annotated[
-    Literal["hull", "box", "none"], typer.Option(help="What collision meshes become: convex hull, box, or nothing.")
-]
-Estimate = Annotated[
-    bool, typer.Option("--estimate-inertia", help="Estimate missing and impossible inertias from the geometry.")
-]
-Density = Annotated[float, typer.Option(help="Of links whose inertia is estimated [kg/m³].")]
-Base = Annotated[
-    Literal["auto", "fixed", "floating"], typer.Option(help="Whether the root link is fixed to the world.")
-]
-Friction = Annotated[
-    bool, typer.Option("--friction-as-damping", help="Add joint friction, which Drake ignores, to the damping.")
-]
+
+
+def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command options for fields of :class:`ImportOptions`, with their help; all fields unless some are named.
+
+    The command takes them together as ``options``, which is None where nothing was chosen.
+    """
+    fields = {name: ImportOptions.model_fields[name] for name in names or ImportOptions.model_fields}
+    own = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
+        for name, (option, default) in {name: _option(name, field) for name, field in fields.items()}.items()
+    ]
+
+    def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(command)
+        def called(**given: Any) -> Any:
+            chosen = {name: value for name in fields if (value := given.pop(name)) is not None}
+            options = validated(ImportOptions, chosen, "import options")
+            return command(**given, options=None if options == ImportOptions() else options)
+
+        parameters = inspect.signature(command, eval_str=True).parameters.values()
+        signature = [p for q in parameters for p in (own if q.name == "options" else [q])]
+        vars(called)["__signature__"] = inspect.Signature(signature)
+        return called
+
+    return with_options
+
+
+def _option(name: str, field: FieldInfo) -> tuple[Any, Any]:
+    """Return what typer makes an option of, and its default."""
+    flag = f"--{name.replace('_', '-')}"
+    if field.annotation == tuple[Path, ...]:
+        several = f"{field.description} May be given several times."
+        folders = typer.Option(flag, metavar="DIR", exists=True, file_okay=False, resolve_path=True, help=several)
+        return Annotated[list[Path] | None, folders], None
+    return Annotated[field.annotation, typer.Option(flag, help=field.description)], field.default

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from simrob_drake.cli.given import asked, check_file, import_options, is_robot_file, refuse
-from simrob_drake.cli.options import Base, Collision, Density, Estimate, FileArgument, Force, Friction, MeshPath
+from simrob_drake.cli.given import check_file, is_robot_file, refuse_import
+from simrob_drake.cli.options import FileArgument, Force, with_import_options
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import (
     Assume,
@@ -20,25 +20,24 @@ from simrob_drake.cli.simulink import (
     import_model,
     is_model_file,
     model_options,
+    refuse_model,
 )
 from simrob_drake.cli.tables import report_table, robot_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import written_at_once
 from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.importer.importing import ImportedRobot, examine_robot, import_robot
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.draft import draft_station
 
 
+@with_import_options()
 def import_file(
+    *,
     file: FileArgument,
     out: Annotated[Path | None, typer.Option(help="Folder of the result; NAME_imported unless given.")] = None,
-    mesh_path: MeshPath = None,
-    collision: Collision = "hull",
-    estimate_inertia: Estimate = False,
-    density: Density = 1000.0,
-    base: Base = "auto",
-    friction_as_damping: Friction = False,
+    options: ImportOptions | None,
     force: Force = False,
     library: Library = None,
     set_: ModelSettings = None,
@@ -54,33 +53,21 @@ def import_file(
         simrob import station.slx --library subsystems --set q0='[0 0 0]'
     """
     if is_model_file(file):
-        refuse(
-            "left out with a Simulink model", estimate_inertia=estimate_inertia, friction_as_damping=friction_as_damping
-        )
-        options = model_options(library=library, mesh_path=mesh_path, set_=set_, variables=variables, assume=assume)
-        import_model(file, out, options, force=force)
+        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume)
+        import_model(file, out, given, force=force)
         return
-    refuse("given with a Simulink model only", library=library, set=set_, variables=variables, assume=assume)
-    robot_options = import_options(
-        mesh_path,
-        collision=collision,
-        estimate_inertia=estimate_inertia,
-        density=density,
-        base=base,
-        friction_as_damping=friction_as_damping,
-    )
+    refuse_model(library=library, set=set_, variables=variables, assume=assume)
     folder = out or Path(f"{file.stem}_imported")
     with errors.status(Text(f"importing {file}")):
-        imported = import_robot(file, folder, robot_options, force=force)
+        imported = import_robot(file, folder, options, force=force)
     _tell(imported)
     console.print(f"robot   {imported.model.urdf_path}", soft_wrap=True, highlight=False)
     console.print(f"next    simrob view {imported.model.urdf_path}", soft_wrap=True, highlight=False)
     console.print(f"        simrob station {imported.model.urdf_path}", soft_wrap=True, highlight=False)
 
 
-def examine_file(file: Path, mesh_path: list[Path] | None, estimate_inertia: bool) -> None:
+def examine_file(file: Path, options: ImportOptions | None) -> None:
     """Report on a robot's file without writing anything."""
-    options = import_options(mesh_path, estimate_inertia=estimate_inertia)
     with errors.status(Text(f"reading {file}")):
         imported = examine_robot(file, options)
     console.print(robot_table(imported.model))
@@ -89,22 +76,20 @@ def examine_file(file: Path, mesh_path: list[Path] | None, estimate_inertia: boo
     console.print(f"moving links without inertia: {weightless}", highlight=False)
 
 
+@with_import_options("mesh_path", "collision")
 def view(
+    *,
     robot: Annotated[str, typer.Argument(metavar="FILE|ROBOT", help="A URDF, or a robot of `simrob list`.")],
-    mesh_path: MeshPath = None,
-    collision: Collision = "hull",
+    options: ImportOptions | None,
 ) -> None:
     """Show a robot in the browser, with a slider for every joint."""
     from simrob_drake.results.animation.robot_view import RobotView
 
     if is_robot_file(robot):
-        options = asked(import_options(mesh_path, collision=collision))
         with errors.status(Text(f"reading {robot}")):
             window = RobotView(robot_from_file(Path(robot), options))
     else:
-        refuse(
-            "left out with a robot of the package: it is no import", mesh_path=mesh_path, collision=collision != "hull"
-        )
+        refuse_import("left out with a robot of the package: it is no import", options)
         window = RobotView(load_robot(robot))
     console.print(f"{robot} is shown at {window.url}", soft_wrap=True, highlight=False)
     console.print("collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here")
@@ -114,32 +99,21 @@ def view(
         window.close()
 
 
+@with_import_options()
 def station(
+    *,
     file: FileArgument,
     out: Annotated[Path | None, typer.Option(help="The station's file; NAME.yaml unless given.")] = None,
-    mesh_path: MeshPath = None,
-    collision: Collision = "hull",
-    estimate_inertia: Estimate = False,
-    density: Density = 1000.0,
-    base: Base = "auto",
-    friction_as_damping: Friction = False,
+    options: ImportOptions | None,
     force: Force = False,
 ) -> None:
     """Write a first station for a robot's file, one that runs at once."""
-    options = import_options(
-        mesh_path,
-        collision=collision,
-        estimate_inertia=estimate_inertia,
-        density=density,
-        base=base,
-        friction_as_damping=friction_as_damping,
-    )
     target = out or Path(f"{file.stem}.yaml")
     if target.suffix not in (".yaml", ".yml"):
         raise InvalidParameter("--out", str(target), "a file that ends in .yaml")
     check_file(target, force=force)
     with errors.status(Text(f"reading {file}")):
-        text = draft_station(file, asked(options), folder=target.absolute().parent)
+        text = draft_station(file, options, folder=target.absolute().parent)
     written_at_once(target, text)
     console.print(f"station {target}", soft_wrap=True, highlight=False)
     console.print(f"next    simrob check {target}", soft_wrap=True, highlight=False)

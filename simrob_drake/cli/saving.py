@@ -27,7 +27,7 @@ def prepared_folder(config: StationConfig, out: Path | None, *, force: bool, vid
     folder = out or default_folder(config.name)
     check_folder(folder, marker=SUMMARY, force=force)
     if video:
-        from simrob_drake.results.animation.film_strip import frame_writer
+        from simrob_drake.results.animation.pictures import frame_writer
 
         frame_writer()
     for finding in check_station(config):

@@ -10,11 +10,12 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from simrob_drake.cli.given import given_station
+from simrob_drake.cli.given import given_station, refuse, refuse_import
 from simrob_drake.cli.options import Force, Settings, StationArgument
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import report_table
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.importer.options import ImportOptions
 
 if TYPE_CHECKING:
     from simrob_drake.simulink.reading_model import SimulinkModel
@@ -49,10 +50,15 @@ def is_model_file(file: str | Path) -> bool:
     return Path(file).suffix.lower() in SUFFIXES
 
 
+def refuse_model(**options: Any) -> None:
+    """Refuse options that go with a Simulink model."""
+    refuse("given with a Simulink model only", **options)
+
+
 def model_options(
+    options: ImportOptions | None,
     *,
     library: list[Path] | None,
-    mesh_path: list[Path] | None,
     set_: list[str] | None,
     variables: list[Path] | None,
     assume: bool,
@@ -60,8 +66,11 @@ def model_options(
     """Return the options of reading a model.
 
     Raises:
-        InvalidParameter: a setting that is none, or a file of variables that cannot be read.
+        InvalidParameter: a setting that is none, a file of variables that cannot be read, or a choice that only the
+            import of a URDF has.
     """
+    chosen = options or ImportOptions()
+    refuse_import("left out with a Simulink model", chosen.model_copy(update={"mesh_path": ()}))
     from simrob_drake.simulink.values.workspace import given_variables
 
     settings = {}
@@ -72,7 +81,7 @@ def model_options(
         settings[name.strip()] = value
     return {
         "libraries": tuple(library or ()),
-        "meshes": tuple(mesh_path or ()),
+        "meshes": chosen.mesh_path,
         "variables": given_variables(settings, variables or []),
         "assume": assume,
     }

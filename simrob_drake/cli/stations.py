@@ -10,23 +10,31 @@ import typer
 from rich.table import Table
 
 from simrob_drake.cli.exit_codes import ExitCode
-from simrob_drake.cli.given import check_file, given_station, is_robot_file, refuse
+from simrob_drake.cli.given import check_file, given_station, is_robot_file, refuse, refuse_import
 from simrob_drake.cli.options import (
-    Estimate,
     Force,
     Live,
-    MeshPath,
     NoRecording,
     ResultFolder,
     Settings,
     StationArgument,
     Video,
+    with_import_options,
 )
 from simrob_drake.cli.robots import examine_file
 from simrob_drake.cli.saving import exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
-from simrob_drake.cli.simulink import Assume, Library, Variables, examine_model, is_model_file, model_options
+from simrob_drake.cli.simulink import (
+    Assume,
+    Library,
+    Variables,
+    examine_model,
+    is_model_file,
+    model_options,
+    refuse_model,
+)
 from simrob_drake.cli.tables import convergence_table, findings_table
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.robots.pieces import load_piece, piece_names
@@ -79,31 +87,29 @@ def run(
     return _converged(result) if converge and code == ExitCode.DONE else code
 
 
+@with_import_options("mesh_path", "estimate_inertia")
 def check(
+    *,
     station: Annotated[
         str, typer.Argument(metavar="STATION|FILE", help="A station, a robot's file, or a Simulink model.")
     ],
     set_: Settings = None,
-    mesh_path: MeshPath = None,
-    estimate_inertia: Estimate = False,
+    options: ImportOptions | None,
     library: Library = None,
     variables: Variables = None,
     assume: Assume = False,
 ) -> None:
     """Say before any run what a station's robots need, and what will go wrong; or what an import would do."""
     if is_model_file(station):
-        refuse("left out with a Simulink model", estimate_inertia=estimate_inertia)
-        options = model_options(library=library, mesh_path=mesh_path, set_=set_, variables=variables, assume=assume)
-        examine_model(Path(station), options)
+        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume)
+        examine_model(Path(station), given)
         return
-    refuse("given with a Simulink model only", library=library, variables=variables, assume=assume)
+    refuse_model(library=library, variables=variables, assume=assume)
     if is_robot_file(station):
         refuse("left out with a robot's file: it changes stations", set=set_)
-        examine_file(Path(station), mesh_path, estimate_inertia)
+        examine_file(Path(station), options)
         return
-    refuse(
-        "left out with a station: it goes with a robot's file", mesh_path=mesh_path, estimate_inertia=estimate_inertia
-    )
+    refuse_import("left out with a station: it goes with a robot's file", options)
     console.print(findings_table(check_station(given_station(station, set_))))
 
 

@@ -7,7 +7,8 @@ from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.report import KINDS, ImportReport, Kind
+from simrob_drake.importer.report import DEEDS, Deed, ImportReport
+from simrob_drake.results.overview import table_of
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.checks import Finding
@@ -18,26 +19,10 @@ _MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow")}
 
 def result_table(result: SimulationResult) -> Table:
     """Return where every joint ended, and its torques; without robots, where the free pieces ended."""
-    if not result.plant.robots:
-        return _piece_table(result)
-    table = _numbers("joint", "reference", "position", "unit", "torque", "peak torque", "limit", "unit")
-    kinematic = result.config.mode == "kinematic"
-    for robot in result.plant.robots.values():
-        for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
-            reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))
-            ends = [f"{values[-1] / robot.model.user_units[index]:.3f}" for values in (reference, position)]
-            unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
-            peak = torque[np.argmax(np.abs(torque))]
-            shown_limit = "–" if kinematic else f"{limit:g}"
-            table.add_row(f"{robot.prefix}{axis}", *ends, unit, f"{torque[-1]:.3f}", f"{peak:.3f}", shown_limit, effort)
-    return table
-
-
-def _piece_table(result: SimulationResult) -> Table:
-    table = _numbers("piece", "x [m]", "y [m]", "z [m]", "speed [m/s]")
-    for piece in result.config.free_pieces:
-        place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
-        table.add_row(piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}")
+    headings, *rows = table_of(result)
+    table = _numbers(*headings)
+    for row in rows:
+        table.add_row(*row)
     return table
 
 
@@ -100,10 +85,10 @@ def robot_table(robot: RobotModel) -> Table:
 def report_table(report: ImportReport) -> Table:
     """Return what an import did, a row for each deed; elements to which the same was done share a row."""
     table = Table("", "element", "what was done", box=None, pad_edge=False)
-    elements: dict[tuple[Kind, str], list[str]] = {}
+    elements: dict[tuple[Deed, str], list[str]] = {}
     for entry in report.entries:
         elements.setdefault((entry.kind, entry.text), []).append(entry.element)
-    for kind in KINDS:
+    for kind in DEEDS:
         for (of_kind, text), names in elements.items():
             if of_kind == kind:
                 table.add_row(Text(kind, _COLOURS[kind]), Text(_listed(names)), Text(text))

@@ -50,8 +50,8 @@ def _inertias_and_torques(robot: RobotModel) -> tuple[Vector, Vector]:
     inertias, torques = np.zeros(len(lone.joints)), np.zeros(len(lone.joints))
     for posture in (robot.home, *random.uniform(lower, upper, (_POSTURES, len(lone.joints)))):
         lone.set_axes(context, posture)
-        inertias = np.maximum(inertias, lone.of_axes(np.diag(plant.CalcMassMatrix(context))))
-        torques = np.maximum(torques, np.abs(lone.of_axes(plant.CalcGravityGeneralizedForces(context))))
+        inertias = np.maximum(inertias, np.diag(plant.CalcMassMatrix(context))[lone.axes.velocity_places])
+        torques = np.maximum(torques, np.abs(lone.axes.efforts(plant.CalcGravityGeneralizedForces(context))))
     if robot.base == "floating":
         mass, half = plant.CalcTotalMass(context), lone.size / 2
         inertias, torques = np.maximum(inertias, mass * half**2), np.maximum(torques, mass * STANDARD_GRAVITY * half)

@@ -14,8 +14,7 @@ import yaml
 from simrob_drake.errors import OutputError
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.description import draft
-from simrob_drake.importer.meshes.packages import MANIFEST
-from simrob_drake.importer.meshes.places import package_root
+from simrob_drake.importer.meshes.places import MANIFEST, package_root
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
@@ -113,7 +112,7 @@ def _write(source: Path, work: Path, options: ImportOptions, report: ImportRepor
 
 def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions, report: ImportReport) -> Base:
     """Do all repairs in the order in which they stand on each other, and return how the base is held."""
-    repair_structure(robot, report)
+    repair_structure(robot, options, report)
     repair_materials(robot, report)
     repair_joints(robot, options, report)
     import_shapes(robot, source=source, folder=work, options=options, report=report)

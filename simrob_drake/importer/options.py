@@ -13,7 +13,7 @@ class ImportOptions(Strict):
     """Choices of an import; the defaults suit most robots."""
 
     mesh_path: tuple[Path, ...] = ()
-    """Further folders in which meshes and packages are looked for; relative ones start at the station's file."""
+    """Further folders in which meshes and packages are looked for; those in a station's file start at its folder."""
     collision: Literal["hull", "box", "none"] = "hull"
     """Collision meshes become their convex hull, the tightest box around them, or nothing."""
     estimate_inertia: bool = False
@@ -24,3 +24,5 @@ class ImportOptions(Strict):
     """Whether the root link is fixed to the world; `auto` decides by the file and the shape of the robot."""
     friction_as_damping: bool = False
     """Add the joints' Coulomb friction, which Drake does not simulate, to their viscous damping."""
+    drop_loops: bool = False
+    """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""

@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 from simrob_drake.errors import InvalidModel
 
-Kind = Literal["read", "repaired", "defaulted", "dropped", "refused"]
-KINDS: tuple[Kind, ...] = ("read", "repaired", "defaulted", "dropped", "refused")
+Deed = Literal["read", "repaired", "defaulted", "dropped", "refused"]
+DEEDS: tuple[Deed, ...] = ("read", "repaired", "defaulted", "dropped", "refused")
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Entry:
         text: in words, with the old and the new figure.
     """
 
-    kind: Kind
+    kind: Deed
     element: str
     text: str
 
@@ -40,7 +40,7 @@ class ImportReport:
     source: Path
     entries: list[Entry] = field(default_factory=list)
 
-    def add(self, kind: Kind, element: str, text: str) -> None:
+    def add(self, kind: Deed, element: str, text: str) -> None:
         """Note one thing that was done."""
         self.entries.append(Entry(kind, element, text))
 
@@ -48,7 +48,7 @@ class ImportReport:
         """Return the error for what can't be repaired; it names file and element."""
         return InvalidModel(self.source, element, problem)
 
-    def of(self, kind: Kind) -> list[Entry]:
+    def of(self, kind: Deed) -> list[Entry]:
         """Return the entries of one kind."""
         return [entry for entry in self.entries if entry.kind == kind]
 
@@ -60,7 +60,7 @@ class ImportReport:
     def summary(self) -> str:
         """Return the counts in one line, as in ``3 repaired, 6 defaulted``."""
         counts = Counter(entry.kind for entry in self.entries)
-        told = [f"{counts[kind]} {kind}" for kind in KINDS if counts[kind] and kind != "read"]
+        told = [f"{counts[kind]} {kind}" for kind in DEEDS if counts[kind] and kind != "read"]
         return ", ".join(told) or "nothing to repair"
 
     def as_json(self) -> dict[str, Any]:

@@ -9,11 +9,10 @@ from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.closed_form import BRANCHES, ELBOWS, SHOULDERS, WRISTS, ClosedForm, closed_form
-from simrob_drake.kinematics.least_squares import fit_postures
+from simrob_drake.kinematics.least_squares import fit_postures, within
 from simrob_drake.kinematics.poses import Targets, pose_errors, pose_matrices
 from simrob_drake.kinematics.screws import Indices
-from simrob_drake.kinematics.solutions import POSITION_TOLERANCE, ROTATION_TOLERANCE, Solutions
-from simrob_drake.kinematics.solver import Solver
+from simrob_drake.kinematics.solver import POSITION_TOLERANCE, ROTATION_TOLERANCE, Solutions, Solver
 from simrob_drake.kinematics.spherical_arm import SphericalArm
 from simrob_drake.kinematics.turns import TURN, nearest_turns
 
@@ -139,18 +138,9 @@ class AnalyticSolver(Solver):
                 iterations=_POLISHING,
             )
             positions[rough], errors[rough] = fit.postures, fit.errors
-        position_error, rotation_error = np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)
-        reached = (position_error <= POSITION_TOLERANCE) & (rotation_error <= ROTATION_TOLERANCE)
-        return Solutions(
-            positions=positions,
-            reached=reached,
-            position_error=position_error,
-            rotation_error=rotation_error,
-            iterations=np.zeros(len(targets), dtype=np.int64),
-            reasons=tuple(
-                "" if good else self._reason(*row) for good, *row in zip(reached.tolist(), short, beyond, strict=True)
-            ),
-        )
+        reached = within(errors, np.ones(6), np.array([POSITION_TOLERANCE, ROTATION_TOLERANCE]))
+        none = np.zeros(len(targets), dtype=np.int64)
+        return Solutions.found(positions, errors, reached, none, lambda row: self._reason(short[row], beyond[row]))
 
     def _reason(self, short: float, beyond: Vector) -> str:
         postures = "all postures" + (" with these flags" if len(self._wanted) < BRANCHES else "")

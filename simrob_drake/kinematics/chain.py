@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, PrismaticJoint, RevoluteJoint
+from pydrake.systems.framework import Context
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.errors import UnsupportedChain
 from simrob_drake.kinematics.poses import Targets, pose_matrices
-from simrob_drake.kinematics.screws import Screws
+from simrob_drake.kinematics.screws import Screws, skew
 from simrob_drake.kinematics.tree import joints_between
+from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
@@ -27,13 +30,14 @@ class ChainInPlant:
     """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive.
 
     Attributes:
-        joints: one an axis, positive in the sense of ``signs``.
+        joints: one an axis.
+        axes: where they stand in the plant, and their senses.
         tcp: pose of the tool centre point in the frame ``tool``, shape (4, 4).
     """
 
     plant: MultibodyPlant
     joints: tuple[Joint, ...]
-    signs: Vector
+    axes: AxisMap
     base: Frame
     tool: Frame
     tcp: Vector
@@ -47,9 +51,11 @@ class Chain(Screws):
         names: of the axes.
         lower: lower limit of every axis, shape (n,) [rad or m]; infinite where there is none.
         upper: upper limit of every axis, shape (n,).
+        home: pose of the tool at zero, shape (4, 4).
         in_plant: where the chain lies in its plant.
     """
 
+    home: Vector
     names: tuple[str, ...]
     lower: Vector
     upper: Vector
@@ -69,12 +75,7 @@ class Chain(Screws):
         name = next(iter(model.tools)) if tool is None else tool
         if name not in model.tools:
             raise UnknownName(f"tool of {model.name}", name, model.tools)
-        plant = MultibodyPlant(0.0)
-        robot = with_absolute_meshes(model.element, model.folder)
-        add_urdf(plant, robot, name=model.name, where=model.urdf_path, collision=False)
-        base = plant.GetFrameByName(model.root)
-        plant.WeldFrames(plant.world_frame(), base)
-        plant.Finalize()
+        plant, base = held_robot(model)
         joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
         signs = [axis.sign for axis in model.axes.values()]
         frame = plant.GetFrameByName(model.tools[name])
@@ -105,9 +106,6 @@ class Chain(Screws):
             UnsupportedChain: the frames move against each other by a joint that is not listed, or of another type.
             InvalidParameter: signs or names that are not one a joint.
         """
-        senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
-        if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():
-            raise InvalidParameter("signs", signs, f"{len(joints)} numbers 1 or -1, one a joint")
         labels = tuple(joint.name() for joint in joints) if names is None else tuple(names)
         if len(labels) != len(joints) or len(set(labels)) != len(labels):
             raise InvalidParameter("names", names, f"{len(joints)} different names, one a joint")
@@ -117,27 +115,25 @@ class Chain(Screws):
                 raise UnsupportedChain(
                     f"{name} is a {joint.type_name()} joint; chains take revolute and prismatic ones"
                 )
+        in_plant = AxisMap.of_joints(plant, joints, signs)
         context = plant.CreateDefaultContext()
-        positions = plant.GetPositions(context)
-        positions[[joint.position_start() for joint in joints]] = 0.0
-        plant.SetPositions(context, positions)
-        places = [joint.frame_on_parent().CalcPose(context, base) for joint in joints]
+        in_plant.set_positions(plant, context, np.zeros(len(joints)))
+        axes, points = axes_and_points(context, joints, base)
         along = np.ones(len(joints))
         for axis, sense in way:
             along[axis] = sense
-        axes = [place.rotation().matrix() @ _axis(joint) for place, joint in zip(places, joints, strict=True)]
         limits = [(joint.position_lower_limit(), joint.position_upper_limit()) for joint in joints]
-        bounds = np.sort(senses[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
+        bounds = np.sort(in_plant.signs[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
         return cls(
             names=labels,
-            axes=(senses * along)[:, np.newaxis] * np.reshape(axes, (-1, 3)),
-            points=np.reshape([place.translation() for place in places], (-1, 3)),
+            axes=(in_plant.signs * along)[:, np.newaxis] * axes,
+            points=points,
             revolute=np.array([isinstance(joint, RevoluteJoint) for joint in joints], dtype=bool),
             order=tuple(axis for axis, _ in way),
             lower=bounds[:, 0],
             upper=bounds[:, 1],
             home=tool.CalcPose(context, base).GetAsMatrix4(),
-            in_plant=ChainInPlant(plant, tuple(joints), senses, base, tool, np.eye(4)),
+            in_plant=ChainInPlant(plant, tuple(joints), in_plant, base, tool, np.eye(4)),
         )
 
     def with_tool(self, pose: Targets) -> Chain:
@@ -148,13 +144,44 @@ class Chain(Screws):
         moved = replace(self.in_plant, tcp=self.in_plant.tcp @ matrices[0])
         return replace(self, home=self.home @ matrices[0], in_plant=moved)
 
+    def forward(self, positions: npt.ArrayLike) -> Vector:
+        """Return the poses of the tool in the base, shape (k, 4, 4); one posture (n,) gives k = 1."""
+        return self.tool_poses(self.frames(self.postures(positions)))
+
+    def jacobian(self, positions: npt.ArrayLike) -> Vector:
+        """Return the geometric Jacobian, shape (k, 6, n): what the axes' speeds give of the tool's.
+
+        Rows: velocity of the tool centre point along x, y, z of the base [m/s], then angular velocity about
+        x, y, z. (SimRob orders the last three z, y, x: ``jacobian[:, [0, 1, 2, 5, 4, 3]]``.)
+        """
+        frames = self.frames(self.postures(positions))
+        return self.jacobian_at(frames, self.tool_poses(frames)[:, :3, 3])
+
+    def tool_poses(self, frames: Vector) -> Vector:
+        """Return the poses of the tool (k, 4, 4) from :meth:`frames`."""
+        poses: Vector = frames[-1] @ self.home
+        return poses
+
+    def jacobian_at(self, frames: Vector, places: Vector) -> Vector:
+        """Return the Jacobian (k, 6, n) from :meth:`frames` and the places (k, 3) of the tool centre point."""
+        carried = frames[:-1] @ self._axes_and_points  # (m, k, 4, 2)
+        axes, arms = carried[..., :3, 0], places - carried[..., :3, 1]
+        columns = np.empty((*axes.shape[:2], 6))
+        columns[..., :3] = (skew(axes) @ arms[..., np.newaxis])[..., 0]
+        columns[..., 3:] = axes
+        columns[self._prismatic, :, :3] = axes[self._prismatic]
+        columns[self._prismatic, :, 3:] = 0.0
+        jacobian = np.zeros((len(places), 6, self.size))
+        jacobian[:, :, self._moving] = columns.transpose(1, 2, 0)
+        return jacobian
+
     @property
     def reach(self) -> float:
         """Upper bound on the distance of the tool from the point of the first moving axis [m]."""
         points = [*self.points[list(self.order)], self.home[:3, 3]]
         spans = sum(float(np.linalg.norm(end - begin)) for begin, end in pairwise(points))
-        slides = [axis for axis in self.order if not self.revolute[axis]]
-        return spans + float(np.maximum(np.abs(self.lower[slides]), np.abs(self.upper[slides])).sum())
+        prismatic = [axis for axis in self.order if not self.revolute[axis]]
+        return spans + float(np.maximum(np.abs(self.lower[prismatic]), np.abs(self.upper[prismatic])).sum())
 
     def axis_index(self, name: str) -> int:
         """Return the place of an axis.
@@ -166,8 +193,39 @@ class Chain(Screws):
             raise UnknownName("axis", name, self.names)
         return self.names.index(name)
 
+    @cached_property
+    def _axes_and_points(self) -> Vector:
+        """Homogeneous axis and point of the followed axes, shape (m, 1, 4, 2)."""
+        columns = np.zeros((len(self.order), 1, 4, 2))
+        columns[:, 0, :3, 0] = self.axes[self._moving]
+        columns[:, 0, :3, 1] = self.points[self._moving]
+        columns[:, 0, 3, 1] = 1.0
+        return columns
 
-def _axis(joint: RevoluteJoint | PrismaticJoint) -> Vector:
+
+def held_robot(model: RobotModel) -> tuple[MultibodyPlant, Frame]:
+    """Return a plant of a robot alone, and its root, which stands at the world's origin.
+
+    Raises:
+        InvalidModel: a URDF that Drake cannot read.
+    """
+    plant = MultibodyPlant(0.0)
+    robot = with_absolute_meshes(model.element, model.folder)
+    add_urdf(plant, robot, name=model.name, where=model.urdf_path, collision=False)
+    root = plant.GetFrameByName(model.root)
+    plant.WeldFrames(plant.world_frame(), root)
+    plant.Finalize()
+    return plant, root
+
+
+def axes_and_points(context: Context, joints: Sequence[Joint], base: Frame) -> tuple[Vector, Vector]:
+    """Return the axes of joints, and a point on each, in a frame, both of shape (n, 3)."""
+    places = [joint.frame_on_parent().CalcPose(context, base) for joint in joints]
+    axes = [place.rotation().matrix() @ _axis(joint) for place, joint in zip(places, joints, strict=True)]
+    return np.reshape(axes, (-1, 3)), np.reshape([place.translation() for place in places], (-1, 3))
+
+
+def _axis(joint: Joint) -> Vector:
     axis: Vector = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
     return axis
 

@@ -13,17 +13,17 @@ from pydrake.solvers import Constraint, IpoptSolver, MathematicalProgram, SnoptS
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.goals import ORIGIN, Goal, JointBounds, Scene, point_in_box
+from simrob_drake.kinematics.goals import ORIGIN, Goal, JointBounds, Setting, point_in_box
+from simrob_drake.kinematics.least_squares import within
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.kinematics.poses import pose_errors
-from simrob_drake.kinematics.solutions import Solutions
-from simrob_drake.kinematics.solver import Solver
+from simrob_drake.kinematics.solver import Solutions, Solver
 
 TargetKind = Literal["pose", "position", "free"]
 KINDS = ("pose", "position", "free")
 
 _FEASIBLE = 1e-8  # by which the program's constraints may be missed, in their own units
-_POSITION_TOLERANCE, _ROTATION_TOLERANCE = 1e-5, 1e-4  # m, rad: what counts as reached; the program ends well below
+_TOLERANCE = np.array([1e-5, 1e-4])  # m, rad: what counts as reached; the program ends well below
 _VIOLATED = 1e-6  # by which a constraint counts as missed
 _LEVER = 1.0  # m from the tool centre point to the points that hold its orientation
 
@@ -101,21 +101,13 @@ class ConstrainedSolver(Solver):
                 break
         positions = np.clip(best, self.chain.lower, self.chain.upper)
         errors = self._errors(target, positions)
-        position_error, rotation_error = float(np.linalg.norm(errors[:3])), float(np.linalg.norm(errors[3:]))
-        near = position_error <= _POSITION_TOLERANCE and rotation_error <= _ROTATION_TOLERANCE
-        reached = not misses and (near or self._weights is not None)
+        reached = (within(errors, np.ones(6), _TOLERANCE) | (self._weights is not None)) & (not misses)
         names = ", ".join(dict.fromkeys(name for name, _ in misses)) or "the target pose"
-        return Solutions(
-            positions=positions[np.newaxis],
-            reached=np.array([reached]),
-            position_error=np.array([position_error]),
-            rotation_error=np.array([rotation_error]),
-            iterations=np.array([steps]),
-            reasons=("" if reached else f"no posture found within the joint limits that satisfies {names}",),
-        )
+        why = f"no posture found within the joint limits that satisfies {names}"
+        return Solutions.found(positions[np.newaxis], errors, reached, np.array([steps]), lambda _: why)
 
     def _errors(self, target: Vector, positions: Vector) -> Vector:
-        errors = pose_errors(target[np.newaxis], self.chain.forward(positions))[0]
+        errors = pose_errors(target[np.newaxis], self.chain.forward(positions))
         asked = {"pose": [1.0] * 6, "position": [1.0] * 3 + [0.0] * 3, "free": [0.0] * 6}[self._kind]
         part: Vector = errors * asked
         return part
@@ -139,31 +131,27 @@ class _Program:
         self._chain = chain
         self._ik = InverseKinematics(place.plant)
         self._prog: MathematicalProgram = self._ik.prog()
-        self._scene = Scene(chain, self._ik.context())
-        self._columns = np.array([joint.position_start() for joint in place.joints])
+        self._setting = Setting(chain, self._ik.context())
+        self._axes = place.axes
         self._rest = place.plant.GetPositions(place.plant.CreateDefaultContext())
         q = self._ik.q()
-        others = np.setdiff1d(np.arange(len(q)), self._columns)
+        others = np.setdiff1d(np.arange(len(q)), place.axes.position_places)
         if others.size:
             self._prog.AddBoundingBoxConstraint(self._rest[others], self._rest[others], q[others])
-        own = q[self._columns]
-        self._prog.AddQuadraticErrorCost(nearness * np.eye(chain.size), place.signs * start, own)
+        own = q[place.axes.position_places]
+        self._prog.AddQuadraticErrorCost(nearness * np.eye(chain.size), place.axes.signs * start, own)
 
     def solve(self, guess: Vector) -> Vector:
         """Return the positions (n,) that the solver finds from a guess."""
         options = SolverOptions()
         options.SetOption(SnoptSolver.id(), "Major feasibility tolerance", _FEASIBLE)
         options.SetOption(IpoptSolver.id(), "constr_viol_tol", _FEASIBLE)
-        full = self._rest.copy()
-        full[self._columns] = self._chain.in_plant.signs * guess
-        result = Solve(self._prog, full, options)
-        found: Vector = self._chain.in_plant.signs * result.GetSolution(self._ik.q())[self._columns]
-        return found
+        result = Solve(self._prog, self._axes.spread_positions(guess, self._rest), options)
+        return self._axes.positions(result.GetSolution(self._ik.q()))
 
     def missed(self, found: Vector) -> list[tuple[str, float]]:
         """Return the constraints that the last solution misses, and by how much."""
-        full = self._rest.copy()
-        full[self._columns] = self._chain.in_plant.signs * found
+        full = self._axes.spread_positions(found, self._rest)
         missed = []
         for binding in self._prog.GetAllConstraints():
             evaluator = binding.evaluator()
@@ -184,14 +172,14 @@ class _Program:
             asked["the target's x axis"] = ((_LEVER, 0.0, 0.0), (half, 0.0, 0.0), (free, 0.0, 0.0))
             asked["the target's y axis"] = ((0.0, _LEVER, 0.0), (-free, half, 0.0), (free, free, 0.0))
         for name, (point, lower, upper) in asked.items():
-            constraint = point_in_box(self._scene, point, box, np.array(lower), np.array(upper))
+            constraint = point_in_box(self._setting, point, box, np.array(lower), np.array(upper))
             constraint.set_description(name)
             self._prog.AddConstraint(constraint, self._ik.q())
 
     def wish_target(self, target: Vector, kind: TargetKind, position: float, rotation: float) -> None:
         """Add the costs position·(distance)² and rotation·2(1 - cos(angle)), which is about the angle squared."""
-        place, context = self._chain.in_plant, self._scene.context
-        tool, tcp = self._scene.frame("tool")
+        place, context = self._chain.in_plant, self._setting.context
+        tool, tcp = self._setting.frame("tool")
         if kind != "free" and position > 0:
             centre = tcp.translation()
             cost = PositionCost(place.plant, place.base, target[:3, 3], tool, centre, position * np.eye(3), context)
@@ -203,10 +191,10 @@ class _Program:
 
     def add(self, goal: Goal) -> None:
         """Add a goal, as a constraint or, with weights, as a cost."""
-        constraint = goal.constraint(self._scene)
+        constraint = goal.constraint(self._setting)
         q = self._ik.q()
         if isinstance(goal, JointBounds):
-            q = q[self._columns[[self._chain.axis_index(goal.axis)]]]
+            q = q[self._axes.position_places[[self._chain.axis_index(goal.axis)]]]
         weights = goal.weights(constraint.num_constraints())
         if weights is not None:
             self._prog.AddCost(_wish(constraint, weights), vars=q)

@@ -35,7 +35,7 @@ Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Scene:
+class Setting:
     """A chain and the context of its plant that constraints are evaluated in."""
 
     chain: Chain
@@ -61,7 +61,7 @@ class Goal(ABC):
     weight: float | Triple | None
 
     @abstractmethod
-    def constraint(self, scene: Scene) -> Constraint:
+    def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
 
     def weights(self, size: int) -> Vector | None:
@@ -91,10 +91,10 @@ class PositionBounds(Goal):
     frame: Targets = HERE
     weight: float | Triple | None = None
 
-    def constraint(self, scene: Scene) -> Constraint:
+    def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
         lower, upper = _bounds("PositionBounds", self.lower, self.upper, 3)
-        return point_in_box(scene, ORIGIN, RigidTransform(_one_pose(self.frame)), lower, upper)
+        return point_in_box(setting, ORIGIN, RigidTransform(_one_pose(self.frame)), lower, upper)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,16 +113,16 @@ class OrientationCone(Goal):
     axis: Triple = (0.0, 0.0, 1.0)
     weight: float | None = None
 
-    def constraint(self, scene: Scene) -> Constraint:
+    def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
         if not 0 <= self.angle <= np.pi:
             raise InvalidParameter("angle of OrientationCone", self.angle, "0 ... π rad")
-        tool, tcp = scene.frame("tool")
-        place = scene.chain.in_plant
+        tool, tcp = setting.frame("tool")
+        place = setting.chain.in_plant
         axis = tcp.rotation() @ _direction("axis", self.axis)
         direction = _direction("direction", self.direction)
         return AngleBetweenVectorsConstraint(
-            place.plant, place.base, direction, tool, axis, 0.0, self.angle, scene.context
+            place.plant, place.base, direction, tool, axis, 0.0, self.angle, setting.context
         )
 
 
@@ -142,16 +142,16 @@ class Aiming(Goal):
     axis: Triple = (0.0, 0.0, 1.0)
     weight: float | None = None
 
-    def constraint(self, scene: Scene) -> Constraint:
+    def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
         if not 0 <= self.angle <= np.pi / 2:
             raise InvalidParameter("angle of Aiming", self.angle, "0 ... π/2 rad")
-        place = scene.chain.in_plant
-        tool, tcp = scene.frame("tool")
+        place = setting.chain.in_plant
+        tool, tcp = setting.frame("tool")
         axis = tcp.rotation() @ _direction("axis", self.axis)
         target = _triple("target", self.target)
         return GazeTargetConstraint(
-            place.plant, tool, tcp.translation(), axis, place.base, target, self.angle, scene.context
+            place.plant, tool, tcp.translation(), axis, place.base, target, self.angle, setting.context
         )
 
 
@@ -176,10 +176,10 @@ class JointBounds(Goal):
         """Return the goal that an axis stands at a value [rad or m]."""
         return cls(axis=axis, lower=value, upper=value, weight=weight)
 
-    def constraint(self, scene: Scene) -> Constraint:
+    def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the position of that axis alone."""
-        place = scene.chain.in_plant
-        sign = place.signs[scene.chain.axis_index(self.axis)]
+        place = setting.chain.in_plant
+        sign = place.axes.signs[setting.chain.axis_index(self.axis)]
         lower, upper = _bounds(f"JointBounds of {self.axis}", [self.lower], [self.upper], 1)
         ends = np.sort(np.concatenate([sign * lower, sign * upper]))
         return BoundingBoxConstraint(ends[:1], ends[1:])
@@ -203,24 +203,33 @@ class DistanceBounds(Goal):
     points: tuple[Triple, Triple] = (ORIGIN, ORIGIN)
     weight: float | None = None
 
-    def constraint(self, scene: Scene) -> Constraint:
+    def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
         lower, upper = _bounds("DistanceBounds", [self.lower], [self.upper], 1)
         if lower[0] < 0:
             raise InvalidParameter("lower of DistanceBounds", self.lower, "0 or more [m]")
-        (one, at_one), (other, at_other) = (scene.frame(name) for name in self.frames)
+        (one, at_one), (other, at_other) = (setting.frame(name) for name in self.frames)
         begin, end = (_triple("points of DistanceBounds", point) for point in self.points)
         return PointToPointDistanceConstraint(
-            scene.chain.in_plant.plant, one, at_one @ begin, other, at_other @ end, lower[0], upper[0], scene.context
+            setting.chain.in_plant.plant,
+            one,
+            at_one @ begin,
+            other,
+            at_other @ end,
+            lower[0],
+            upper[0],
+            setting.context,
         )
 
 
-def point_in_box(scene: Scene, point: npt.ArrayLike, box: RigidTransform, lower: Vector, upper: Vector) -> Constraint:
+def point_in_box(
+    setting: Setting, point: npt.ArrayLike, box: RigidTransform, lower: Vector, upper: Vector
+) -> Constraint:
     """Return the constraint that a point of the tool [m] lies in a box whose axes have a pose in the base."""
-    tool, tcp = scene.frame("tool")
-    place = scene.chain.in_plant
+    tool, tcp = setting.frame("tool")
+    place = setting.chain.in_plant
     return PositionConstraint(
-        place.plant, place.base, box, lower, upper, tool, tcp @ np.asarray(point, dtype=float), scene.context
+        place.plant, place.base, box, lower, upper, tool, tcp @ np.asarray(point, dtype=float), setting.context
     )
 
 

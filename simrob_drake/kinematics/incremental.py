@@ -10,8 +10,7 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.diagnosis import why_unreached
 from simrob_drake.kinematics.least_squares import Flags, within
 from simrob_drake.kinematics.poses import pose_errors
-from simrob_drake.kinematics.solutions import Solutions
-from simrob_drake.kinematics.solver import Solver
+from simrob_drake.kinematics.solver import Solutions, Solver, check_search
 
 _NEAR_SINGULAR = 0.02  # smallest singular value [m, rad] below which damping begins
 _MOST_DAMPING = 0.04  # at a singular posture
@@ -55,14 +54,9 @@ class IncrementalSolver(Solver):
         super().__init__(chain)
         if np.isnan(rotation_limit):
             raise InvalidParameter("rotation_limit", rotation_limit, "an angle [rad]; 0 for positions only")
-        if iterations < 1:
-            raise InvalidParameter("iterations", iterations, "1 or more")
-        for name, value in (("position_tolerance", position_tolerance), ("rotation_tolerance", rotation_tolerance)):
-            if not value > 0:
-                raise InvalidParameter(name, value, "more than 0")
+        tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
+        self._iterations, self._tolerance = iterations, check_search(iterations, tolerances)
         self._limit = np.inf if rotation_limit < 0 else rotation_limit
-        self._iterations = iterations
-        self._tolerance = np.array([position_tolerance, rotation_tolerance])
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         positions = np.clip(starts, self.chain.lower, self.chain.upper)
@@ -86,18 +80,11 @@ class IncrementalSolver(Solver):
         errors = pose_errors(targets, self.chain.forward(positions))
         if self._limit == 0:
             errors[:, 3:] = 0.0
-        reached = self._within(errors)
-        return Solutions(
-            positions=positions,
-            reached=reached,
-            position_error=np.linalg.norm(errors[:, :3], axis=1),
-            rotation_error=np.linalg.norm(errors[:, 3:], axis=1),
-            iterations=steps,
-            reasons=tuple(
-                "" if reached[row] else self._reason(targets[row], positions[row], errors[row], bool(turned[row]))
-                for row in range(len(targets))
-            ),
-        )
+
+        def why(row: int) -> str:
+            return self._reason(targets[row], positions[row], errors[row], bool(turned[row]))
+
+        return Solutions.found(positions, errors, self._within(errors), steps, why)
 
     def _within(self, errors: Vector) -> Flags:
         return within(errors, np.ones(6), self._tolerance)

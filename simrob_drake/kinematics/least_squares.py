@@ -14,7 +14,7 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.poses import pose_errors
-from simrob_drake.kinematics.screws import Indices, skew
+from simrob_drake.kinematics.screws import IDENTITY, Indices, skew
 
 _FIRST_DAMPING = 0.01  # times the cost, so that it fades near the target, where the plain Newton step is best
 _EASED, _RAISED = 0.5, 8.0  # damping after a step that helped, and after one that did not
@@ -22,7 +22,6 @@ _LEAST_DAMPING = 1e-12
 _SMALLEST_STEP = 1e-12  # rad or m: below it nothing changes any more
 COARSE = 1e-2  # share of the cost that a step must take away, to look for a posture where another one can be tried
 FINE = 1e-12  # likewise, to find the best compromise: below, a step only chases rounding
-_IDENTITY = np.eye(3)
 
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -61,6 +60,7 @@ def fit_postures(
     iterations: int,
     flat: float = FINE,
     rivals: int = 1,
+    base: Vector = IDENTITY[np.newaxis],
 ) -> Fit:
     """Minimise the sum of w·e² over postures within the joint limits, by Levenberg and Marquardt's damped steps.
 
@@ -71,18 +71,20 @@ def fit_postures(
         chain: whose limits are kept.
         targets: shape (k, 4, 4).
         starts: shape (k, n), clipped to the limits.
-        weights: of the errors [x y z] and about [x y z] in the base's axes, shape (6,), not negative.
+        weights: of the errors [x y z] and about [x y z], shape (6,), not negative.
         tolerance: a target is done when every weighted position and rotation error is below (2,) [m, rad].
         iterations: most steps for a target.
         flat: share of the cost that a step must take away; a target that gets less ends there.
         rivals: how many rows in turn are of one target; all of them end when one reaches it.
+        base: poses of the base (1, 4, 4) or (k, 4, 4), where targets are given in another frame, whose axes then count.
     """
     result = Fit(
         starts.copy(), np.empty((len(starts), 6)), np.empty(len(starts)), np.zeros(len(starts), dtype=np.int64)
     )
     rows = np.arange(len(starts))
+    unit = np.eye(chain.size)
     postures = _clipped(chain, starts)
-    errors, jacobians = _linearised(chain, postures, targets)
+    errors, jacobians = _linearised(chain, postures, targets, base)
     costs = errors**2 @ weights
     damping = np.full(len(rows), _FIRST_DAMPING)
     answered = np.zeros(len(rows) // rivals, dtype=bool)
@@ -99,9 +101,11 @@ def fit_postures(
             left = ~done
             rows, postures, errors, jacobians = rows[left], postures[left], errors[left], jacobians[left]
             costs, damping, targets = costs[left], damping[left], targets[left]
-        moves = _steps(chain, postures, jacobians, errors, weights, damping * costs + _LEAST_DAMPING)
+            base = base[left] if len(base) > 1 else base
+        damped = (damping * costs + _LEAST_DAMPING)[:, np.newaxis, np.newaxis] * unit
+        moves = _steps(chain, postures, jacobians, errors, weights, damped)
         trial = _clipped(chain, postures + moves)
-        trial_errors, trial_jacobians = _linearised(chain, trial, targets)
+        trial_errors, trial_jacobians = _linearised(chain, trial, targets, base)
         trial_costs = trial_errors**2 @ weights
         gain = costs - trial_costs
         better = gain > 0.0
@@ -128,7 +132,7 @@ def within(errors: Vector, weights: Vector, tolerance: Vector) -> Flags:
 
 
 def _steps(
-    chain: Chain, postures: Vector, jacobians: Vector, errors: Vector, weights: Vector, damping: Vector
+    chain: Chain, postures: Vector, jacobians: Vector, errors: Vector, weights: Vector, damped: Vector
 ) -> Vector:
     weighted = jacobians.transpose(0, 2, 1) * weights
     push = (weighted @ errors[..., np.newaxis])[..., 0]
@@ -138,8 +142,7 @@ def _steps(
         held = (low & (push < 0)) | (high & (push > 0))
         push[held] = 0.0
         hessian *= (~held)[:, :, np.newaxis] & ~held[:, np.newaxis, :]
-    hessian += damping[:, np.newaxis, np.newaxis] * chain.identity
-    moves = np.linalg.solve(hessian, push[..., np.newaxis])[..., 0]
+    moves = np.linalg.solve(hessian + damped, push[..., np.newaxis])[..., 0]
     return np.asarray(moves, dtype=float)
 
 
@@ -147,13 +150,13 @@ def _clipped(chain: Chain, postures: Vector) -> Vector:
     return np.minimum(np.maximum(postures, chain.lower), chain.upper)
 
 
-def _linearised(chain: Chain, postures: Vector, targets: Vector) -> tuple[Vector, Vector]:
+def _linearised(chain: Chain, postures: Vector, targets: Vector, base: Vector) -> tuple[Vector, Vector]:
     """Return the errors (k, 6) and minus their derivative by the positions (k, 6, n).
 
     The rotation vector e of a rotation error changes by -Jr⁻¹(e)·ω as the tool turns with ω, where Jr⁻¹(e) is
     I + [e]/2 + (1/θ² - (1 + cos θ)/(2θ sin θ))·[e]² (Solà et al., A micro Lie theory, 2018, eq. 144).
     """
-    frames = chain.frames(postures)
+    frames = chain.frames(postures, base)
     poses = chain.tool_poses(frames)
     errors = pose_errors(targets, poses)
     jacobians = chain.jacobian_at(frames, poses[:, :3, 3])
@@ -162,6 +165,6 @@ def _linearised(chain: Chain, postures: Vector, targets: Vector) -> tuple[Vector
     half = np.sqrt(0.25 * np.maximum(square, 1e-6))  # below 1e-3 rad the factor is 1/12 to seven digits
     factor = (0.25 - 0.25 * half / np.tan(half)) / (half * half)
     spin = skew(turn)
-    change = _IDENTITY + 0.5 * spin + factor[:, np.newaxis, np.newaxis] * (spin @ spin)
+    change = IDENTITY[:3, :3] + 0.5 * spin + factor[:, np.newaxis, np.newaxis] * (spin @ spin)
     jacobians[:, 3:] = change @ jacobians[:, 3:]
     return errors, jacobians

@@ -11,8 +11,7 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.diagnosis import why_unreached
 from simrob_drake.kinematics.least_squares import COARSE, FINE, Fit, Flags, fit_postures, within
 from simrob_drake.kinematics.screws import Indices
-from simrob_drake.kinematics.solutions import POSITION_TOLERANCE, ROTATION_TOLERANCE, Solutions
-from simrob_drake.kinematics.solver import Solver
+from simrob_drake.kinematics.solver import POSITION_TOLERANCE, ROTATION_TOLERANCE, Solutions, Solver, check_search
 from simrob_drake.kinematics.turns import TURN, nearest_turns
 
 _AT_ONCE = 8  # postures that one round of restarts tries side by side
@@ -58,13 +57,8 @@ class NumericSolver(Solver):
         self._weights = _checked_weights(weights)
         if restarts < 0:
             raise InvalidParameter("restarts", restarts, "0 or more")
-        if iterations < 1:
-            raise InvalidParameter("iterations", iterations, "1 or more")
-        for name, value in (("position_tolerance", position_tolerance), ("rotation_tolerance", rotation_tolerance)):
-            if not value > 0:
-                raise InvalidParameter(name, value, "more than 0")
-        self._iterations = iterations
-        self._tolerance = np.array([position_tolerance, rotation_tolerance])
+        tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
+        self._iterations, self._tolerance = iterations, check_search(iterations, tolerances)
         self._seeds = random_postures(chain, restarts, seed)
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
@@ -78,18 +72,11 @@ class NumericSolver(Solver):
         if missing.size:  # the best compromise
             fit.replace(missing, self._fit(targets[missing], fit.postures[missing], flat=FINE))
         errors = np.where(self._weights > 0, fit.errors, 0.0)
-        reached = self._within(fit)
-        return Solutions(
-            positions=fit.postures,
-            reached=reached,
-            position_error=np.linalg.norm(errors[:, :3], axis=1),
-            rotation_error=np.linalg.norm(errors[:, 3:], axis=1),
-            iterations=fit.iterations,
-            reasons=tuple(
-                "" if good else why_unreached(self.chain, target, posture, error, self._weights)
-                for good, target, posture, error in zip(reached, targets, fit.postures, errors, strict=True)
-            ),
-        )
+
+        def why(row: int) -> str:
+            return why_unreached(self.chain, targets[row], fit.postures[row], errors[row], self._weights)
+
+        return Solutions.found(fit.postures, errors, self._within(fit), fit.iterations, why)
 
     def _fit(self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1) -> Fit:
         return fit_postures(

@@ -1,4 +1,4 @@
-"""Forward kinematics and Jacobian of joints in a row, by the product of exponentials of their screws."""
+"""What the joints of a robot carry, by the product of exponentials of their screws; many postures at once."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from simrob_drake.frames import Vector
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 
-_IDENTITY = np.eye(4)
+IDENTITY = np.eye(4)
 _CROSS = np.zeros((3, 9))  # row i: the matrix of eᵢ ×
 _CROSS[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1, -1, 1, -1, 1, -1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Screws:
-    """Revolute and prismatic joints in a row, from a base frame to a tool frame.
+    """Revolute and prismatic joints of a tree, each given by its screw at zero posture in one base frame.
 
-    The pose of the tool in the base is the product exp(S₁q₁) ... exp(Sₙqₙ)·home, with the screws S given by axis and
-    point at zero posture (Lynch & Park, Modern Robotics, 2017, §4.1). Positions have shape (k, n) or (n,), in rad, or
-    m for prismatic joints.
+    What a joint carries moves by the product exp(S₁q₁) ... exp(Sᵢqᵢ) of the screws from the base to it, given by axis
+    and point (Lynch & Park, Modern Robotics, 2017, §4.1). Positions have shape (k, n) or (n,), in rad, or m for
+    prismatic joints.
 
     Attributes:
         axes: unit axis of every joint at zero in the base frame, shape (n, 3).
         points: a point on every axis at zero [m], shape (n, 3).
-        revolute: whether each axis turns, shape (n,).
-        order: the axes that move the tool, from the base outward.
-        home: pose of the tool at zero, shape (4, 4).
+        revolute: whether each joint is revolute, shape (n,).
+        order: the axes that are followed, from the base outward.
+        after: what each of these stands on: 0 the base, i what the i-th of them carries; in a row unless given.
     """
 
     axes: Vector
     points: Vector
     revolute: np.ndarray[Any, np.dtype[np.bool_]]
     order: tuple[int, ...]
-    home: Vector
+    after: tuple[int, ...] | None = None
 
     @property
     def size(self) -> int:
@@ -63,84 +63,40 @@ class Screws:
             raise InvalidParameter(name, rows.tolist(), expected)
         return np.atleast_2d(rows)
 
-    def forward(self, positions: npt.ArrayLike) -> Vector:
-        """Return the poses of the tool in the base, shape (k, 4, 4); one posture (n,) gives k = 1."""
-        return self.tool_poses(self.frames(self.postures(positions)))
-
-    def jacobian(self, positions: npt.ArrayLike) -> Vector:
-        """Return the geometric Jacobian, shape (k, 6, n): what the axes' speeds give of the tool's.
-
-        Rows: velocity of the tool centre point along x, y, z of the base [m/s], then angular velocity about
-        x, y, z. (SimRob orders the last three z, y, x: ``jacobian[:, [0, 1, 2, 5, 4, 3]]``.)
-        """
-        frames = self.frames(self.postures(positions))
-        return self.jacobian_at(frames, self.tool_poses(frames)[:, :3, 3])
-
-    def frames(self, postures: Vector) -> Vector:
-        """Return the motion (m + 1, k, 4, 4) that the first 0 ... m moving axes give to what they carry.
+    def frames(self, postures: Vector, base: Vector = IDENTITY) -> Vector:
+        """Return the motion of the base, and of what each of the m followed axes carries, shape (m + 1, k, 4, 4).
 
         Args:
             postures: shape (k, n), checked.
+            base: its pose, shape (4, 4) or (k, 4, 4).
         """
         values = postures.T[self._moving]
         terms = np.empty((*values.shape, 3))
         terms[..., 0] = 1.0
         terms[..., 1] = np.sin(values)
         terms[..., 2] = 1.0 - np.cos(values)
-        terms[self._slides, :, 1] = values[self._slides]
+        terms[self._prismatic, :, 1] = values[self._prismatic]
         motions = (terms @ self._exponentials).reshape(len(values), -1, 4, 4)
         frames = np.empty((len(values) + 1, len(postures), 4, 4))
-        frames[0] = _IDENTITY
+        frames[0] = base
         for index, motion in enumerate(motions):
-            np.matmul(frames[index], motion, out=frames[index + 1])
+            np.matmul(frames[self.after[index] if self.after else index], motion, out=frames[index + 1])
         return frames
-
-    def tool_poses(self, frames: Vector) -> Vector:
-        """Return the poses of the tool (k, 4, 4) from :meth:`frames`."""
-        poses: Vector = frames[-1] @ self.home
-        return poses
-
-    def jacobian_at(self, frames: Vector, places: Vector) -> Vector:
-        """Return the Jacobian (k, 6, n) from :meth:`frames` and the places (k, 3) of the tool centre point."""
-        carried = frames[:-1] @ self._axes_and_points  # (m, k, 4, 2)
-        axes, arms = carried[..., :3, 0], places - carried[..., :3, 1]
-        columns = np.empty((*axes.shape[:2], 6))
-        columns[..., :3] = (skew(axes) @ arms[..., np.newaxis])[..., 0]
-        columns[..., 3:] = axes
-        columns[self._slides, :, :3] = axes[self._slides]
-        columns[self._slides, :, 3:] = 0.0
-        jacobian = np.zeros((len(places), 6, self.size))
-        jacobian[:, :, self._moving] = columns.transpose(1, 2, 0)
-        return jacobian
-
-    @cached_property
-    def identity(self) -> Vector:
-        """The unit matrix (n, n)."""
-        return np.eye(self.size)
 
     @cached_property
     def _moving(self) -> Indices:
         return np.array(self.order, dtype=np.intp)
 
     @cached_property
-    def _slides(self) -> Indices:
-        """Which of the moving axes are prismatic."""
+    def _prismatic(self) -> Indices:
+        """Which of the followed axes are prismatic."""
         return np.flatnonzero(~self.revolute[self._moving])
-
-    @cached_property
-    def _axes_and_points(self) -> Vector:
-        """Homogeneous axis and point of the moving axes, shape (m, 1, 4, 2)."""
-        columns = np.zeros((len(self.order), 1, 4, 2))
-        columns[:, 0, :3, 0] = self.axes[self._moving]
-        columns[:, 0, :3, 1] = self.points[self._moving]
-        columns[:, 0, 3, 1] = 1.0
-        return columns
 
     @cached_property
     def _exponentials(self) -> Vector:
         """Matrices A, B, C (m, 3, 16) of exp(Sq) = A + sin(q)·B + (1 - cos(q))·C, or A + q·B if prismatic."""
         terms = np.zeros((len(self.order), 3, 4, 4))
-        terms[:, 0] = _IDENTITY
+        terms[:, 0] = IDENTITY
         for term, axis in zip(terms, self.order, strict=True):
             if self.revolute[axis]:
                 spin = skew(self.axes[axis])

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.errors import NoClosedForm
-from simrob_drake.kinematics.screws import Screws, skew
+from simrob_drake.kinematics.screws import skew
 
 _LENGTH = 1e-4  # m that axes may miss each other by: published figures are rounded, and the solver polishes
 _ANGLE = 1e-4  # rad that parallel axes may differ by, likewise: rpy="0 1.5708 0" is off by 4e-6
@@ -47,16 +48,16 @@ class SphericalArm:
     home: Vector
 
     @classmethod
-    def of(cls, screws: Screws) -> SphericalArm:
+    def of(cls, chain: Chain) -> SphericalArm:
         """Recognise the geometry in a chain.
 
         Raises:
             NoClosedForm: what it lacks.
         """
-        if screws.size != 6 or len(screws.order) != 6 or not screws.revolute.all():
-            raise NoClosedForm(f"it has {len(screws.order)} moving axes, and the form is for six revolute ones")
-        order = list(screws.order)
-        axes, points = screws.axes[order], screws.points[order]
+        if chain.size != 6 or len(chain.order) != 6 or not chain.revolute.all():
+            raise NoClosedForm(f"it has {len(chain.order)} moving axes, and the form is for six revolute ones")
+        order = list(chain.order)
+        axes, points = chain.axes[order], chain.points[order]
         if np.linalg.norm(np.cross(axes[1], axes[2])) > _ANGLE:
             raise NoClosedForm("axis 3 is not parallel to axis 2")
         for one, other in ((0, 1), (3, 4), (4, 5)):
@@ -70,7 +71,7 @@ class SphericalArm:
         if min(abs(upper), abs(fore)) < _LENGTH:
             raise NoClosedForm("the wrist centre or axis 2 lies on axis 3")
         sense = 1.0 if axes[1] @ axes[2] > 0 else -1.0
-        return cls(axes, points[0], points[1], centre, sense, upper, fore, screws.home)
+        return cls(axes, points[0], points[1], centre, sense, upper, fore, chain.home)
 
     @cached_property
     def plane(self) -> Complex:

@@ -5,29 +5,204 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Unpack
 
+import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
-from simrob_drake.frames import PoseLike
-from simrob_drake.programs.arm_geometry import ArmGeometry
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.registry import SolverLike, solver_for
+from simrob_drake.kinematics.solver import require
+from simrob_drake.programs.cell_robot import CellRobot
+from simrob_drake.programs.ongoing import OngoingStation
 from simrob_drake.programs.plan import How
 from simrob_drake.programs.planner import Planner
-from simrob_drake.programs.solvers import SolverLike
-from simrob_drake.programs.targets import PoseTargets, WorkObject
-from simrob_drake.programs.workcell import Workcell
+from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.station import StationLike
 
 
-class Arm(ArmGeometry):
-    """A robot of a station, to be moved: each move runs the station and returns its result.
+class Workcell(OngoingStation):
+    """A station with arms, which share its state: see :class:`OngoingStation`."""
 
-    Every move begins where the reference of the last one ended, and rests at its end. On a kinematic station the arm is
-    then exactly there; on a dynamic one it is where its motors brought it, and goes on from that state. A move that
-    cannot be done raises an error before anything moves.
+    def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
+        """Return one of the station's robots, to be programmed.
 
-    Poses, work objects and attributes are those of :class:`ArmGeometry`; ``points``, ``duration``, ``times``, ``speed``
-    and ``check`` of moves those of :class:`~simrob_drake.programs.plan.How`.
+        Args:
+            name: of the robot; needed where there are several.
+            tool: see :meth:`Arm.tool`.
+            solver: of the inverse kinematics, where a move names none.
+        """
+        return Arm(self, name, tool, solver=solver)
+
+
+class Arm(CellRobot):
+    """A robot of a station: kinematics and torques of its tool, and moves that run the station.
+
+    Every move begins where the reference of the last one ended, rests at its end, and returns the run. On a kinematic
+    station the arm is then exactly there; on a dynamic one it is where its motors brought it, and goes on from that
+    state. A move that cannot be done raises an error before anything moves. ``points``, ``duration``, ``times``,
+    ``speed`` and ``check`` of moves are those of :class:`~simrob_drake.programs.plan.How`.
+
+    Poses are those of the tool centre point, in the world unless a work object is given: pose vectors
+    [x y z Rz Ry Rx], matrices (4, 4), RigidTransforms, one or many; or places [x y z], which keep the orientation.
+    A work object is a piece's name (its tool centre point) or one of its frames as ``piece.frame``, a robot's name or
+    an arm (its tool centre point; an arm's own is where its reference is), or a pose in any form.
+
+    Attributes:
+        cell: the station and its state; several arms may share it.
+        name: of the robot in the station.
+        solver: of the inverse kinematics, where a call names none.
     """
+
+    def __init__(
+        self,
+        station: Workcell | StationLike,
+        robot: str | None = None,
+        tool: str | PoseLike | None = None,
+        *,
+        solver: SolverLike = "auto",
+    ) -> None:
+        """Take a robot of a station.
+
+        Args:
+            station: a workcell, or what makes one: a station's name, file or configuration.
+            robot: its name in the station; needed where there are several.
+            tool: see :meth:`tool`.
+            solver: ``auto``, ``numeric``, ``analytic``, ``incremental``, ``constrained``, or one made for ``chain``.
+
+        Raises:
+            UnknownName: no such station, robot or tool.
+            InvalidParameter: a robot without a tool, or on a base that moves.
+        """
+        self.cell: Workcell
+        super().__init__(station if isinstance(station, Workcell) else Workcell(station), robot)
+        self.solver = solver
+        model = self.cell.model.robots[self.name].model
+        if model.base != "fixed":
+            raise InvalidParameter("robot", model.name, "one on a fixed base; LeggedRobot programs those with legs")
+        if not self.cell.model.robots[self.name].tcp:
+            raise InvalidParameter("robot", model.name, "one with a tool frame, under tools: in its robot.yaml")
+        if tool is not None:
+            self.tool(tool)
+        _ = self.chain  # of joints that can be followed
+
+    @property
+    def chain(self) -> Chain:
+        """The axes from the world to the tool centre point, with their limits."""
+        model = self.cell.model
+        robot = model.robots[self.name]
+        return model.chain(self.name, robot.tools[robot.tcp])
+
+    def _described(self) -> list[str]:
+        place = " ".join(f"{value:.4g}" for value in self.pose()[:3].round(6) + 0.0)  # no -0
+        return [*super()._described(), f"tool {self.cell.model.robots[self.name].tcp} at {place} m"]
+
+    def tool(self, tool: str | PoseLike) -> None:
+        """Change the tool centre point (SimRob's Tool).
+
+        Args:
+            tool: one of :attr:`tools`: a frame of the robot or a piece that it carries; or a pose in the frame of
+                the tool that it has now.
+
+        Raises:
+            UnknownName: no such tool.
+        """
+        entry, robot = self.cell.config.robots[self.name], self.cell.model.robots[self.name]
+        if isinstance(tool, str):
+            if tool not in robot.tools:
+                raise UnknownName(f"tool of {self.name}", tool, robot.tools)
+            changes: dict[str, object] = {} if tool == robot.tcp else {"tcp": tool, "tcp_offset": None}
+        else:
+            before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
+            changes = {"tcp_offset": tuple(pose_from_transform(before @ as_transform(tool)).tolist())}
+        config = self.cell.config
+        robots = {**config.robots, self.name: entry.model_copy(update=changes)}
+        self.cell.change(config.model_copy(update={"robots": robots}))
+
+    def tool_pose(self) -> RigidTransform:
+        """Return where the tool centre point is now, in the world; :meth:`pose` gives it as numbers."""
+        return as_transform(self.chain.forward(self.position)[0])
+
+    def frame(self, wobj: WorkObject = None) -> RigidTransform:
+        """Return the pose of a work object in the world; see :class:`Arm`."""
+        if wobj is self:
+            return as_transform(self.chain.forward(self.reference)[0])
+        return self.cell.frame(wobj)
+
+    def pose(self, q: npt.ArrayLike | None = None, wobj: WorkObject = None) -> Vector:
+        """Return where the tool is (forward kinematics; SimRob's Pose).
+
+        Args:
+            q: postures (n,) or (k, n) [rad or m]; where the arm is unless given.
+            wobj: the work object in whose frame the pose is wanted.
+
+        Returns:
+            [x y z Rz Ry Rx], shape (6,), or (k, 6) for rows.
+        """
+        return self._poses(self.chain, self.frame(wobj).inverse(), q)
+
+    def joint(
+        self,
+        pose: PoseTargets,
+        wobj: WorkObject = None,
+        solver: SolverLike | None = None,
+        *,
+        start: npt.ArrayLike | None = None,
+    ) -> Vector:
+        """Return postures that bring the tool to poses (inverse kinematics; SimRob's Joint).
+
+        Args:
+            pose: one or many, or places, which keep the orientation that the tool has.
+            wobj: the work object in whose frame they are.
+            solver: which; that of the arm unless given.
+            start: near which posture (n,) the first is wanted; the next ones near the last. Where the arm is unless
+                given.
+
+        Returns:
+            shape (n,), or (k, n) for rows [rad or m].
+
+        Raises:
+            Unreachable: names the pose, why, and how near the best posture comes.
+        """
+        chain, begin = self.chain, self.position if start is None else start
+        turn = chain.forward(self.position)[0, :3, :3]
+        targets = world_poses(pose, self.frame(wobj), turn, "pose")
+        found = require(solver_for(chain, self.solver if solver is None else solver).solve(targets, begin), "pose")
+        return np.asarray(found[0]) if is_single(pose) else found
+
+    def jacobian(self, q: npt.ArrayLike | None = None) -> Vector:
+        """Return what the axes' speeds give of the tool's: shape (6, n), or (k, 6, n) for rows.
+
+        Rows: velocity of the tool centre point along x, y, z of the world, then angular velocity about them.
+        """
+        rows = self.position if q is None else q
+        jacobians = self.chain.jacobian(rows)
+        return jacobians if np.ndim(rows) > 1 else np.asarray(jacobians[0])
+
+    def inverse_dynamics(
+        self, q: npt.ArrayLike | None = None, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
+    ) -> Vector:
+        """Return the torques of a motion with what the arm carries, others at rest (SimRob's IDin).
+
+        Args:
+            q: postures (n,) or (k, n) [rad or m]; where the arm is unless given.
+            v: velocities, of the same shape, or one number [rad/s].
+            a: accelerations, likewise [rad/s²].
+
+        Returns:
+            shape (n,), or (k, n) for rows [N·m or N].
+        """
+        rows = self.chain.postures(self.position if q is None else q, "q")
+        model = self.cell.model
+        try:
+            v_rows, a_rows = (np.broadcast_to(np.asarray(values, dtype=float), rows.shape) for values in (v, a))
+        except (ValueError, TypeError) as problem:
+            raise InvalidParameter("v and a", (v, a), f"of the shape of q, {rows.shape}") from problem
+        torques = np.array([model.torques(self.name, *row) for row in zip(rows, v_rows, a_rows, strict=True)])
+        return torques if q is not None and np.ndim(q) > 1 else np.asarray(torques[0])
 
     @property
     def plan(self) -> Planner:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
-from simrob_drake.programs.workcell import Workcell
-from simrob_drake.stations.station import StationLike
+from simrob_drake.frames import Vector, poses_from_matrices
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.programs.ongoing import OngoingStation
 
 
 class CellRobot:
@@ -16,19 +20,19 @@ class CellRobot:
         name: of the robot in the station.
     """
 
-    def __init__(self, station: Workcell | StationLike, robot: str | None = None) -> None:
+    def __init__(self, cell: OngoingStation, robot: str | None = None) -> None:
         """Take a robot of a station.
 
         Args:
-            station: a workcell, or what makes one: a station's name, file or configuration.
+            cell: the station.
             robot: its name in the station; needed where there are several.
 
         Raises:
-            UnknownName: no such station or robot.
+            UnknownName: no such robot.
             InvalidParameter: a station without a robot, or no robot named where there are several.
         """
-        self.cell = station if isinstance(station, Workcell) else Workcell(station)
-        robots, wanted = self.cell.config.robots, robot or self.cell.config.only_robot
+        self.cell = cell
+        robots, wanted = cell.config.robots, robot or cell.config.only_robot
         if not robots:
             raise InvalidParameter("station", self.cell.config.name, "one with a robot; it has none")
         if wanted is None:
@@ -63,6 +67,12 @@ class CellRobot:
     def velocity(self) -> Vector:
         """How fast they move, shape (n,) [rad/s or m/s]."""
         return self.cell.velocity(self.name)
+
+    def _poses(self, chain: Chain, base: RigidTransform, q: npt.ArrayLike | None) -> Vector:
+        """Return where the tool of a chain is, its base being somewhere: pose (6,), or (k, 6) for rows of postures."""
+        rows = self.position if q is None else q
+        poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(rows))
+        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
 
     @property
     def reference(self) -> Vector:

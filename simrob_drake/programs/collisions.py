@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from pydrake.geometry import GeometryId, PenetrationAsPointPair, QueryObject
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.targets import own_name, piece_of_shape
 from simrob_drake.programs.checks import Naming
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.stations.shapes import own_name, piece_of_shape
 
 TOUCH = 1e-3
 """How deep shapes may be in each other before it counts [m]: what stands, or is held, touches."""
@@ -41,7 +41,7 @@ def check_collisions(
     """
     resting: set[frozenset[str]] = set()
     for row, time in enumerate(times):
-        model.place({name: postures[row] for name, postures in robots.items()})
+        model.place_robots({name: postures[row] for name, postures in robots.items()})
         query = model.query()
         found = [pair for pair in query.ComputePointPairPenetration() if pair.depth > touch]
         if row == 0:
@@ -60,7 +60,7 @@ def _names(model: StationModel, query: QueryObject, pair: PenetrationAsPointPair
 
 def _owner(model: StationModel, query: QueryObject, geometry: GeometryId) -> str:
     inspector = query.inspector()
-    piece = piece_of_shape(model.config, inspector, geometry)
+    piece = piece_of_shape(model.resolved, inspector, geometry)
     if piece is not None:
         return piece
     body = model.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))

@@ -78,7 +78,7 @@ def _places(run: SimulationResult) -> dict[str, Any]:
 
 
 def _writers() -> Mapping[str, Callable[[SimulationResult, Path], Path]]:
-    from simrob_drake.results.animation.film_strip import save_film_strip, save_video  # which load matplotlib
+    from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which load matplotlib
     from simrob_drake.results.animation.recording import save_recording
 
     return {".html": save_recording, ".png": save_film_strip, ".mp4": save_video}

@@ -1,4 +1,4 @@
-"""Let a robot perform a gait from where it stands: the way into the gait's first posture, and what it stands on."""
+"""The gaits of a robot as stages of its program: which suits it, a single step, and the way into its first posture."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import check_limits
-from simrob_drake.programs.gaits.choice import carries, first_gait, made_for
-from simrob_drake.programs.gaits.motion import MAX_STEP, JointMotion
-from simrob_drake.programs.gaits.registry import Kind, gaits_of
+from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.parameters import Posing, load_gaits
+from simrob_drake.programs.gaits.registry import Section, carries, first_gait, gaits_of, made_for
 from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.moves import AnyMove, Walk, WalkMove, checked, move_of
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.stations.config import FloorConfig, Input, ServoConfig, StationConfig
-from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.robots.catalog import RobotModel
 
+SEQUENCE = "step"
+"""The sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one."""
+_PACES = ("step_time", "leg_time", "move_time")  # what gaits call the time of a step
 _READY_TIME, _SETTLE_TIME = 2.0, 0.5
 """Times to take the posture in which a gait begins, and to stand in it, from far away; nearer ones take less [s]."""
 _FAR = float(np.deg2rad(45.0))
@@ -28,7 +31,6 @@ _SAME = 1e-9  # rad
 _AT_REST = 0.02
 """Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
 _SAMPLE = 0.01  # s between the samples of the way into it
-_BESIDE = 1.0  # floor beyond the way [m]
 
 
 def planned_gait(
@@ -58,26 +60,66 @@ def planned_gait(
     name = first_gait(model, worn, known) if name is None else name
     if name not in known:
         raise UnknownName(f"{what} of {model.name}", name, known)
-    kind, figures = known[name]
+    section, figures = known[name]
     for key in changes:
         if key not in type(figures).model_fields:
             raise UnknownName(f"figure of the {what} {name}", key, type(figures).model_fields)
-    _check_station(robot, kind, name, held=getattr(figures, "held", False))
+    _check_station(robot, section, name, held=getattr(figures, "held", False))
     made = changes.get("feet") or made_for(model, figures)
-    if kind.on_feet and not carries(model, worn, made):
+    if section.on_feet and not carries(model, worn, made):
         raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made}, for {name}: set robot.feet to {made}")
     if steps is None:
-        motion = kind.plan(model, name, **changes)
+        motion = section.plan(model, name, **changes)
     else:
-        motion = kind.plan(model, steps, name, amplitude=amplitude, **changes)
+        motion = section.plan(model, steps, name, amplitude=amplitude, **changes)
     check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
     return motion
+
+
+def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[AnyMove]:
+    """Return one step ahead: the robot's sequence ``step``, else the fewest steps of its first gait, of full length.
+
+    Args:
+        robot: who.
+        move_time: of each move of the sequence, or of each step of the gait [s]; their own unless given.
+
+    Raises:
+        InvalidParameter: a robot without feet or gaits, without a gait for the feet that it wears, or a time that is
+            not positive.
+    """
+    model = robot.model
+    if model.feet is None:
+        raise InvalidParameter("robot", model.name, "one with legs: step() is for legged robots")
+    own = load_gaits(model).sequences.get(SEQUENCE)
+    if own is not None and carries(model, robot.worn_feet, made_for(model, own)):
+        return _moves_of(model, own, move_time)
+    known = gaits_of(model, steps=True)
+    section, figures = known[first_gait(model, robot.worn_feet, known)]
+    keys = type(figures).model_fields
+    changes: dict[str, Any] = {"ramp_steps": 0} if "ramp_steps" in keys else {}  # the first step has its full length
+    if move_time is not None:
+        changes |= {key: move_time for key in _PACES if key in keys}
+    return [WalkMove(walk=checked(Walk, steps=section.fewest, **changes))]
+
+
+def _moves_of(model: RobotModel, sequence: Posing, move_time: float | None) -> list[AnyMove]:
+    times = np.diff([0.0, *(target.time for target in sequence.targets)])
+    return [
+        move_of(
+            target.target_deg
+            if isinstance(target.target_deg, dict)
+            else dict(zip(model.axes, model.axis_vector(target.target_deg, SEQUENCE).tolist(), strict=True)),
+            float(time) if move_time is None else move_time,
+        )
+        for target, time in zip(sequence.targets, times, strict=True)
+    ]
 
 
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a gait from where a robot stands, and return the run; the floor stays as large as it had to become."""
     cell, own = robot.cell, robot.cell.config
-    adapted = _adapted(robot, motion)
+    here = float(np.abs(robot.base_pose.translation()[:2]).max())
+    adapted = motion.adapted(own, robot.name, start=here)
     times, positions, velocities = _from_here(robot, motion)
     trajectory = PiecewisePolynomial.CubicHermite(times, positions.T, velocities.T)
     cell.change(adapted)
@@ -86,13 +128,13 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     return result
 
 
-def _check_station(robot: LeggedGeometry, kind: Kind, name: str, *, held: bool) -> None:
+def _check_station(robot: LeggedGeometry, section: Section, name: str, *, held: bool) -> None:
     """Check that a robot stands, or hangs, as a gait needs it."""
     model, config = robot.model, robot.cell.config
     floats = robot.cell.model.floats(robot.name)
     if held and floats:
         raise InvalidParameter("station", config.name, f"one that holds {model.name} by its trunk, for {name}")
-    if kind.on_feet and (not floats or config.floor is None or config.contact is None):
+    if section.on_feet and (not floats or config.floor is None or config.contact is None):
         raise InvalidParameter("station", config.name, f"a dynamic one with a floor and contact, for {name}")
 
 
@@ -119,33 +161,3 @@ def _from_here(robot: LeggedGeometry, motion: JointMotion) -> tuple[Vector, Vect
         np.vstack([way, motion.positions]),
         np.vstack([rates, motion.velocities]),
     )
-
-
-def _adapted(robot: LeggedGeometry, motion: JointMotion) -> StationConfig:
-    """Return the station with a floor that is large enough, the gait's servos and steps that follow it."""
-    config = robot.cell.config
-    if config.mode == "kinematic":
-        return config
-    own, entry = config.servo_of(robot.name).model_dump(exclude_unset=True), config.robots[robot.name]
-    changes: dict[str, Any] = {
-        "robots": {
-            **config.robots,
-            robot.name: entry.model_copy(update={"servo": ServoConfig(**{**own, **motion.servo})}),
-        }
-    }
-    if config.floor is not None:
-        changes["floor"] = FloorConfig(size=max(config.floor.size, _floor_size(robot, motion)))
-    if motion.feed_velocity:
-        inputs: tuple[Input, ...] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
-        changes["inputs"] = inputs
-    solver = config.solver
-    if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic":
-        changes["solver"] = solver.model_copy(update={"max_step": min(solver.max_step, MAX_STEP)})
-    return config.model_copy(update=changes)
-
-
-def _floor_size(robot: LeggedGeometry, motion: JointMotion) -> float:
-    """Return the side of a floor on which a robot can go as far as planned, wherever to [m]."""
-    way = np.linalg.norm(motion.root[1][:, :2] - motion.root[1][0, :2], axis=1).max()
-    here = np.abs(robot.base_pose.translation()[:2]).max()
-    return float(np.ceil(2.0 * (here + way + _BESIDE)))

@@ -9,16 +9,11 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import (
-    PoseLike,
-    Vector,
-    as_transform,
-    poses_from_matrices,
-)
+from simrob_drake.frames import PoseLike, Vector, as_transform
 from simrob_drake.kinematics import Chain, NumericSolver, require
+from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.programs.cell_robot import CellRobot
-from simrob_drake.programs.solvers import SolverLike, solver_for
-from simrob_drake.programs.targets import PoseTargets, is_place, world_poses
+from simrob_drake.programs.targets import PoseTargets, is_place, is_single, world_poses
 from simrob_drake.robots.catalog import RobotModel
 
 _STAYS = (1e-4, 1e-3)
@@ -58,14 +53,8 @@ class LeggedGeometry(CellRobot):
         """
         model = self.cell.model
         robot = model.robots[self.name]
-        return Chain.of_plant(
-            model.plant,
-            joints=robot.joints,
-            base=robot.root if base == "trunk" else robot.tools[self._tool(base)],
-            tool=robot.tools[self._tool(tool)],
-            signs=robot.signs,
-            names=robot.axes,
-        )
+        start = robot.root if base == "trunk" else robot.tools[self._tool(base)]
+        return model.chain(self.name, robot.tools[self._tool(tool)], start)
 
     def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
         """Return where a tool is (forward kinematics).
@@ -81,10 +70,7 @@ class LeggedGeometry(CellRobot):
         Raises:
             UnknownName: no such tool or frame.
         """
-        rows = self.position if q is None else q
-        chain = self.chain(tool, "trunk" if frame == "world" else frame)
-        poses = poses_from_matrices(self._place_of(frame).GetAsMatrix4() @ chain.forward(rows))
-        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
+        return self._poses(self.chain(tool, "trunk" if frame == "world" else frame), self._place_of(frame), q)
 
     def joint(
         self,
@@ -120,8 +106,7 @@ class LeggedGeometry(CellRobot):
         found = require(chosen.solve(targets, begin), "pose").copy()
         others = [axis for axis in range(len(chain.names)) if axis not in chain.order]
         found[:, others] = np.asarray(begin, dtype=float)[others]  # searches that begin anew change all axes
-        single = isinstance(pose, RigidTransform) or np.shape(pose) in ((3,), (6,), (4, 4))
-        return np.asarray(found[0]) if single else found
+        return np.asarray(found[0]) if is_single(pose) else found
 
     def posture(
         self, trunk: PoseLike, reach: Mapping[str, PoseTargets] | None = None, *, start: npt.ArrayLike | None = None

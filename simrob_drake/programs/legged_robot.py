@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.parts.site import WORLD
+from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
-from simrob_drake.programs.given_moves import checked, move_of
-from simrob_drake.programs.legged_parts import check_some, joint_reference, parts_of
-from simrob_drake.programs.legged_program import Programmed
-from simrob_drake.programs.legged_step import step_moves
+from simrob_drake.programs.legged_gait import step_moves
+from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.legged_stages import check_some, joint_reference, stages_of
 from simrob_drake.programs.moves import (
     MOVE_TIME,
     Act,
@@ -19,21 +22,37 @@ from simrob_drake.programs.moves import (
     AnyMove,
     Attach,
     AttachMove,
+    JointMove,
     Release,
     ReleaseMove,
     Walk,
     WalkMove,
+    any_move,
+    cell_of,
+    checked,
+    move_of,
 )
-from simrob_drake.programs.program import Program
-from simrob_drake.programs.workcell import GOES_ON
+from simrob_drake.programs.ongoing import GOES_ON
+from simrob_drake.programs.postures import targets_on
+from simrob_drake.programs.program import Program, counted
+from simrob_drake.results.record.locomotion import fallen
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference
-from simrob_drake.stations.monitor_config import Fall
-from simrob_drake.stations.names import WORLD
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.station import StationLike
 
 
-class LeggedRobot(Programmed):
+@dataclass(frozen=True)
+class Snapshot:
+    """What :meth:`LeggedRobot.undo` goes back to."""
+
+    program: Program
+    state: State | None
+    config: StationConfig
+
+
+class LeggedRobot(LeggedGeometry):
     """A robot with legs, told by joint angles what to do: each move runs the station and returns its result.
 
     Axes go by name or alias, angles are absolute and in degrees, and the axes of a move go together, at constant speed
@@ -43,10 +62,33 @@ class LeggedRobot(Programmed):
     a run that diverges, is interrupted, or is ended by a monitor of a fall: nothing of it is stored, and there is
     nothing to undo; ``message`` of the result tells what happened. What another monitor stops counts as done.
 
+    Changes of the program move nothing.
+
     Attributes of :class:`LeggedGeometry`, and:
         program: the moves and cells that are stored.
         runs: what the last move or program was made of, in order.
     """
+
+    def __init__(self, station: Workcell | StationLike, robot: str | None = None) -> None:
+        """Take a robot of a station.
+
+        Args:
+            station: a workcell, or what makes one: a station's name, file or configuration.
+            robot: its name in the station; needed where there are several.
+
+        Raises:
+            UnknownName: no such station or robot.
+            InvalidParameter: a station without a robot, or no robot named where there are several.
+        """
+        super().__init__(station if isinstance(station, Workcell) else Workcell(station), robot)
+        self.program = Program()
+        self._start = self.cell.config
+        self.runs: list[SimulationResult] = []
+        self._past: list[Snapshot] = []
+
+    def _described(self) -> list[str]:
+        feet = [] if self.worn_feet is None else [f"feet {self.worn_feet}"]
+        return [*super()._described(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
 
     def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
         """Move from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
@@ -202,6 +244,88 @@ class LeggedRobot(Programmed):
         check_some(self.program.moves)
         return self._do(self.program.moves, from_start=True)[-1]
 
+    def add_reference(self, target_deg: Mapping[str, float]) -> None:
+        """Store targets without a time as a cell for a sequencer, which decides when to go on (AddRef).
+
+        Arguments and errors are those of :meth:`test_move`; nothing moves.
+        """
+        cell = cell_of(target_deg)
+        targets_on(self.model, cell.target_deg, "the reference")
+        self._remember()
+        self.program = self.program.with_reference(cell)
+
+    @property
+    def cells(self) -> list[dict[int, float]]:
+        """The stored references as a sequencer takes them: the place of each axis, and its target [rad]."""
+        return [targets_on(self.model, cell.target_deg, "the reference") for cell in self.program.references]
+
+    def remove(self, index: int = -1) -> None:
+        """Take a stored move out of the program, the last unless given; the robot stays where it is.
+
+        Raises:
+            InvalidParameter: no such move.
+        """
+        program = self.program.removed(index)
+        self._remember()
+        self.program = program
+
+    def edit(self, index: int, move: AnyMove | Mapping[str, Any] | None = None, duration: float | None = None) -> None:
+        """Change a stored move; the robot stays where it is.
+
+        Args:
+            index: of the move, counted from 0; negative numbers count from the end.
+            move: in place of its targets [deg], or of the whole move: as :meth:`insert` takes it.
+            duration: in place of the duration [s] of a move of joints.
+
+        Raises:
+            SimrobError: as :meth:`insert`, or no such move.
+        """
+        self.program.removed(index)  # there is one
+        old = self.program.moves[index]
+        before = (old.target_deg, old.duration) if isinstance(old, JointMove) else (old, MOVE_TIME)
+        new = any_move(before[0] if move is None else move, duration, otherwise=before[1])
+        self._replace(self.program.edited(index, new))
+
+    def insert(self, index: int, move: AnyMove | Mapping[str, Any], duration: float | None = None) -> None:
+        """Put a move before the stored one of number ``index``; the robot stays where it is.
+
+        Args:
+            index: counted from 0; negative numbers count from the end.
+            move: targets [deg] by axis, or what stands in a program's file, such as ``{"walk": {"steps": 4}}``,
+                ``{"act": "bow"}`` or ``{"attach": "parcel"}``.
+            duration: of a move of joints [s]; 1 unless given.
+
+        Raises:
+            SimrobError: no such place, a move that is wrong, or a program that the robot cannot do from its start.
+        """
+        self._replace(self.program.inserted(index, any_move(move, duration)))
+
+    def undo(self) -> None:
+        """Take back the last thing that was done, a test, a run or a change of the program: robot and program.
+
+        Raises:
+            InvalidParameter: nothing was done.
+        """
+        if not self._past:
+            raise InvalidParameter("undo", "asked for before anything was done", "called after a move or a change")
+        self._restore(self._past.pop())
+
+    def save(self, file: Path | str) -> Path:
+        """Write the program as YAML; see :meth:`Program.save`."""
+        return self.program.save(file)
+
+    def load(self, file: Path | str) -> None:
+        """Take the program of a YAML file in place of the stored one; the robot stays where it is.
+
+        Raises:
+            InvalidConfig: a damaged file.
+            SimrobError: a program that this robot cannot do; names the file and the move.
+        """
+        program = Program.load(file)
+        for number, cell in enumerate(program.references):
+            targets_on(self.model, cell.target_deg, f"{file}: references[{number}]")
+        self._replace(program, str(file))
+
     def film(self, file: Path | str) -> Path:
         """Write :attr:`runs`, one after the other, as one film; see :func:`save_film`.
 
@@ -224,14 +348,14 @@ class LeggedRobot(Programmed):
     def _do(
         self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False, file: str = ""
     ) -> list[SimulationResult]:
-        """Do moves part by part, and return the runs; what goes wrong leaves robot and program as they were."""
-        parts = parts_of(self, moves, self._start if from_start else self.cell.config, file)
+        """Do moves stage by stage, and return the runs; what goes wrong leaves robot and program as they were."""
+        stages = stages_of(self, moves, self._start if from_start else self.cell.config, file)
         snapshot, runs = self._snapshot(), list[SimulationResult]()
         try:
             if from_start:
                 self._back_to_start()
-            for part in parts:
-                result = part.run(self)
+            for stage in stages:
+                result = stage(self)
                 if result is not None:
                     runs.append(result)
                     if result.ending != "completed":
@@ -252,9 +376,22 @@ class LeggedRobot(Programmed):
         self.cell.change(self._start)
         self.cell.state = State.at_start_of(self._start)
 
+    def _replace(self, program: Program, file: str = "") -> None:
+        stages_of(self, program.moves, self._start, file)  # the robot can do them
+        self._remember()
+        self.program = program
+
+    def _remember(self, snapshot: Snapshot | None = None) -> None:
+        self._past.append(snapshot or self._snapshot())
+
+    def _snapshot(self) -> Snapshot:
+        return Snapshot(self.program, self.cell.state, self.cell.config)
+
+    def _restore(self, snapshot: Snapshot) -> None:
+        self.program, self.cell.state = snapshot.program, snapshot.state
+        self.cell.change(snapshot.config)
+
 
 def _goes_on(result: SimulationResult) -> bool:
     """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
-    monitor = result.config.monitors.get(result.stopped_by or "")
-    fell = isinstance(monitor, Fall) and monitor.piece is None
-    return result.ending in GOES_ON and not fell
+    return result.ending in GOES_ON and fallen(result) is None

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from pydrake.geometry import QueryObject
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces
-from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import UnknownName
-from simrob_drake.frames import Vector, transform_from_pose, transform_from_xyz_quaternion
+from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.quantities import Pose
+from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.state import State
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
-from simrob_drake.stations.names import carrier, piece_model
-from simrob_drake.stations.plant import add_plant
-from simrob_drake.stations.robots import StationRobot
+from simrob_drake.stations.posed import PosedStation
+from simrob_drake.stations.tools import flange, tool_in_use
 
 
-class StationModel:
+class StationModel(PosedStation):
     """The plant of a station, robots' bases fixed, put into any posture.
 
     Attributes:
@@ -43,25 +37,10 @@ class StationModel:
             InvalidModel: a robot that cannot be built.
         """
         self.config = config
-        self._frames: dict[str, dict[str, Pose]] = {}
-        changes = {"mode": "kinematic", "contact": (config.contact or ContactConfig()) if collision else None}
-        builder = DiagramBuilder()
-        self._station = add_plant(builder, config.model_copy(update=changes))
-        self.robots: dict[str, StationRobot] = self._station.robots
-        self.plant: MultibodyPlant = self._station.plant
-        self._positions_port = self._station.add_geometry_poses(builder)
-        self._diagram = builder.Build()
-        self._scene = self._diagram.CreateDefaultContext()
-        self._context = self.plant.CreateDefaultContext()
+        contact = (config.contact or ContactConfig()) if collision else None
+        super().__init__(config.model_copy(update={"mode": "kinematic", "contact": contact}))
+        self.robots: dict[str, StationRobot] = self.station.robots
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
-
-    def place(self, postures: Mapping[str, Vector]) -> None:
-        """Put robots into postures (n,) [rad or m]; the others stay."""
-        positions = self.plant.GetPositions(self._context)
-        for name, posture in postures.items():
-            robot = self.robots[name]
-            positions[[joint.position_start() for joint in robot.joints]] = robot.signs * posture
-        self.plant.SetPositions(self._context, positions)
 
     def place_bases(self, state: State | None) -> None:
         """Put robots that stand on their own feet where they are in a state, or where they begin if it is None."""
@@ -70,7 +49,7 @@ class StationModel:
             joint = f"{self.plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
             if state is not None and self.floats(name) and joint in state.joints:
                 now = transform_from_xyz_quaternion(np.roll(state.joints[joint].position, 3))  # w x y z first there
-                self._moved[robot.instance] = now @ transform_from_pose(self.config.robots[name].base).inverse()
+                self._moved[robot.instance] = now @ robot.base.inverse()
 
     def floats(self, robot: str) -> bool:
         """Tell whether a robot of the station is held by nothing."""
@@ -82,15 +61,15 @@ class StationModel:
         moved = self._moved.get(frame.model_instance())
         return pose if moved is None else moved @ pose
 
-    def chain(self, robot: str, tool: Frame) -> Chain:
-        """Return the chain of a robot's axes from the world to a frame."""
+    def chain(self, robot: str, tool: Frame, base: Frame | None = None) -> Chain:
+        """Return the chain of a robot's axes from the world, or another frame, to a frame."""
         own = self.robots[robot]
         return Chain.of_plant(
             self.plant,
             joints=own.joints,
-            base=self.plant.world_frame(),
+            base=base or self.plant.world_frame(),
             tool=tool,
-            signs=own.signs,
+            signs=own.axis_map.signs,
             names=own.axes,
         )
 
@@ -102,9 +81,8 @@ class StationModel:
 
     def tool_in_use(self, robot: str) -> str:
         """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""
-        own, entry = self.robots[robot], self.config.robots[robot]
-        carried = [name for name in own.tools if name in self.config.pieces]
-        return entry.tcp or (carried or list(own.model.tools) or [""])[-1 if carried else 0]
+        own = self.robots[robot]
+        return tool_in_use(own.model.tools, own.carried, self.config.robots[robot].tcp)
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
         """Return a named frame of a piece, its tool centre point unless given.
@@ -114,9 +92,7 @@ class StationModel:
         """
         if piece not in self.config.pieces:
             raise UnknownName("piece", piece, self.config.pieces)
-        if piece not in self._frames:
-            self._frames[piece] = piece_model(self.config, piece).frame_poses
-        known = self._frames[piece]
+        known = self.resolved.pieces[piece].model.frame_poses
         if frame not in known:
             raise UnknownName(f"frame of {piece}", frame, known)
         return self._piece_link(piece, f"{piece}_{frame}")
@@ -134,26 +110,13 @@ class StationModel:
         own = self.robots[robot]
         if tool is not None and tool not in own.model.tools:
             raise UnknownName(f"tool of {robot}", tool, own.model.tools)
-        if tool is not None:
-            return own.tools[tool]
-        return next((tool for name, tool in own.tools.items() if name in own.model.tools), own.root)
+        return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, tool), own.instance)
 
     def _piece_link(self, piece: str, name: str) -> Frame:
-        owner = carrier(self.config, piece)
+        owner = self.resolved.pieces[piece].carrier
         if owner in self.robots:
             return self.plant.GetFrameByName(name, self.robots[owner].instance)
         return self.plant.GetFrameByName(name, self.plant.GetModelInstanceByName(f"{piece}::{piece}"))
-
-    def query(self) -> QueryObject:
-        """Return the geometry in the present posture, for distances."""
-        self._positions_port.FixValue(
-            self._positions_port.get_system().GetMyMutableContextFromRoot(self._scene),
-            self.plant.GetPositions(self._context),
-        )
-        scene_graph = self._station.scene_graph
-        port = scene_graph.get_query_output_port()
-        found: QueryObject = port.Eval(scene_graph.GetMyContextFromRoot(self._scene))
-        return found
 
     def torques(
         self, robot: str, position: Vector, velocity: Vector | float = 0.0, acceleration: Vector | float = 0.0
@@ -167,13 +130,11 @@ class StationModel:
             acceleration: shape (n,) or one number.
         """
         own, plant = self.robots[robot], self.plant
-        self.place({robot: position})
-        places = [joint.velocity_start() for joint in own.joints]
-        v, vdot = np.zeros(plant.num_velocities()), np.zeros(plant.num_velocities())
-        v[places], vdot[places] = own.signs * velocity, own.signs * acceleration
-        plant.SetVelocities(self._context, v)
+        self.place_robots({robot: position})
+        axes = own.axis_map
+        plant.SetVelocities(self._context, axes.spread_velocities(velocity))
         forces = MultibodyForces(plant)
         plant.CalcForceElementsContribution(self._context, forces)
-        torque = plant.CalcInverseDynamics(self._context, vdot, forces)
+        torque = plant.CalcInverseDynamics(self._context, axes.spread_velocities(acceleration), forces)
         plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
-        return np.asarray(own.signs * torque[places])
+        return axes.efforts(torque)

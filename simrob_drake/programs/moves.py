@@ -1,24 +1,45 @@
-"""What programs of legged robots are made of: moves of joints, walks, acts, and pieces taken and let go."""
+"""What programs of legged robots are made of: moves of joints, walks, acts, and pieces taken and let go.
+
+What users give in Python is checked, and told of as any other parameter.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
-from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+import numpy as np
+from pydantic import (
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.parts.site import WORLD
 from simrob_drake.quantities import Pose, Positive
-from simrob_drake.stations.names import WORLD
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.yaml_files import Number, Strict, validated
+
+Entry = TypeVar("Entry", bound=Strict)
+
+_EXPECTED = {
+    "duration": "a positive time [s]",
+    "target_deg": "a mapping of at least one axis to degrees",
+    "steps": "a whole number",
+    "amplitude": "a finite number; 1 walks as the gait's figures say",
+}
 
 MOVE_TIME = 1.0
 """Time of a move unless told otherwise [s]; ``tinc`` of the thesis."""
 
 Targets = Annotated[dict[str, Number], Field(min_length=1)]
-"""Where axes are to be [deg], and m for an axis that slides, by name or alias; the others stay where they were."""
+"""Where axes are to be [deg], and m for a prismatic one, by name or alias; the others stay where they were."""
 
 
-class Move(Strict):
+class JointMove(Strict):
     """Axes that go to their targets at the same time."""
 
     target_deg: Targets
@@ -126,9 +147,9 @@ class ReleaseMove(Strict):
     release: Release
 
 
-AnyMove = Move | WalkMove | ActMove | AttachMove | ReleaseMove
+AnyMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove
 KINDS: dict[str, type[AnyMove]] = {
-    "target_deg": Move,
+    "target_deg": JointMove,
     "walk": WalkMove,
     "act": ActMove,
     "attach": AttachMove,
@@ -140,3 +161,69 @@ KINDS: dict[str, type[AnyMove]] = {
 def kind_of(content: Mapping[str, Any]) -> type[AnyMove] | None:
     """Return what kind of move a mapping of a program's file is; None if no key tells."""
     return next((kind for key, kind in KINDS.items() if key in content), None)
+
+
+def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:
+    """Return a checked move of what a user gave.
+
+    Raises:
+        InvalidParameter: no axis, an angle that is no finite number, or a duration that is not positive.
+    """
+    return checked(JointMove, target_deg=target_deg, duration=duration)
+
+
+def cell_of(target_deg: Mapping[str, Any]) -> Cell:
+    """Return a checked cell of what a user gave.
+
+    Raises:
+        InvalidParameter: no axis, or an angle that is no finite number.
+    """
+    return checked(Cell, target_deg=target_deg)
+
+
+def any_move(
+    given: AnyMove | Mapping[str, Any], duration: float | None = None, *, otherwise: float = MOVE_TIME
+) -> AnyMove:
+    """Return a move of any kind of what a user gave: targets of axes, or what would stand in a program's file.
+
+    Args:
+        given: targets [deg] by axis, a mapping such as ``{"walk": {"steps": 4}}``, or a move.
+        duration: of a move of joints [s].
+        otherwise: its duration unless given [s].
+
+    Raises:
+        SimrobError: as :func:`move_of`; or a mapping that is wrong.
+    """
+    if isinstance(given, Strict):
+        made = given
+    elif isinstance(given, Mapping) and (kind := kind_of(given)) is not None:
+        made = validated(kind, _plain(given), "the move")
+    else:
+        return move_of(given, otherwise if duration is None else duration)
+    if duration is not None:
+        raise InvalidParameter("duration", duration, "left out: it goes with targets of axes")
+    return made
+
+
+def checked(kind: type[Entry], /, **content: Any) -> Entry:
+    """Return what a user gave as a checked entry of a program.
+
+    Raises:
+        InvalidParameter: the first value that cannot be.
+    """
+    try:
+        return kind.model_validate(_plain(content))
+    except ValidationError as problem:
+        finding = problem.errors()[0]
+        key = ".".join(str(part) for part in finding["loc"])
+        otherwise = "a finite number [deg]" if key.startswith("target_deg") else "a text"
+        raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with numpy's numbers and arrays as Python's own."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    return [_plain(part) for part in value] if isinstance(value, (list, tuple)) else value

@@ -6,9 +6,10 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.model import StationModel
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.names import WORLD, carrier, piece_parent
+from simrob_drake.stations.resolve import carriers_of
 
 
 def reparented(
@@ -40,7 +41,7 @@ def reparented(
         if above == piece:
             wanted = "world, a robot, or a piece that does not hang on it"
             raise InvalidParameter(f"parent of {piece}", "the piece itself" if parent == piece else parent, wanted)
-        above = piece_parent(config, above)
+        above = model.resolved.pieces[above].parent
     mount = _mount_pose(model, parent, frame)
     place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)
     entry = config.pieces[piece].model_copy(
@@ -60,13 +61,14 @@ def _mount_pose(model: StationModel, parent: str, frame: str | None) -> RigidTra
 
 def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationConfig:
     """Let the robot that took a piece use its tool centre point, and one that gave its tool away what carried it."""
-    robots, giver, taker = dict(new.robots), carrier(model.config, piece), carrier(new, piece)
+    old, carriers, robots = model.resolved.pieces, carriers_of(new), dict(new.robots)
+    giver, taker = old[piece].carrier, carriers[piece]
     if giver == taker:
         return new
     if giver in robots:
         tool = model.tool_in_use(giver)
-        if tool in new.pieces and carrier(new, tool) != giver:
-            before = piece_parent(model.config, piece)
+        if carriers.get(tool, giver) != giver:
+            before = old[piece].parent
             flange = model.config.pieces[piece].frame or next(iter(model.robots[giver].model.tools), None)
             changes = {"tcp": before if before in new.pieces else flange, "tcp_offset": None}
         else:

@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.segments import Segment, named_point
-from simrob_drake.programs.trajectories import PEAK, Piece, trajectory
+from simrob_drake.programs.trajectories import Stretch, trajectory
 
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits and speeds, or these and collisions."""
@@ -50,20 +51,20 @@ class Plan:
 
     Attributes:
         robot: whose move it is.
-        pieces: the motions from rest to rest that it is made of, one after the other, the first from time 0.
+        stretches: the motions from rest to rest that it is made of, one after the other, the first from time 0.
         arrivals: when each target is reached, shape (k,) [s].
         points: on the way to each target.
     """
 
     robot: str
-    pieces: tuple[Piece, ...]
+    stretches: tuple[Stretch, ...]
     arrivals: Vector
     points: int
 
     @cached_property
     def trajectory(self) -> Trajectory:
         """Of its axes, shape (n, 1), from 0 to the duration."""
-        return trajectory(self.pieces)
+        return trajectory(self.stretches)
 
     @property
     def duration(self) -> float:
@@ -73,12 +74,12 @@ class Plan:
     @property
     def start(self) -> Vector:
         """Where it begins, shape (n,) [rad or m]."""
-        return np.asarray(self.pieces[0].postures[0])
+        return np.asarray(self.stretches[0].postures[0])
 
     @property
     def end(self) -> Vector:
         """Where it leads, shape (n,) [rad or m]."""
-        return np.asarray(self.pieces[-1].postures[-1])
+        return np.asarray(self.stretches[-1].postures[-1])
 
     def postures(self, times: Vector) -> Vector:
         """Return the postures (m, n) at times (m,) [s]."""
@@ -121,11 +122,11 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector
     return POINT_TIME * points * np.arange(1.0, len(segments) + 1), True
 
 
-def joined(segments: Sequence[Segment], times: Vector) -> tuple[Piece, ...]:
+def joined(segments: Sequence[Segment], times: Vector) -> tuple[Stretch, ...]:
     """Return the motions of segments that end at times (k,) [s], resting at each end."""
     begins = np.concatenate([[0.0], times[:-1]])
     return tuple(
-        Piece(segment.parts, segment.postures).at(begin, end - begin)
+        Stretch(segment.parts, segment.postures).at(begin, end - begin)
         for segment, begin, end in zip(segments, begins, times, strict=True)
     )
 

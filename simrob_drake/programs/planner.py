@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from typing import Unpack, get_args
 
 import numpy as np
@@ -12,20 +14,22 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.interpolation import Arc, line, stacked, turn
+from simrob_drake.interpolation import Arc, stacked, turn
+from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.checks import check_limits, check_speeds, look_times, speed_ratio
 from simrob_drake.programs.plan import Check, How, Plan, arrivals, joined, target_name
 from simrob_drake.programs.segments import Segment, joint_segment, pose_segment
-from simrob_drake.programs.solvers import SolverLike, solver_for
 from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
 
 POINTS, ARC_POINTS = 10, 20
 """Points on the way to a target unless given, as in SimRob; of arcs."""
 
-_SAME = 1e-9  # m
 _LESS_THAN_FULL = 0.98  # of the joints' speeds, where durations are left to us
+
+_Way = tuple[Callable[[Vector], Vector], float]  # the poses (k, 4, 4) at its parts (k,), and its length [m]
 
 
 @dataclass(frozen=True)
@@ -117,14 +121,8 @@ class Planner:
         """
         inverse, points = self._inverse(solver), _points(how, POINTS)
         poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
-        segments: list[Segment] = []
-        begin, start = self._pose(), self.start
-        for index, pose in enumerate(poses):
-            way = _Line(begin, pose)
-            name = target_name(index, len(poses))
-            segments.append(pose_segment(inverse, way, start, points=points, length=way.length, target=name))
-            begin, start = pose, segments[-1].end
-        return self._checked(segments, how, points)
+        ways = [_line_between(begin, end) for begin, end in pairwise([self._pose(), *poses])]
+        return self._along(ways, inverse, how, points)
 
     def move_c(
         self,
@@ -154,13 +152,18 @@ class Planner:
         poses = world_poses(targets, frame, self._pose()[:3, :3])
         if len(middles) != len(poses):
             raise InvalidParameter("via", f"{len(middles)} points", f"one a target, of which there are {len(poses)}")
+        ways = [
+            _arc_through(begin, middle, end, f"the arc to {target_name(index, len(poses))}")
+            for index, (begin, middle, end) in enumerate(zip([self._pose(), *poses], middles, poses, strict=False))
+        ]
+        return self._along(ways, inverse, how, points)
+
+    def _along(self, ways: Sequence[_Way], inverse: Solver, how: How, points: int) -> Plan:
+        """Plan a move whose tool goes one way after the other."""
         segments: list[Segment] = []
-        begin, start = self._pose(), self.start
-        for index, (middle, pose) in enumerate(zip(middles, poses, strict=True)):
-            name = target_name(index, len(poses))
-            way = _ArcWay(begin, middle, pose, f"the arc to {name}")
-            segments.append(pose_segment(inverse, way, start, points=points, length=way.length, target=name))
-            begin, start = pose, segments[-1].end
+        for index, (poses, length) in enumerate(ways):
+            start, name = segments[-1].end if segments else self.start, target_name(index, len(ways))
+            segments.append(pose_segment(inverse, poses, start, points=points, length=length, target=name))
         return self._checked(segments, how, points)
 
     def _inverse(self, solver: SolverLike | None) -> Solver:
@@ -204,28 +207,15 @@ class Planner:
         return Plan(self.robot, joined(segments, times), times, points)
 
 
-class _Line:
-    """The poses (k, 4, 4) at parts (k,) of a straight way between two (4, 4)."""
-
-    def __init__(self, begin: Vector, end: Vector) -> None:
-        self._begin, self._end = begin, end
-        self.length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
-
-    def __call__(self, parts: Vector) -> Vector:
-        turns = turn(self._begin[:3, :3], self._end[:3, :3], parts)
-        return stacked(line(self._begin[:3, 3], self._end[:3, 3], parts), turns)
+def _line_between(begin: Vector, end: Vector) -> _Way:
+    """Return the straight way between two poses (4, 4)."""
+    return partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
 
 
-class _ArcWay:
-    """The poses (k, 4, 4) at parts (k,) of an arc from a pose through a place (3,) to a pose."""
-
-    def __init__(self, begin: Vector, middle: Vector, end: Vector, name: str) -> None:
-        self._begin, self._end = begin, end
-        self._arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
-        self.length = self._arc.length
-
-    def __call__(self, parts: Vector) -> Vector:
-        return stacked(self._arc.points(parts), turn(self._begin[:3, :3], self._end[:3, :3], parts))
+def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> _Way:
+    """Return the way on an arc from a pose (4, 4) through a place (3,) to a pose."""
+    arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
+    return lambda parts: stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts)), arc.length
 
 
 def _hint(chain: Chain, rows: Vector) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.moves import Move
+from simrob_drake.programs.moves import JointMove
 from simrob_drake.robots.catalog import RobotModel
 
 _ROUNDING = 1e-9  # rad or m
@@ -29,7 +29,7 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
         InvalidParameter: an axis under two names.
         JointLimitExceeded: a target beyond an axis' limits; tells by how much.
     """
-    names, units, slides = list(model.axes), model.user_units, model.slides
+    names, units, slides = list(model.axes), model.user_units, model.prismatic
     lower, upper = model.axis_limits
     found: dict[int, float] = {}
     for axis, value in target_deg.items():
@@ -53,7 +53,7 @@ def move_name(number: int, count: int, file: str = "") -> str:
     return f"move {number}" if count > 1 else "the move"
 
 
-def postures_of(model: RobotModel, moves: Sequence[Move], start: Vector) -> tuple[Vector, Vector]:
+def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) -> tuple[Vector, Vector]:
     """Return when moves of joints end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
 
     Args:

@@ -9,7 +9,7 @@ import yaml
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, shortened
 from simrob_drake.folders import written_at_once
-from simrob_drake.programs.moves import KINDS, AnyMove, Cell, Move, kind_of
+from simrob_drake.programs.moves import KINDS, AnyMove, Cell, JointMove, kind_of
 from simrob_drake.yaml_files import Strict, read_yaml, validated
 
 
@@ -29,7 +29,7 @@ class Program(Strict):
     @property
     def duration(self) -> float:
         """Of all moves of joints [s]; what walks and acts take depends on the robot."""
-        return float(sum(move.duration for move in self.moves if isinstance(move, Move)))
+        return float(sum(move.duration for move in self.moves if isinstance(move, JointMove)))
 
     def __repr__(self) -> str:
         """Say in one line what it holds."""
@@ -125,7 +125,9 @@ def _check_entry(entry: Any, key: str, where: str) -> None:
     if not isinstance(entry, dict):
         raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {shortened(repr(entry))})")
     kind: type[Strict] | None = Cell if key == "references" else kind_of(entry)
-    strange = next((name for name in entry if name not in Move.model_fields), None)
+    strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
-        raise InvalidConfig(where, str(strange), f"unknown key{nearest(str(strange), [*KINDS, *Move.model_fields])}")
-    validated(kind or Move, entry, where)
+        raise InvalidConfig(
+            where, str(strange), f"unknown key{nearest(str(strange), [*KINDS, *JointMove.model_fields])}"
+        )
+    validated(kind or JointMove, entry, where)

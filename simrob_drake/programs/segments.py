@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simrob_drake.blocks.references import PEAK, smooth
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import turned_by
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.incremental import IncrementalSolver
-from simrob_drake.kinematics.solutions import Solutions
-from simrob_drake.kinematics.solver import Solver
+from simrob_drake.kinematics.solver import Solutions, Solver
 from simrob_drake.programs.errors import BrokenPath
-from simrob_drake.programs.trajectories import PEAK, spline, way
+from simrob_drake.programs.trajectories import spline
 
 PATH_TOLERANCE = 2e-5
 """How far the tool may be from its line or arc between two points [m]."""
@@ -55,7 +55,7 @@ class Segment:
 def joint_segment(chain: Chain, start: Vector, end: Vector, *, points: int, target: str) -> Segment:
     """Return the straight way in the space of the joints between two postures (n,)."""
     parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
-    postures = start + way(parts)[:, np.newaxis] * (end - start)
+    postures = start + smooth(parts)[:, np.newaxis] * (end - start)
     return Segment(parts, postures, tool_length(chain, postures), target)
 
 
@@ -83,7 +83,7 @@ def pose_segment(
         first, last = poses(np.array([0.0, 1.0]))
         count = max(count, int(np.ceil(PEAK * turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
     parts = np.linspace(0.0, 1.0, count + 1)
-    targets = poses(way(parts))
+    targets = poses(smooth(parts))
     solutions = solver.solve(targets[1:], start)
     if not strays or not solutions.reached[-1]:
         _require(solutions, parts[1:], targets[1:], points, target)
@@ -96,7 +96,7 @@ def pose_segment(
             raise _broken(chain, postures, parts, points, target)
         between = (parts[1:] + parts[:-1]) / 2
         guesses = np.clip(spline(parts, postures)(between), chain.lower, chain.upper)
-        wanted = poses(way(between))
+        wanted = poses(smooth(between))
         if _away(chain, guesses, wanted) < PATH_TOLERANCE:
             break
         solutions = solver.solve(wanted, guesses)

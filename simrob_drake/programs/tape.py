@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.programs.trajectories import Piece, trajectory
+from simrob_drake.programs.trajectories import Stretch, trajectory
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import simulate
@@ -25,18 +25,18 @@ class Take:
     Attributes:
         config: the station, with its pieces where they hung then.
         start: where it began; None at the configuration's initial posture.
-        pieces: the motion of every robot, from time 0 to the duration.
+        stretches: the motion of every robot, from time 0 to the duration.
         duration: of the run [s].
     """
 
     config: StationConfig
     start: State | None
-    pieces: Mapping[str, tuple[Piece, ...]]
+    stretches: Mapping[str, tuple[Stretch, ...]]
     duration: float
 
     def run(self) -> SimulationResult:
         """Run it again, from the same state: the same motion, sample by sample."""
-        references: dict[str, Trajectory] = {robot: trajectory(own) for robot, own in self.pieces.items()}
+        references: dict[str, Trajectory] = {robot: trajectory(own) for robot, own in self.stretches.items()}
         return simulate(self.config, reference=references, duration=self.duration, start=self.start, progress=False)
 
 
@@ -82,17 +82,19 @@ class Tape:
         if duration is not None and not (np.isfinite(duration) and duration > 0):
             raise InvalidParameter("duration", duration, "a positive time [s]")
         first = self.takes[0]
-        pieces: dict[str, list[Piece]] = {robot: [] for robot in first.config.robots}
+        stretches: dict[str, list[Stretch]] = {robot: [] for robot in first.config.robots}
         begin = 0.0
-        stretch = 1.0 if duration is None else duration / sum(take.duration for take in self.takes)
+        factor = 1.0 if duration is None else duration / sum(take.duration for take in self.takes)
         for take in self.takes:
             if take.config != first.config:
                 problem = "of a program in which a piece changes hands or a tool changes"
                 raise InvalidParameter("the recording", problem, "replayed take by take: replay()")
-            for robot, own in take.pieces.items():
-                if pieces[robot] and np.abs(pieces[robot][-1].postures[-1] - own[0].postures[0]).max() > _JOINS:
+            for robot, own in take.stretches.items():
+                if stretches[robot] and np.abs(stretches[robot][-1].postures[-1] - own[0].postures[0]).max() > _JOINS:
                     raise InvalidParameter("the recording", "with gaps", "replayed take by take: replay()")
-                pieces[robot] += [piece.at(begin, stretch) for piece in own]
-            begin += stretch * take.duration
-        whole = Take(config or first.config, first.start, {robot: tuple(own) for robot, own in pieces.items()}, begin)
+                stretches[robot] += [stretch.at(begin, factor) for stretch in own]
+            begin += factor * take.duration
+        whole = Take(
+            config or first.config, first.start, {robot: tuple(own) for robot, own in stretches.items()}, begin
+        )
         return whole.run()

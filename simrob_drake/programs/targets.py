@@ -74,3 +74,8 @@ def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
     except ValueError:  # ragged
         return False
     return len(shape) in (1, 2) and shape[-1] == 3
+
+
+def is_single(targets: PoseTargets) -> bool:
+    """Tell whether targets are one pose or place, not rows of them."""
+    return isinstance(targets, RigidTransform) or np.shape(targets) in ((3,), (6,), (4, 4))

@@ -1,8 +1,7 @@
 r"""Smooth trajectories of joints: rest to rest, with continuous acceleration.
 
-The part of the way at the part :math:`\tau` of the time is :math:`s = 10\tau^3 - 15\tau^4 + 6\tau^5`, the shortest
-polynomial with zero velocity and acceleration at both ends. What depends on s smoothly is then interpolated by splines
-of degree five in time, which keep these zeros.
+The part of the way at a part of the time is that of :func:`~simrob_drake.blocks.references.smooth`. What depends on it
+smoothly is then interpolated by splines of degree five in time, which keep velocity and acceleration at both ends zero.
 """
 
 from __future__ import annotations
@@ -18,15 +17,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from simrob_drake.frames import Vector
 
-PEAK = 1.875
-"""Largest over mean speed of the timing law."""
-
 _DEGREE = 5
-
-
-def way(part_of_time: Vector) -> Vector:
-    """Return the part of the way at a part of the time, both from 0 to 1."""
-    return np.asarray(part_of_time**3 * (10.0 - 15.0 * part_of_time + 6.0 * part_of_time**2))
 
 
 def spline(times: Vector, postures: Vector) -> BSpline:
@@ -38,27 +29,27 @@ def spline(times: Vector, postures: Vector) -> BSpline:
 
 
 @dataclass(frozen=True)
-class Piece:
+class Stretch:
     """A motion from rest to rest: the spline through postures (k, n) [rad or m] at times (k,) [s]."""
 
     times: Vector
     postures: Vector
 
-    def at(self, begin: float, stretch: float = 1.0) -> Piece:
-        """Return the same motion later by ``begin`` [s], its times multiplied by ``stretch``."""
-        return Piece(begin + stretch * self.times, self.postures)
+    def at(self, begin: float, factor: float = 1.0) -> Stretch:
+        """Return the same motion later by ``begin`` [s], its times multiplied by ``factor``."""
+        return Stretch(begin + factor * self.times, self.postures)
 
 
-def rest(posture: Vector, begin: float, end: float) -> Piece:
+def rest(posture: Vector, begin: float, end: float) -> Stretch:
     """Return the motion that stays at a posture (n,) from one time to another [s]."""
-    return Piece(np.array([begin, end]), np.array([posture, posture]))
+    return Stretch(np.array([begin, end]), np.array([posture, posture]))
 
 
-def trajectory(pieces: Sequence[Piece]) -> Trajectory:
+def trajectory(stretches: Sequence[Stretch]) -> Trajectory:
     """Return the trajectory of shape (n, 1) of motions that follow each other without a gap in time."""
     curves = []
-    for piece in pieces:
-        fitted = spline(piece.times, piece.postures)
+    for stretch in stretches:
+        fitted = spline(stretch.times, stretch.postures)
         basis = BsplineBasis(_DEGREE + 1, fitted.t.tolist())
         curves.append(BsplineTrajectory(basis, list(fitted.c[:, :, np.newaxis])))
     return curves[0] if len(curves) == 1 else CompositeTrajectory(curves)

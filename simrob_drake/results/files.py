@@ -43,8 +43,8 @@ def save_result(
         OutputError: the folder cannot be written, or exists.
     """
     # matplotlib and Meshcat are loaded where they are needed: most commands do without
-    from simrob_drake.results.animation.film_strip import frame_writer, save_film_strip, save_video
-    from simrob_drake.results.plots.plots import save_plots
+    from simrob_drake.results.animation.pictures import frame_writer, save_film_strip, save_video
+    from simrob_drake.results.plots.files import save_plots
 
     if video:
         frame_writer()

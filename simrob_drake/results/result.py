@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.results.files import default_folder, save_result
+from simrob_drake.results.overview import html_of, lines_of
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
 
@@ -17,6 +18,14 @@ class SimulationResult(RecordedRun):
 
     Attributes: those of :class:`RecordedRun`.
     """
+
+    def __repr__(self) -> str:
+        """Return three lines about the run."""
+        return "\n".join(lines_of(self))
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: these lines, a film strip and where all ended."""
+        return html_of(self)
 
     def save(
         self, folder: Path | str | None = None, *, force: bool = False, recording: bool = True, video: bool = False

@@ -11,6 +11,7 @@ from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from simrob_drake.frames import Vector
+from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
@@ -23,7 +24,7 @@ class LoneRobot:
     Attributes:
         builder: owns plant and scene graph; keep it as long as them.
         joints: of the axes, in order.
-        signs: of the axes, shape (n,).
+        axes: where they stand in the plant, and their senses.
     """
 
     builder: DiagramBuilder
@@ -31,17 +32,11 @@ class LoneRobot:
     scene_graph: SceneGraph
     instance: ModelInstanceIndex
     joints: list[Joint]
-    signs: Vector
+    axes: AxisMap
 
     def set_axes(self, context: Context, positions: Vector) -> None:
         """Put the axes to positions, shape (n,) [rad or m], in a context of the plant."""
-        configuration = self.plant.GetPositions(context)
-        configuration[[joint.position_start() for joint in self.joints]] = self.signs * positions
-        self.plant.SetPositions(context, configuration)
-
-    def of_axes(self, velocities: Vector) -> Vector:
-        """Return the axes' entries, shape (n,), of a vector over the plant's velocities, in the joints' sense."""
-        return np.asarray(velocities)[[joint.velocity_start() for joint in self.joints]]
+        self.axes.set_positions(self.plant, context, positions)
 
     def origins(self) -> Vector:
         """Return where the links are at the default posture, shape (m, 3) [m]."""
@@ -74,7 +69,7 @@ def lone_robot(robot: RobotModel, *, floating: bool = False, collision: bool = T
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(robot.root, instance))
     plant.Finalize()
     joints = [plant.GetJointByName(axis.joint, instance) for axis in robot.axes.values()]
-    signs = np.array([float(axis.sign) for axis in robot.axes.values()])
-    for joint, position in zip(joints, signs * robot.home, strict=True):
+    axes = AxisMap.of_joints(plant, joints, robot.signs)
+    for joint, position in zip(joints, axes.signs * robot.home, strict=True):
         joint.set_default_positions(np.array([position]))
-    return LoneRobot(builder, plant, scene_graph, instance, joints, signs)
+    return LoneRobot(builder, plant, scene_graph, instance, joints, axes)

@@ -1,21 +1,32 @@
-"""Links that are rigidly joined are one body: which links those are, and who carries them."""
+"""Links that are rigidly joined are one body: which links those are, who carries them, and how they become one link.
+
+A solver visits every body at every evaluation, welded or not. The flange, gripper and load of an arm are a third of
+its bodies, and published robots have dozens of fixed links that only name a frame. Merging changes no motion: masses,
+centres of mass and inertias add up by the parallel axis theorem, shapes keep their places, and each merged link stays
+on as a frame of its name.
+"""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, link_of, mass_of, name_of, root_link
+import numpy as np
+from pydrake.math import RigidTransform
+
+from simrob_drake.frames import Vector
+from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, mass_of, name_of, outward, root_link
+from simrob_drake.robots.urdf_elements import add_frame, moments_of, place, pose_of, set_inertia
+
+_SHAPES = ("visual", "collision")
 
 
 def carriers(robot: ET.Element) -> dict[str, str]:
     """Return, by link, the link that carries its body: the first one on the way to the root that a joint moves."""
-    fixed = {link_of(j, "child"): link_of(j, "parent") for j in robot.iterfind("joint") if j.get("type") == "fixed"}
-    found: dict[str, str] = {}
-    for link in (name_of(element) for element in robot.iterfind("link")):
-        way = [link]
-        while way[-1] in fixed and way[-1] not in found:
-            way.append(fixed[way[-1]])
-        found.update(dict.fromkeys(way, found.get(way[-1], way[-1])))
+    found = {root_link(robot): root_link(robot)}
+    for joint in outward(joints_at(robot), root_link(robot)):
+        child = link_of(joint, "child")
+        found[child] = found[link_of(joint, "parent")] if joint.get("type") == "fixed" else child
     return found
 
 
@@ -39,3 +50,69 @@ def links_without_inertia(robot: ET.Element, *, floating: bool = False) -> list[
     if floating:
         moved.add(root_link(robot))
     return [name for name in map(name_of, robot.iterfind("link")) if name in moved & weightless]
+
+
+@dataclass(frozen=True)
+class _Inertia:
+    """Mass [kg], centre of mass (3,) [m] in a link's frame, and moments about it (3, 3) [kg m²] in its axes."""
+
+    mass: float
+    com: Vector
+    moments: Vector
+
+    def seen_from(self, parent: RigidTransform) -> _Inertia:
+        """Return the same inertia in the parent's frame, in which the link has the pose ``parent``."""
+        turn = parent.rotation().matrix()
+        return _Inertia(self.mass, parent @ self.com, turn @ self.moments @ turn.T)
+
+    def __add__(self, other: _Inertia) -> _Inertia:
+        mass = self.mass + other.mass
+        com = (self.mass * self.com + other.mass * other.com) / mass
+        return _Inertia(mass, com, self._about(com) + other._about(com))
+
+    def _about(self, point: Vector) -> Vector:
+        offset = point - self.com
+        return self.moments + self.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+
+
+def merge_fixed_links(robot: ET.Element) -> None:
+    """Merge every link on a fixed joint into its parent, in place.
+
+    Args:
+        robot: the ``robot`` element of a checked URDF.
+    """
+    links = {name_of(link): link for link in robot.iterfind("link")}
+    placed: dict[str, list[ET.Element]] = {name: [] for name in links}  # the joints and frames that start at each link
+    for joint in robot.iterfind("joint"):
+        placed[link_of(joint, "parent")].append(joint)
+    for frame in robot.iterfind("frame"):
+        placed.setdefault(frame.get("link", ""), []).append(frame)
+    for joint in [joint for joint in robot.iterfind("joint") if joint.get("type") == "fixed"]:
+        name, carrier, pose = link_of(joint, "child"), link_of(joint, "parent"), pose_of(joint)
+        child, parent = links.pop(name), links[carrier]
+        shapes = [element for tag in _SHAPES for element in child.iterfind(tag)]
+        for element in (*shapes, *placed[name]):
+            place(element, pose @ pose_of(element))
+        parent.extend(shapes)
+        inertia = _inertia(child)
+        if inertia is not None:
+            own = _inertia(parent)
+            moved = inertia.seen_from(pose)
+            whole = moved if own is None else own + moved
+            set_inertia(parent, mass=whole.mass, moments=whole.moments, pose=RigidTransform(whole.com))
+        for element in placed[name]:
+            start = element.find("parent") if element.tag == "joint" else element
+            assert start is not None  # checked before
+            start.set("link", carrier)
+        robot.remove(child)
+        robot.remove(joint)
+        placed[carrier].remove(joint)
+        placed[carrier] += [*placed.pop(name), add_frame(robot, name, carrier, pose)]
+
+
+def _inertia(link: ET.Element) -> _Inertia | None:
+    """Return the inertia of a link; None if it has no mass."""
+    inertial = link.find("inertial")
+    if inertial is None or mass_of(link) == 0:
+        return None
+    return _Inertia(mass_of(link), np.zeros(3), moments_of(inertial)).seen_from(pose_of(inertial))

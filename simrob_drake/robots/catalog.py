@@ -19,7 +19,7 @@ from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.tools import tool_links
-from simrob_drake.robots.units import SLIDES, TURNS, AxisUnit
+from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
 from simrob_drake.robots.urdf import (
     joint_effort,
     joint_limits,
@@ -41,17 +41,24 @@ class Axis(Strict):
     """One axis of a robot: a joint of its URDF and the sense that counts as positive."""
 
     joint: str
+    """The joint's name in the URDF."""
     sign: Literal[-1, 1] = 1
+    """-1 where the axis is positive in the other sense than its joint."""
     aliases: tuple[str, ...] = ()
+    """Other names by which users may call it."""
 
 
 class Gains(Strict):
     """Servo gains that a robot brings along; a station may set others."""
 
     kp: AxisValues | None = None
+    """Proportional gain [N·m/rad, or N/m of a prismatic axis]."""
     ki: AxisValues | None = None
+    """Integral gain [N·m/(rad·s) or N/(m·s)]."""
     kd: AxisValues | None = None
+    """Derivative gain [N·m·s/rad or N·s/m]."""
     torque_limit: AxisValues | None = None
+    """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""
 
 
 def _axes_by_name(axes: Any) -> Any:
@@ -69,18 +76,35 @@ class RobotModel(Strict):
     """
 
     name: FileName
+    """What it is called; as its folder or its file unless given."""
     folder: Path
+    """Where its file lies, which all its file names start from."""
     description: str = ""
+    """What it is, in one line."""
     source: str = ""
+    """Where its figures are from, and which are estimates."""
     urdf: str | None = None
+    """Its URDF; a table takes its place."""
     dh: DhTable | None = None
+    """Its table of Denavit-Hartenberg parameters, in place of a URDF; it tells root, axes and tools, too."""
     base: Literal["fixed", "floating"] = "fixed"
+    """Whether its root link is fixed to the world, as an arm's is, or moves freely."""
     root: str
-    axes: Annotated[dict[str, Axis], BeforeValidator(_axes_by_name), Field(min_length=1)]
+    """The root link of the URDF."""
+    axes: Annotated[
+        dict[str, Axis],
+        BeforeValidator(_axes_by_name, json_schema_input_type=dict[str, Axis] | list[str]),
+        Field(min_length=1),
+    ]
+    """Its axes by name, in the order of every vector; a plain list where they are called as their joints."""
     tools: dict[str, str] = Field(default_factory=dict)
+    """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
+    """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
     servo: Gains = Gains()
+    """Gains of its servos, which a station may change."""
     feet: Feet | None = None
+    """What it stands on."""
 
     @model_validator(mode="before")
     @classmethod
@@ -115,32 +139,48 @@ class RobotModel(Strict):
         return links_without_inertia(self.element, floating=self.base == "floating")
 
     @property
+    def joints(self) -> list[Element]:
+        """The ``joint`` elements of the axes, in order.
+
+        Raises:
+            UnknownName: an axis names a joint that the URDF does not have.
+        """
+        known = {name_of(joint): joint for joint in self.element.iterfind("joint")}
+        unknown = next((axis.joint for axis in self.axes.values() if axis.joint not in known), None)
+        if unknown is not None:
+            raise UnknownName("joint", unknown, movable_joints(self.element))
+        return [known[axis.joint] for axis in self.axes.values()]
+
+    @property
+    def signs(self) -> Vector:
+        """The senses of the axes against their joints, 1.0 or -1.0, shape (n,)."""
+        return np.array([float(axis.sign) for axis in self.axes.values()])
+
+    @property
     def axis_limits(self) -> tuple[Vector, Vector]:
         """Lower and upper limit of every axis [rad or m], each of shape (n,), in the sense of the axes."""
-        pairs = np.array([joint_limits(self.element, axis.joint) for axis in self.axes.values()])
-        signs = np.array([axis.sign for axis in self.axes.values()])
-        lower, upper = np.sort(pairs * signs[:, np.newaxis], axis=1).T
+        pairs = np.array([joint_limits(joint) for joint in self.joints])
+        lower, upper = np.sort(pairs * self.signs[:, np.newaxis], axis=1).T
         return lower, upper
 
     @property
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
-        return np.array([joint_effort(self.element, axis.joint) for axis in self.axes.values()])
+        return np.array([joint_effort(joint) for joint in self.joints])
 
     @cached_property
-    def slides(self) -> tuple[bool, ...]:
-        """Whether each axis slides instead of turning; then keys in ``..._deg`` hold metres, and torques are forces."""
-        kinds = {name_of(joint): joint.get("type") for joint in self.element.iterfind("joint")}
-        return tuple(kinds.get(axis.joint) == "prismatic" for axis in self.axes.values())
+    def prismatic(self) -> tuple[bool, ...]:
+        """Whether each axis is prismatic, not revolute; keys in ``..._deg`` hold metres, and its torques are forces."""
+        return tuple(joint.get("type") == "prismatic" for joint in self.joints)
 
     @property
     def units(self) -> list[AxisUnit]:
         """The units of every axis."""
-        return [SLIDES if slides else TURNS for slides in self.slides]
+        return [PRISMATIC if prismatic else REVOLUTE for prismatic in self.prismatic]
 
     @property
     def user_units(self) -> Vector:
-        """What one unit of a user's figures is in SI, shape (n,): rad per degree, or 1 m for an axis that slides."""
+        """What one unit of a user's figures is in SI, shape (n,): rad per degree, or 1 m of a prismatic axis."""
         return np.array([unit.size for unit in self.units])
 
     @property
@@ -159,8 +199,8 @@ class RobotModel(Strict):
         return [unit.effort for unit in self.units]
 
     def bounds(self, degrees: float, metres: float) -> Vector:
-        """Return one bound for axes that turn [deg] and one for those that slide [m], in SI, shape (n,)."""
-        return np.where(self.slides, metres, np.deg2rad(degrees))
+        """Return one bound for revolute axes [deg] and one for prismatic ones [m], in SI, shape (n,)."""
+        return np.where(self.prismatic, metres, np.deg2rad(degrees))
 
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
         """Spread a number, a list or a mapping over the axes.
@@ -252,7 +292,7 @@ def load_robot_from_urdf(path: Path) -> RobotModel:
 
 
 def _midway(robot: RobotModel) -> dict[str, float]:
-    """Return the axes that cannot be at zero, in the middle of their range [deg, or m where they slide]."""
+    """Return the axes that cannot be at zero, in the middle of their range [deg, or m of prismatic ones]."""
     lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
     return {
         axis: float(f"{(low + high) / 2:.6g}")

@@ -27,22 +27,23 @@ class DhRow(Strict):
     joint: str | None = None
     """Its name; `joint_1` and so on unless given."""
     type: Literal["revolute", "prismatic"] = "revolute"
+    """Whether it turns about z or slides along it."""
     a: Number = 0.0
     """Length along x [m]."""
     alpha_deg: Number = 0.0
     """Twist about x [deg]."""
     d: Number = 0.0
-    """Offset along z [m]; of a sliding joint, where its zero is."""
+    """Offset along z [m]; of a prismatic joint, where its zero is."""
     offset_deg: Number = 0.0
-    """Turn about z [deg]; of a turning joint, where its zero is."""
+    """Turn about z [deg]; of a revolute joint, where its zero is."""
     limit_deg: Range | None = None
-    """Lowest and highest angle of a turning joint [deg]."""
+    """Lowest and highest angle of a revolute joint [deg]."""
     limit: Range | None = None
-    """Lowest and highest place of a sliding joint [m]."""
+    """Lowest and highest place of a prismatic joint [m]."""
     velocity_deg: Positive | None = None
-    """Largest speed of a turning joint [deg/s]."""
+    """Largest speed of a revolute joint [deg/s]."""
     velocity: Positive | None = None
-    """Largest speed of a sliding joint [m/s]."""
+    """Largest speed of a prismatic joint [m/s]."""
     effort: Positive
     """Largest torque [N·m] or force [N] of the motor."""
     damping: NotNegative = 0.0
@@ -56,9 +57,9 @@ class DhRow(Strict):
 
     @model_validator(mode="after")
     def _fitting(self) -> DhRow:
-        turns = self.type == "revolute"
-        own, other = ("limit_deg", "limit") if turns else ("limit", "limit_deg")
-        spared = "velocity" if turns else "velocity_deg"
+        revolute = self.type == "revolute"
+        own, other = ("limit_deg", "limit") if revolute else ("limit", "limit_deg")
+        spared = "velocity" if revolute else "velocity_deg"
         given = getattr(self, own)
         if given is None:
             raise ValueError(f"a {self.type} joint needs {own}")
@@ -84,11 +85,13 @@ class DhTable(Strict):
     """An arm as a table: base, a row a joint, tool.
 
     Rows multiply to the pose of the tool: classical ones as Rz(q + offset) Tz(d) Tx(a) Rx(alpha), modified (Craig's)
-    as Rx(alpha) Tx(a) Rz(q + offset) Tz(d); where the joint slides, q adds to d.
+    as Rx(alpha) Tx(a) Rz(q + offset) Tz(d); where the joint is prismatic, q adds to d.
     """
 
     convention: Literal["classical", "modified"]
+    """How the figures of a row are meant; modified ones are Craig's."""
     rows: Annotated[tuple[DhRow, ...], Field(min_length=1)]
+    """One a joint, from the base outward."""
     base: Pose = ORIGIN
     """Pose of the table's first frame in the base link, [x y z Rz Ry Rx]."""
     tool: Pose = ORIGIN

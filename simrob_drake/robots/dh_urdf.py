@@ -1,20 +1,38 @@
-"""From a table of Denavit-Hartenberg parameters to the URDF of a robot."""
+"""From a table of Denavit-Hartenberg parameters to the URDF of a robot.
+
+It looks like an arm: a drum at each joint, tubes between them, a foot and a flange.
+"""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Cylinder, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
+from simrob_drake.frames import Vector
+from simrob_drake.quantities import Colour
 from simrob_drake.robots.dh import BASE_LINK, TOOL_LINK, DhRow, DhTable
-from simrob_drake.robots.dh_shapes import LinkShape, link_shapes
-from simrob_drake.robots.merge import place
-from simrob_drake.robots.solids import solid_inertia
+from simrob_drake.robots.solids import Solid, solid_inertia
+from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, add_solid, set_inertia, written
 
-_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+_THICKNESS = 0.055  # radius at the base over the arm's length
+_TAPER = 0.5  # how much thinner its end is
+_DRUM = 1.25, 2.6  # radius and length of a joint over the tube's radius
+_FOOT = 1.8, 0.3  # of the base, likewise
+_FLANGE = 0.8, 0.4  # of the tool's end, likewise
+_FLANGE_COLOUR: Colour = (0.66, 0.68, 0.7, 1.0)
+_NOTHING = 1e-6  # m; shorter tubes are left out
+
+
+@dataclass(frozen=True)
+class LinkShape:
+    """A shape of a link, in the link's frame, and its colour."""
+
+    solid: Solid
+    colour: Colour
 
 
 def dh_robot(name: str, table: DhTable) -> ET.Element:
@@ -26,33 +44,24 @@ def dh_robot(name: str, table: DhTable) -> ET.Element:
     robot = ET.Element("robot", name=name)
     shapes, origins, frames = link_shapes(table), table.origins(), table.link_frames()
     names = [BASE_LINK, *(f"link_{number}" for number in range(1, len(table.rows) + 1)), TOOL_LINK]
-    for link_name, link_shapes_ in zip(names, [*shapes, []], strict=True):
-        _add_shapes(ET.SubElement(robot, "link", name=link_name), link_shapes_)
-    links = robot.findall("link")
+    links = [ET.SubElement(robot, "link", name=link) for link in names]
+    for link, shapes_of_link in zip(links, [*shapes, []], strict=True):
+        _add_shapes(link, shapes_of_link)
     for number, (row, joint_name) in enumerate(zip(table.rows, table.joints, strict=True)):
         _add_inertia(links[number + 1], row, frames[number], shapes[number + 1])
-        joint = _add_joint(robot, joint_name, row.type, (names[number], names[number + 1]), origins[number])
+        ends = {"parent": names[number], "child": names[number + 1]}
+        joint = add_joint(robot, joint_name, kind=row.type, pose=origins[number], **ends)
         _add_motion(joint, row)
-        _add_motor(robot, joint_name)
-    _add_joint(robot, "flange", "fixed", (names[-2], names[-1]), origins[-1])
+        add_motor(robot, joint_name, drive=f"{joint_name}_transmission")
+    add_joint(robot, "flange", parent=names[-2], child=names[-1], pose=origins[-1])
     return robot
 
 
-def _add_shapes(link: ET.Element, shapes: Iterable[LinkShape]) -> None:
-    name = link.get("name", "")
+def _add_shapes(link: ET.Element, shapes: list[LinkShape]) -> None:
     for number, shape in enumerate(shapes):
-        for tag in ("visual", "collision"):
-            element = ET.SubElement(link, tag, name=f"{name}_{number}")
-            place(element, shape.solid.pose)
-            geometry = ET.SubElement(element, "geometry")
-            body = shape.solid.shape
-            if isinstance(body, Cylinder):
-                ET.SubElement(geometry, "cylinder", radius=repr(body.radius()), length=repr(body.length()))
-            elif isinstance(body, Sphere):
-                ET.SubElement(geometry, "sphere", radius=repr(body.radius()))
-            if tag == "visual":
-                material = ET.SubElement(element, "material", name=f"{name}_{number}_colour")
-                ET.SubElement(material, "color", rgba=" ".join(map(repr, shape.colour)))
+        name = f"{link.get('name')}_{number}"
+        add_colour(add_solid(link, "visual", name, shape.solid), f"{name}_colour", shape.colour)
+        add_solid(link, "collision", name, shape.solid)
 
 
 def _add_inertia(link: ET.Element, row: DhRow, frame: RigidTransform, shapes: list[LinkShape]) -> None:
@@ -61,34 +70,78 @@ def _add_inertia(link: ET.Element, row: DhRow, frame: RigidTransform, shapes: li
         return
     whole = solid_inertia([shape.solid for shape in shapes], closed=True)
     centre = whole.centre if row.com is None else frame @ np.array(row.com)
-    turn, moments = RotationMatrix(), (row.mass / whole.volume * whole.moments).tolist()
-    if row.inertia is not None:
-        turn, moments = frame.rotation(), [*row.inertia, 0.0, 0.0, 0.0]
-    inertial = ET.SubElement(link, "inertial")
-    place(inertial, RigidTransform(turn, centre))
-    ET.SubElement(inertial, "mass", value=repr(row.mass))
-    ET.SubElement(inertial, "inertia", {key: repr(value) for key, value in zip(_MOMENTS, moments, strict=False)})
-
-
-def _add_joint(robot: ET.Element, name: str, kind: str, links: tuple[str, str], origin: RigidTransform) -> ET.Element:
-    joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=links[0])
-    ET.SubElement(joint, "child", link=links[1])
-    place(joint, origin)
-    return joint
+    if row.inertia is None:
+        moments, turn = row.mass / whole.volume * whole.moments, RotationMatrix()
+    else:
+        moments, turn = np.array(row.inertia), frame.rotation()
+    set_inertia(link, mass=row.mass, moments=moments.tolist(), pose=RigidTransform(turn, centre))
 
 
 def _add_motion(joint: ET.Element, row: DhRow) -> None:
     ET.SubElement(joint, "axis", xyz="0 0 1")
     low, high = row.range
-    limit = ET.SubElement(joint, "limit", lower=repr(low), upper=repr(high), effort=repr(row.effort))
+    limit = ET.SubElement(joint, "limit", lower=written(low), upper=written(high), effort=written(row.effort))
     if row.speed is not None:
-        limit.set("velocity", repr(row.speed))
-    ET.SubElement(joint, "dynamics", damping=repr(row.damping))
+        limit.set("velocity", written(row.speed))
+    ET.SubElement(joint, "dynamics", damping=written(row.damping))
 
 
-def _add_motor(robot: ET.Element, joint: str) -> None:
-    transmission = ET.SubElement(robot, "transmission", name=f"{joint}_transmission")
-    ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
-    ET.SubElement(transmission, "joint", name=joint)
-    ET.SubElement(transmission, "actuator", name=f"{joint}_motor")
+def link_shapes(table: DhTable) -> list[list[LinkShape]]:
+    """Return the shapes of all links, that of the base first.
+
+    A tube goes from each link's joint along z and then straight to the next joint, or to the tool.
+    """
+    origins, radii = table.origins(), _radii(table)
+    links = []
+    for number, (end, radius) in enumerate(zip(origins, radii, strict=True)):
+        shapes = [LinkShape(tube, table.colour) for tube in _tubes(end.translation(), radius)]
+        shapes += _joint(table, number, radius) if number else [_foot(table, radius)]
+        if number == len(table.rows):
+            shapes.append(_flange(end, radius))
+        links.append(shapes)
+    return links
+
+
+def _radii(table: DhTable) -> Vector:
+    length = sum(float(np.linalg.norm(origin.translation())) for origin in table.origins()[1:])
+    length += sum(row.range[1] - row.range[0] for row in table.rows if row.type == "prismatic")
+    thickness = table.thickness or _THICKNESS * max(length, 0.1)
+    return np.asarray(thickness * np.linspace(1.0, 1.0 - _TAPER, len(table.rows) + 1))
+
+
+def _tubes(end: Vector, radius: float) -> list[Solid]:
+    """Return tubes from the origin to a point, with a ball where they bend."""
+    corner = np.array([0.0, 0.0, end[2]])
+    tubes = [_tube(a, b, radius) for a, b in ((np.zeros(3), corner), (corner, end)) if _apart(a, b)]
+    return [*tubes, Solid(RigidTransform(corner), Sphere(radius))] if len(tubes) > 1 else tubes
+
+
+def _joint(table: DhTable, number: int, radius: float) -> list[LinkShape]:
+    row = table.rows[number - 1]
+    if row.type == "prismatic":  # a rod that slides through the link before
+        rod = _tube(np.array([0.0, 0.0, -row.range[1]]), np.array([0.0, 0.0, radius]), 0.7 * radius)
+        return [LinkShape(rod, table.joint_colour)]
+    wide, long = _DRUM[0] * radius, _DRUM[1] * radius
+    stands = number == 1 and not _apart(table.origins()[0].translation(), np.zeros(3))  # on the ground, not half in it
+    place = RigidTransform(np.array([0.0, 0.0, long / 2 if stands else 0.0]))
+    return [LinkShape(Solid(place, Cylinder(wide, long)), table.joint_colour)]
+
+
+def _foot(table: DhTable, radius: float) -> LinkShape:
+    wide, high = (part * radius for part in _FOOT)
+    return LinkShape(Solid(RigidTransform(np.array([0.0, 0.0, high / 2])), Cylinder(wide, high)), table.joint_colour)
+
+
+def _flange(tool: RigidTransform, radius: float) -> LinkShape:
+    wide, long = (part * radius for part in _FLANGE)
+    place = tool @ RigidTransform(np.array([0.0, 0.0, -long / 2]))
+    return LinkShape(Solid(place, Cylinder(wide, long)), _FLANGE_COLOUR)
+
+
+def _tube(start: Vector, end: Vector, radius: float) -> Solid:
+    turn = RotationMatrix.MakeFromOneVector(end - start, 2)
+    return Solid(RigidTransform(turn, (start + end) / 2), Cylinder(radius, float(np.linalg.norm(end - start))))
+
+
+def _apart(a: Vector, b: Vector) -> bool:
+    return bool(np.linalg.norm(b - a) > _NOTHING)

@@ -10,12 +10,15 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 from pydantic import Field, model_validator
+from pydrake.geometry import Box, Sphere
+from pydrake.math import RigidTransform
 
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.quantities import NotNegative, Positive, Triple
-from simrob_drake.robots.urdf import DRAKE, name_of
-from simrob_drake.robots.urdf_shapes import Numbers, box, shape_element, sphere, text
+from simrob_drake.robots.solids import Solid
+from simrob_drake.robots.urdf import name_of
+from simrob_drake.robots.urdf_elements import add_contact, add_solid
 from simrob_drake.yaml_files import Strict
 
 
@@ -65,12 +68,29 @@ class FootContact(Strict):
         corners = np.array([(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
         return np.asarray(sole.centre + corners * np.array(sole.size) / 2)
 
+    def lowest_points(self, link: str, poses: Vector) -> Vector:
+        """Return the lowest point of each sphere of a foot, or its sole's lower corners, in the world.
+
+        Args:
+            link: of the foot.
+            poses: of the link, shape (m, 4, 4).
+
+        Returns:
+            shape (m, k, 3) [m].
+        """
+        under = self.radius if link in self.points else 0.0
+        own = np.array(self.points[link]) if link in self.points else self.support_points(link)
+        points = poses[:, np.newaxis, :3, 3] + own @ poses[:, :3, :3].transpose(0, 2, 1)
+        return np.asarray(points - [0.0, 0.0, under])
+
 
 class Feet(Strict):
     """The kinds of feet that a robot has."""
 
     default: str
+    """The kind that a station takes unless it names another."""
     contacts: dict[str, FootContact] = Field(min_length=1)
+    """The kinds by name."""
 
     @model_validator(mode="after")
     def _default_is_one(self) -> Feet:
@@ -106,27 +126,23 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
         link = links[name]
         for old in link.findall("collision"):
             link.remove(old)
-        shapes = [sphere(feet.radius, point) for point in feet.points.get(name, ())]
+        solids = [Solid(RigidTransform(np.array(point)), Sphere(feet.radius)) for point in feet.points.get(name, ())]
         if name in feet.boxes:
-            shapes = [box(feet.boxes[name].size, feet.boxes[name].centre)]
-        for number, shape in enumerate(shapes):
-            element = shape_element(link, "collision", shape)
-            element.set("name", f"{name}_contact_{number}")
-            _add_properties(element, feet)
+            sole = feet.boxes[name]
+            solids = [Solid(RigidTransform(np.array(sole.centre)), Box(*sole.size))]
+        for number, solid in enumerate(solids):
+            add_contact(add_solid(link, "collision", f"{name}_contact_{number}", solid), _contact_figures(feet))
 
 
-def _add_properties(collision: ET.Element, feet: FootContact) -> None:
-    """Add Drake's contact figures; those of point and of hydroelastic contact do not disturb each other."""
-    properties = ET.SubElement(collision, f"{DRAKE}proximity_properties")
-    ET.SubElement(properties, f"{DRAKE}compliant_hydroelastic")
+def _contact_figures(feet: FootContact) -> dict[str, float | None]:
+    """Return Drake's contact figures; those of point and of hydroelastic contact do not disturb each other."""
     static, dynamic = feet.friction
-    figures: dict[str, Numbers] = {
-        "point_contact_stiffness": [feet.stiffness],
-        "hunt_crossley_dissipation": [feet.dissipation],
-        "mu_static": [static],
-        "mu_dynamic": [dynamic],
-        "hydroelastic_modulus": [feet.hydroelastic_modulus],
-        "mesh_resolution_hint": [feet.radius / 2],
+    return {
+        "compliant_hydroelastic": None,
+        "point_contact_stiffness": feet.stiffness,
+        "hunt_crossley_dissipation": feet.dissipation,
+        "mu_static": static,
+        "mu_dynamic": dynamic,
+        "hydroelastic_modulus": feet.hydroelastic_modulus,
+        "mesh_resolution_hint": feet.radius / 2,
     }
-    for key, value in figures.items():
-        ET.SubElement(properties, f"{DRAKE}{key}", value=text(value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from copy import deepcopy
 from pathlib import Path
@@ -11,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.robots.merge import merge_fixed_links
+from simrob_drake.robots.bodies import merge_fixed_links
 from simrob_drake.robots.urdf import drop_collision
 
 
@@ -36,9 +37,13 @@ def add_urdf(
     reduced = deepcopy(robot)
     if not collision:
         drop_collision(reduced)
+    for actuator in reduced.iterfind("transmission/actuator"):
+        for gear in actuator.findall("mechanicalReduction"):  # Drake does not heed it, and says so of each
+            actuator.remove(gear)
     merge_fixed_links(reduced)
     parser = Parser(plant, model_name_prefix=name)
     try:
         return parser.AddModelsFromString(ET.tostring(reduced, encoding="unicode"), "urdf")[0]
     except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
-        raise InvalidModel(where, "", f"Drake cannot read it: {' '.join(str(problem).split())}") from problem
+        said = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
+        raise InvalidModel(where, "", f"Drake cannot read it: {said}") from problem

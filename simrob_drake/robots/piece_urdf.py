@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
-from pathlib import Path
 
+import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.robots.merge import add_frame, place, pose_of
-from simrob_drake.robots.pieces import PieceModel, PieceShape
-from simrob_drake.robots.urdf import DRAKE
+from simrob_drake.robots.pieces import PieceModel
+from simrob_drake.robots.urdf_elements import (
+    add_colour,
+    add_contact,
+    add_frame,
+    add_joint,
+    add_solid,
+    pose_of,
+    set_inertia,
+)
 
 FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}
 """Of all pieces and floors: the contacts of the Simulink library."""
-_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, pose: RigidTransform) -> None:
@@ -32,10 +37,7 @@ def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, p
     if frame is not None:
         parent, pose = frame.get("link", ""), pose_of(frame) @ pose
     robot.append(_link_element(name, piece))
-    joint = ET.SubElement(robot, "joint", name=f"{name}_mount", type="fixed")
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=name)
-    place(joint, pose)
+    add_joint(robot, f"{name}_mount", parent=parent, child=name, pose=pose)
     _add_frames(robot, name, piece)
 
 
@@ -55,40 +57,12 @@ def _add_frames(robot: ET.Element, name: str, piece: PieceModel) -> None:
 def _link_element(name: str, piece: PieceModel) -> ET.Element:
     link = ET.Element("link", name=name)
     if piece.mass > 0:
-        inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=_text(piece.com))
-        ET.SubElement(inertial, "mass", value=repr(piece.mass))
-        moments = zip(_INERTIA, (*piece.inertia, 0.0, 0.0, 0.0), strict=False)  # products are zero unless given
-        ET.SubElement(inertial, "inertia", {key: repr(moment) for key, moment in moments})
+        set_inertia(link, mass=piece.mass, moments=piece.inertia, pose=RigidTransform(np.array(piece.com)))
     for index, (shape, shape_name) in enumerate(zip(piece.shapes, piece.shape_names, strict=True)):
+        solid = shape.solid(piece.folder)
         if shape.visible:
-            visual = _shape_element(link, "visual", f"{name}_{index}", shape, piece.folder)
-            material = ET.SubElement(visual, "material", name=f"{name}_{index}_colour")
-            ET.SubElement(material, "color", rgba=_text(shape.colour or piece.colour))
+            visual = add_solid(link, "visual", f"{name}_{index}", solid)
+            add_colour(visual, f"{name}_{index}_colour", shape.colour or piece.colour)
         if shape.collides:
-            collision = _shape_element(link, "collision", f"{name}.{shape_name}", shape, piece.folder)
-            friction = ET.SubElement(collision, f"{DRAKE}proximity_properties")
-            for key, value in FRICTION.items():
-                ET.SubElement(friction, f"{DRAKE}{key}", value=repr(value))
+            add_contact(add_solid(link, "collision", f"{name}.{shape_name}", solid), FRICTION)
     return link
-
-
-def _shape_element(link: ET.Element, tag: str, name: str, shape: PieceShape, folder: Path) -> ET.Element:
-    element = ET.SubElement(link, tag, name=name)
-    place(element, transform_from_pose(shape.pose))
-    geometry = ET.SubElement(element, "geometry")
-    if shape.box is not None:
-        ET.SubElement(geometry, "box", size=_text(shape.box))
-    elif shape.cylinder is not None:
-        radius, length = shape.cylinder
-        ET.SubElement(geometry, "cylinder", radius=repr(radius), length=repr(length))
-    elif shape.sphere is not None:
-        ET.SubElement(geometry, "sphere", radius=repr(shape.sphere))
-    else:
-        scale = _text([shape.scale] * 3)
-        ET.SubElement(geometry, "mesh", filename=f"file://{folder / str(shape.mesh)}", scale=scale)
-    return element
-
-
-def _text(values: Sequence[float]) -> str:
-    return " ".join(repr(value) for value in values)

@@ -48,8 +48,9 @@ class PieceShape(Strict):
     name: str | None = None
     """What sensors call it, `<piece>.<name>`; its number unless given."""
     collides: bool = True
-    """Whether it takes part in contact, or is only seen."""
+    """Whether it takes part in contact."""
     visible: bool = True
+    """Whether it is seen."""
 
     def solid(self, folder: Path) -> Solid:
         """Return the body that fills the shape, in the piece's frame."""
@@ -95,17 +96,25 @@ class PieceModel(Strict):
     """
 
     folder: Path
+    """Where its file lies, which its meshes start from."""
     description: str = ""
+    """What it is, in one line."""
     density: Positive | None = None
     """Of its material [kg/m³], instead of a mass."""
     mass: NotNegative = 0.0
+    """[kg]."""
     com: Triple = (0.0, 0.0, 0.0)
+    """Centre of mass, in the piece's frame [m]."""
     inertia: Inertia = (0.0, 0.0, 0.0)
+    """Moments Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz where they are not zero."""
     tcp: Pose = ORIGIN
+    """Tool centre point, [x y z Rz Ry Rx] in the piece's frame."""
     frames: dict[str, Pose | FrameSeries] = Field(default_factory=dict)
     """Further frames by name, in the piece's frame: poses, or series of them."""
     colour: Colour = (0.6, 0.6, 0.65, 1.0)
+    """Red, green, blue, opacity of the shapes that have none of their own."""
     shapes: tuple[PieceShape, ...] = ()
+    """What it is made of: what is seen of it, and what touches others."""
 
     @model_validator(mode="after")
     def _consistent(self) -> PieceModel:

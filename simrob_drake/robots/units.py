@@ -1,4 +1,4 @@
-"""The units of an axis: one that turns has angles and torques, one that slides distances and forces."""
+"""The units of an axis: a revolute one has angles and torques, a prismatic one distances and forces."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class AxisUnit:
         return f"{position / self.size:{self.digits}} {self.name}"
 
 
-TURNS = AxisUnit(float(np.deg2rad(1.0)), "deg", "rad", "N·m", ".1f")
-SLIDES = AxisUnit(1.0, "m", "m", "N", ".4g")
+REVOLUTE = AxisUnit(float(np.deg2rad(1.0)), "deg", "rad", "N·m", ".1f")
+PRISMATIC = AxisUnit(1.0, "m", "m", "N", ".4g")
 
 
 def with_units(values: Vector, units: Sequence[str], told: Callable[[Vector], str]) -> str:

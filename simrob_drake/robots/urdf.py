@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
 
-from simrob_drake.errors import InvalidModel, UnknownName, shortened
+from simrob_drake.errors import InvalidModel, shortened
 
 MOVABLE_JOINTS = ("revolute", "continuous", "prismatic")
 LIMITED_JOINTS = ("revolute", "prismatic")
@@ -30,8 +31,8 @@ def read_urdf(path: Path) -> ET.Element:
         text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as problem:
         raise InvalidModel(path, "", f"cannot be read as a text file ({problem})") from problem
-    if path.suffix == ".xacro" or "xmlns:xacro" in text:
-        raise InvalidModel(path, "", "is a xacro file; expand it first: xacro FILE.xacro > FILE.urdf")
+    if path.suffix.lower() == ".xacro" or "xmlns:xacro" in text:
+        raise InvalidModel(path, "", "is a xacro file; expand it first: xacro FILE.xacro > PLAIN.urdf")
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise InvalidModel(path, "", "declares entities or a document type, which a URDF never needs")
     try:
@@ -54,17 +55,17 @@ def movable_joints(root: ET.Element) -> list[str]:
     return [name_of(j) for j in root.iterfind("joint") if j.get("type") in MOVABLE_JOINTS]
 
 
-def joint_limits(root: ET.Element, joint: str) -> tuple[float, float]:
+def joint_limits(joint: ET.Element) -> tuple[float, float]:
     """Return a joint's lower and upper limit [rad or m]; without them -inf, inf. Drake heeds a continuous joint's."""
-    limit = _joint(root, joint).find("limit")
+    limit = joint.find("limit")
     if limit is None or "lower" not in limit.attrib:
         return -math.inf, math.inf
     return float(limit.attrib["lower"]), float(limit.attrib["upper"])
 
 
-def joint_effort(root: ET.Element, joint: str) -> float:
+def joint_effort(joint: ET.Element) -> float:
     """Return the largest torque of a joint's motor [N·m or N]; 0 where the URDF gives none."""
-    limit = _joint(root, joint).find("limit")
+    limit = joint.find("limit")
     return 0.0 if limit is None else float(limit.get("effort", 0.0))
 
 
@@ -72,6 +73,30 @@ def root_link(root: ET.Element) -> str:
     """Return the link that is no joint's child."""
     children = {link_of(j, "child") for j in root.iterfind("joint")}
     return next(name_of(link) for link in root.iterfind("link") if name_of(link) not in children)
+
+
+def joints_at(root: ET.Element) -> dict[str, list[ET.Element]]:
+    """Return the joints that start at each link, in file order."""
+    joints: dict[str, list[ET.Element]] = {name_of(link): [] for link in root.iterfind("link")}
+    for joint in root.iterfind("joint"):
+        joints[link_of(joint, "parent")].append(joint)
+    return joints
+
+
+def outward(starts: Mapping[str, list[ET.Element]], link: str, *, rigid: bool = False) -> list[ET.Element]:
+    """Return the joints that hang on a link of a tree, each after those that carry it.
+
+    Args:
+        starts: the joints at each link (:func:`joints_at`).
+        link: where to begin.
+        rigid: only as far as joints are fixed.
+    """
+    links, found = [link], list[ET.Element]()
+    for name in links:
+        further = [joint for joint in starts[name] if not rigid or joint.get("type") == "fixed"]
+        found += further
+        links += [link_of(joint, "child") for joint in further]
+    return found
 
 
 def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
@@ -119,13 +144,6 @@ def mesh_file(uri: str, folder: Path) -> Path:
     if path.suffix.lower() not in MESH_FORMATS:
         raise InvalidModel(folder, f"mesh '{uri}'", f"Drake reads {', '.join(MESH_FORMATS)}; convert the mesh")
     return path
-
-
-def _joint(root: ET.Element, name: str) -> ET.Element:
-    found = next((joint for joint in root.iterfind("joint") if joint.get("name") == name), None)
-    if found is None:
-        raise UnknownName("joint", name, movable_joints(root))
-    return found
 
 
 def mass_of(link: ET.Element) -> float:

@@ -5,26 +5,40 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Callable
+from functools import partial
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-import numpy as np
-from pydrake.multibody.tree import RotationalInertia
-
 from simrob_drake.errors import InvalidModel
-from simrob_drake.robots.urdf import LIMITED_JOINTS, MOVABLE_JOINTS, link_of, mass_of, name_of
+from simrob_drake.robots.urdf import DRAKE, LIMITED_JOINTS, MOVABLE_JOINTS, link_of, mass_of, name_of
+from simrob_drake.robots.urdf_elements import MOMENTS, impossible, moments_of
 
-_NUMBERS = {
+NUMBER_COUNTS = {
     **dict.fromkeys(("xyz", "rpy", "size"), (3,)),
     **dict.fromkeys(("lower", "upper", "effort", "velocity", "damping", "friction", "radius", "length", "value"), (1,)),
-    **dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), (1,)),
+    **dict.fromkeys(MOMENTS, (1,)),
     "scale": (1, 3),
     "rgba": (4,),
 }
 """How many numbers each attribute holds."""
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+SHAPE_SIZES = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    f"{DRAKE}capsule": {"radius": 1, "length": 1},
+    f"{DRAKE}ellipsoid": {"a": 1, "b": 1, "c": 1},
+}
+"""The shapes but for meshes, and how many numbers each of their sizes is."""
+
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _WORLD = "world"  # Drake's own link
+
+Refuse = Callable[[str, str], InvalidModel]
+"""Makes the error for an element and what is wrong with it."""
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
@@ -33,10 +47,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
     Raises:
         InvalidModel: names the file, the element and what would be right.
     """
-
-    def refuse(element: str, problem: str) -> InvalidModel:
-        return InvalidModel(path, element, problem)
-
+    refuse = partial(InvalidModel, path)
     for element in (*root.iterfind("link"), *root.iterfind("joint"), *root.iterfind("material")):
         _check_numbers(element, refuse)
     _check_tree(root, refuse)
@@ -45,17 +56,17 @@ def check_urdf(root: ET.Element, path: Path) -> None:
     for link in root.iterfind("link"):
         _check_inertial(link, refuse)
         for shape in link.iterfind("*/geometry/*"):
-            _check_shape(shape, f"link '{name_of(link)}'", refuse)
+            problem = shape_defect(shape)
+            if problem:
+                raise refuse(f"link '{name_of(link)}' <{shape.tag}>", problem)
     _check_actuators(root, refuse)
+    _check_materials(root, refuse)
 
 
-_Refuse = Callable[[str, str], InvalidModel]
-
-
-def _check_numbers(element: ET.Element, refuse: _Refuse) -> None:
+def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
     """Check that every number is one, and that there are as many as there must be."""
     for part in element.iter():
-        for key, counts in _NUMBERS.items():
+        for key, counts in NUMBER_COUNTS.items():
             if key not in part.attrib:
                 continue
             where, text = f"{element.tag} '{name_of(element)}' <{part.tag}>", part.attrib[key]
@@ -66,57 +77,59 @@ def _check_numbers(element: ET.Element, refuse: _Refuse) -> None:
             for word in words:
                 if word.lower().lstrip("+-") in ("nan", "inf", "infinity"):
                     raise refuse(where, f"'{text}' is not finite")
-                if not _NUMBER.fullmatch(word):
+                if not NUMBER.fullmatch(word):
                     raise refuse(where, f"'{text}' is not a number")
                 if not math.isfinite(float(word)):
                     raise refuse(where, f"'{text}' is not finite")
 
 
-def _check_tree(root: ET.Element, refuse: _Refuse) -> None:
+def _check_tree(root: ET.Element, refuse: Refuse) -> None:
     for tag in ("link", "joint"):
         names = [name_of(element) for element in root.iterfind(tag)]
-        for index, name in enumerate(names):
-            if not name:
-                raise refuse(f"<{tag}> number {index + 1}", "has no name")
-            if name in names[:index]:
-                raise refuse(f"{tag} '{name}'", "stands twice; names are unique")
-    _check_ends(root, refuse)
-
-
-def _check_ends(root: ET.Element, refuse: _Refuse) -> None:
-    links = [name_of(link) for link in root.iterfind("link")]
+        if "" in names:
+            raise refuse(f"<{tag}> number {names.index('') + 1}", "has no name")
+        for name in [name for name, count in Counter(names).items() if count > 1]:
+            raise refuse(f"{tag} '{name}'", "stands twice; names are unique")
+    links = {name_of(link): None for link in root.iterfind("link")}
     if _WORLD in links:
         raise refuse(f"link '{_WORLD}'", "has the name of Drake's own world; rename it")
-    parents: dict[str, str] = {}
     for joint in root.iterfind("joint"):
-        where, parent, child = f"joint '{name_of(joint)}'", link_of(joint, "parent"), link_of(joint, "child")
-        for end, link in (("parent", parent), ("child", child)):
-            if link not in links:
-                raise refuse(where, f"its {end} '{link}' is no link")
-        if parent == child:
-            raise refuse(where, f"its parent and its child are both '{child}'")
-        if child in parents:
-            raise refuse(f"link '{child}'", "is the child of two joints; a URDF is a tree")
-        parents[child] = parent
-    _check_roots(links, parents, refuse)
-
-
-def _check_roots(links: list[str], parents: dict[str, str], refuse: _Refuse) -> None:
-    """Check that every link leads to the one root, and none round in a loop."""
-    for link in links:
-        seen = [link]
-        while seen[-1] in parents:
-            seen.append(parents[seen[-1]])
-            if seen[-1] in seen[:-1]:
-                loop = seen[seen.index(seen[-1]) :]
-                raise refuse("", f"has a loop: {' - '.join(reversed(loop))}; a URDF is a tree")
+        for end in ("parent", "child"):
+            if link_of(joint, end) not in links:
+                raise refuse(f"joint '{name_of(joint)}'", f"its {end} '{link_of(joint, end)}' is no link")
+    parents = check_parents(root, refuse)
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
         listed = f" ({', '.join(roots[:5])})" if roots else ""
         raise refuse("", f"has {len(roots)} root links{listed}; a URDF is a tree with one root")
 
 
-def _check_joint(joint: ET.Element, refuse: _Refuse) -> None:
+def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
+    """Return the parent of each link that has one.
+
+    Raises:
+        InvalidModel: a joint from a link to itself, a link with two parents, a loop.
+    """
+    holders: dict[str, ET.Element] = {}
+    for joint in root.iterfind("joint"):
+        child = link_of(joint, "child")
+        if link_of(joint, "parent") == child:
+            raise refuse(f"joint '{name_of(joint)}'", f"joins link '{child}' to itself")
+        if child in holders:
+            both = f"'{name_of(holders[child])}' and '{name_of(joint)}'"
+            raise refuse(f"link '{child}'", f"is the child of two joints, {both}; a URDF is a tree")
+        holders[child] = joint
+    parents = {child: link_of(joint, "parent") for child, joint in holders.items()}
+    held = [name for name in map(name_of, root.iterfind("link")) if name in parents]
+    try:
+        TopologicalSorter({name: [parents[name]] for name in held}).prepare()
+    except CycleError as problem:
+        loop = " - ".join(problem.args[1])
+        raise refuse("", f"has a loop: {loop}; a URDF is a tree, so leave one joint out") from None
+    return parents
+
+
+def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
     where, kind = f"joint '{name_of(joint)}'", joint.get("type", "")
     if kind not in (*MOVABLE_JOINTS, "fixed"):
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
@@ -134,7 +147,7 @@ def _check_joint(joint: ET.Element, refuse: _Refuse) -> None:
         raise refuse(f"{where} <dynamics>", "damping is negative")
 
 
-def _check_limit(joint: ET.Element, where: str, refuse: _Refuse) -> None:
+def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
     limit = joint.find("limit")
     if limit is None:
         if joint.get("type") in LIMITED_JOINTS:
@@ -153,7 +166,7 @@ def _check_limit(joint: ET.Element, where: str, refuse: _Refuse) -> None:
             raise refuse(where, f"{key} {limit.get(key)} is negative")
 
 
-def _check_inertial(link: ET.Element, refuse: _Refuse) -> None:
+def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
     inertial = link.find("inertial")
     if inertial is None:
         return
@@ -163,43 +176,60 @@ def _check_inertial(link: ET.Element, refuse: _Refuse) -> None:
         raise refuse(where, "needs <mass> and <inertia>")
     if mass_of(link) < 0:
         raise refuse(where, f"mass {mass.get('value')} kg is negative")
-    xx, yy, zz, xy, xz, yz = (float(inertia.get(k, 0)) for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
-    if mass_of(link) == 0 and any((xx, yy, zz)):
+    moments = moments_of(inertial)
+    if mass_of(link) == 0 and moments.diagonal().any():
         raise refuse(where, "has moments of inertia but no mass; Drake would give it 1 kg in silence")
-    if not RotationalInertia(xx, yy, zz, xy, xz, yz).CouldBePhysicallyValid():  # Drake would put a sphere's in silence
-        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        listed = ", ".join(f"{moment:.9g}" for moment in moments)
-        rule = "none is negative, none exceeds the others' sum"
-        raise refuse(where, f"no body has the principal moments {listed} kg m²: {rule}")
+    problem = impossible(moments)  # Drake would put a sphere's in silence
+    if problem:
+        raise refuse(where, problem)
 
 
-def _check_shape(shape: ET.Element, where: str, refuse: _Refuse) -> None:
-    needed = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("filename",)}
-    where = f"{where} <{shape.tag}>"
-    for key in needed.get(shape.tag, ()):
-        if key not in shape.attrib:
-            raise refuse(where, f"has no {key}")
-    for key in ("size", "radius", "length"):
-        if not all(float(number) > 0 for number in shape.get(key, "").split()):
-            raise refuse(where, f"size '{shape.get(key)}' is not positive")
+def shape_defect(shape: ET.Element) -> str:
+    """Return what is wrong with the sizes of a shape, in words; empty where nothing is."""
+    if shape.tag == "mesh" and "filename" not in shape.attrib:
+        return "has no filename"
+    for key, count in SHAPE_SIZES.get(shape.tag, {}).items():
+        text = shape.get(key)
+        if text is None:
+            return f"has no {key}"
+        numbers = numbers_in(text)
+        if numbers is None or len(numbers) != count:
+            return f'has {key}="{text}" where {count} {"number" if count == 1 else "numbers"} should be'
+        if not all(number > 0 for number in numbers):
+            return f'has {key}="{text}", which is not positive'
+    return ""
 
 
-def _check_actuators(root: ET.Element, refuse: _Refuse) -> None:
-    actuated = [(name_of(joint), drive) for drive in root.iterfind("transmission") for joint in drive.iterfind("joint")]
+def numbers_in(text: str) -> list[float] | None:
+    """Return the numbers in a text; None if a word of it is none, or not finite."""
+    numbers = [float(word) for word in text.split() if NUMBER.fullmatch(word)]
+    return numbers if len(numbers) == len(text.split()) and all(map(math.isfinite, numbers)) else None
+
+
+def _check_materials(root: ET.Element, refuse: Refuse) -> None:
+    """Check that each material has a colour, its own or one that its name stands for; Drake reads nothing else here."""
+    materials = [*root.iterfind("material"), *root.iterfind("link/visual/material[@name]")]
+    defined = {name_of(material) for material in materials if material.find("color[@rgba]") is not None}
+    for material in materials:
+        if material.find("texture") is not None or name_of(material) not in defined:
+            raise refuse(f"material '{name_of(material)}'", "needs a name and a colour, and has no texture")
+
+
+def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
+    drives: dict[str, list[ET.Element]] = {}
+    for drive in root.iterfind("transmission"):
+        for joint in drive.iterfind("joint"):
+            drives.setdefault(name_of(joint), []).append(drive)
     for joint in root.iterfind("joint"):
         if joint.get("type") not in MOVABLE_JOINTS:
             continue
-        where = f"joint '{name_of(joint)}'"
-        drives = [drive for name, drive in actuated if name == name_of(joint)]
-        if len(drives) != 1:
-            problem = (
-                "has no <transmission>, so no motor can move it; add one" if not drives else "has two transmissions"
-            )
-            raise refuse(where, problem)
-        if not (drives[0].findtext("type") or "").strip().endswith("SimpleTransmission"):
-            raise refuse(
-                where, "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission"
-            )
+        where, own = f"joint '{name_of(joint)}'", drives.get(name_of(joint), [])
+        if len(own) != 1:
+            missing = "has no <transmission>, so no motor can move it; add one"
+            raise refuse(where, "has two transmissions" if own else missing)
+        if not (own[0].findtext("type") or "").strip().endswith("SimpleTransmission"):
+            wanted = "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission"
+            raise refuse(where, wanted)
         limit = joint.find("limit")
         if limit is None or float(limit.get("effort", 0)) <= 0:
             raise refuse(f"{where} <limit>", "effort is not positive [N·m], so its motor could not move it")

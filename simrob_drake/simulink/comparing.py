@@ -16,6 +16,7 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulink.values.functions import matrix
 from simrob_drake.simulink.values.workspace import given_variables
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
 
 TIMES = ("time", "tout", "t")
 """What the column of times may be called."""
@@ -128,11 +129,9 @@ def compare(
 
 
 def _reference(config: StationConfig, times: Vector, logged: Mapping[str, Vector]) -> Vector | None:
-    from simrob_drake.stations.names import robot_model
-
     if config.only_robot is None:
         return None
-    names = [f"q_ref.{axis}" for axis in robot_model(config, config.only_robot).axes]
+    names = [f"q_ref.{axis}" for axis in resolve(config).robots[config.only_robot].model.axes]
     if not all(name in logged for name in names):
         return None
     return np.column_stack([times, *(logged[name] for name in names)])

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 
+from simrob_drake.blocks.references import Course
 from simrob_drake.frames import Vector
-from simrob_drake.stations.closed import add_closed_station, check_references, reference_samples
+from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.stations.closed import check_course, closed_station, course_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
-from simrob_drake.stations.plant import StationPlant
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.robots import StationRobot
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
 from simrob_drake.stations.standing import standing
 
@@ -47,15 +48,15 @@ def check_station(config: StationConfig) -> list[Finding]:
     Raises:
         SimrobError: what would keep it from running at all: a reference beyond the limits, an invalid inertia ...
     """
-    builder = DiagramBuilder()
-    ports = add_closed_station(builder, config)
-    diagram = builder.Build()
-    check_references(diagram, ports)
+    closed = closed_station(resolve(config))
+    ports, diagram = closed.ports, closed.diagram
+    for name, course in closed.courses.items():
+        check_course(ports.plant.robots[name], course, config.duration)
     findings = [Finding("ok", "references", "all within the joint limits")]
     for robot in ports.plant.robots.values():
         findings += _import_findings(config, robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
-            findings += _holding_findings(diagram, ports, robot)
+            findings += _holding_findings(ports, robot, closed.courses.get(robot.name))
         else:
             findings += _standing_findings(ports, robot)
     if config.mode == "dynamic":
@@ -67,15 +68,15 @@ def check_station(config: StationConfig) -> list[Finding]:
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
     """Return the torques (n,) [N·m or N] that hold a robot still at a posture (n,) [rad or m]."""
     context = plant.plant.CreateDefaultContext()
-    plant.set_axes(context, robot, position)
-    return -robot.of_axes(plant.plant.CalcGravityGeneralizedForces(context))
+    robot.axis_map.set_positions(plant.plant, context, position)
+    return -robot.axis_map.efforts(plant.plant.CalcGravityGeneralizedForces(context))
 
 
 def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
     """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
     context = plant.plant.CreateDefaultContext()
     mobility = np.diag(np.linalg.inv(plant.plant.CalcMassMatrix(context)))
-    inertia = 1 / mobility[robot.speeds]  # as felt with the other joints free
+    inertia = 1 / mobility[robot.axis_map.velocity_places]  # as felt with the other joints free
     with np.errstate(divide="ignore"):
         return np.asarray(_STABLE * inertia / robot.gains.kd)
 
@@ -101,8 +102,10 @@ def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding
     return [Finding("ok", f"import of {urdf.name}", text)]
 
 
-def _holding_findings(diagram: Diagram, ports: StationPorts, robot: StationRobot) -> list[Finding]:
-    _, positions = reference_samples(diagram, ports, robot.name)
+def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course | None) -> list[Finding]:
+    if course is None:
+        return [Finding("ok", f"torque of {robot.prefix}", "not known: a controller says where the robot goes")]
+    _, positions = course_samples(course, ports.config.duration)
     torques = np.array(
         [holding_torque(ports.plant, robot, position) for position in positions[:: len(positions) // 50]]
     )

@@ -1,92 +1,194 @@
-"""Close a station: give its inputs sources, so that it can run."""
+"""Close a station: give its inputs sources, and build a diagram that can run."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.blocks.references import (
+    Course,
+    ReferenceSource,
+    Samples,
+    add_course,
+    corner_times,
+    course_values,
+    table,
+)
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
-from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.forces import add_force_sources
+from simrob_drake.lifetime import built
+from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.parts.site import ResolvedRobot, StationRobot
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.references import Samples, add_reference
-from simrob_drake.stations.station import add_station
+from simrob_drake.stations.resolve import ResolvedStation
+from simrob_drake.stations.station import compose
 
 _LOOKS = 500
 """At how many times a reference is checked against the joint limits."""
 
 
-def add_closed_station(
-    builder: DiagramBuilder,
-    config: StationConfig,
-    references: Mapping[str, Trajectory | Samples] | None = None,
-    starts: Mapping[str, Vector] | None = None,
-) -> StationPorts:
-    """Add a station with the sources of its references; its other inputs are zero.
+@dataclass(frozen=True)
+class ClosedStation:
+    """A diagram that holds a station whose inputs all have sources.
+
+    Attributes:
+        diagram: that can be run.
+        ports: of the station.
+        courses: what each robot is asked, by name; those that a block asks are left out.
+        players: the sources of these courses that are trajectories, by robot.
+    """
+
+    diagram: Diagram
+    ports: StationPorts
+    courses: Mapping[str, Course] = field(default_factory=dict)
+    players: Mapping[str, TrajectorySource] = field(default_factory=dict)
+
+    def play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
+        """Let the sources give other trajectories and pushes."""
+        for robot, player in self.players.items():
+            player.UpdateTrajectory(courses[robot])
+        for name, force in forces.items():
+            place = f"force.{name}.source"
+            if isinstance(force, Push) and self.diagram.HasSubsystemNamed(place):
+                self.diagram.GetSubsystemByName(place).UpdateTrajectory(force.course())
+
+
+def closed_station(
+    station: ResolvedStation,
+    courses: Mapping[str, Course] | None = None,
+    *,
+    sensors: Collection[str] | None = None,
+    forces: bool = True,
+    monitors: bool = True,
+    blocks: Mapping[str, LeafSystem] | None = None,
+) -> ClosedStation:
+    """Build a station with the sources of its references; its other inputs are zero.
 
     Args:
-        builder: the diagram under construction.
-        config: the station.
-        references: by robot, in place of the configuration's.
-        starts: by robot, where the configuration's references begin instead of at its initial posture, (n,) [rad].
+        station: resolved.
+        courses: what each robot is asked; as the configuration says unless given.
+        sensors: the names of those that are added; all unless given.
+        forces: whether those of the configuration act.
+        monitors: whether they stand in the diagram.
+        blocks: the station's controllers, made, and others of the user's own, by name.
+
+    Raises:
+        SimrobError: blocks that cannot be wired so.
     """
-    ports = add_station(builder, config)
-    given, begun = references or {}, starts or {}
+    builder = DiagramBuilder()
+    ports = compose(builder, station, sensors=sensors, forces=forces, monitors=monitors, blocks=blocks)
+    given = station_courses(station) if courses is None else courses
+    asked, players = dict[str, Course](), dict[str, TrajectorySource]()
     for robot in ports.plant.robots.values():
-        start = begun.get(robot.name, robot.initial)
-        if len(start) != len(robot.axes):
-            size = f"a state in which '{robot.name}' is of size {len(start)}"
-            raise InvalidParameter("start", size, f"of a station where it is of size {len(robot.axes)}")
-        velocity, acceleration = f"{robot.prefix}reference_velocity", f"{robot.prefix}reference_acceleration"
-        derivatives = velocity in ports.inputs or acceleration in ports.inputs
-        wanted = given.get(robot.name, config.reference_of(robot.name))
-        source = add_reference(builder, wanted, robot, start=start, derivatives=derivatives)
-        builder.Connect(source.position, ports.inputs[f"{robot.prefix}reference"])
-        for name, port in ((velocity, source.velocity), (acceleration, source.acceleration)):
-            if name in ports.inputs and port is not None:
-                builder.Connect(port, ports.inputs[name])
-    add_force_sources(builder, ports)
+        course = given[robot.name]
+        if (source := _add_source(builder, ports, robot, course)) is not None:
+            asked[robot.name] = course
+            if source.player is not None:
+                players[robot.name] = source.player
     for name, port in ports.inputs.items():
         if not builder.IsConnectedOrExported(port):
             zero = builder.AddNamedSystem(f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
             builder.Connect(zero.get_output_port(), port)
-    return ports
+            owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
+            ports.draw(f"{name}.zero", "reference", "0", owner)
+    try:
+        return ClosedStation(built(builder), ports, asked, players)
+    except RuntimeError as problem:
+        if not ports.blocks:
+            raise
+        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so: {problem}") from problem
 
 
-def reference_samples(diagram: Diagram, ports: StationPorts, robot: str) -> tuple[Vector, Vector]:
-    """Return a robot's reference over the run: times (m,) [s] and positions (m, n) [rad]."""
-    context = diagram.CreateDefaultContext()
-    port = ports.outputs[f"{ports.config.prefix(robot)}reference"]
-    own = port.get_system().GetMyContextFromRoot(context)
-    times = np.linspace(0.0, ports.config.duration, _LOOKS + 1)
-    positions = np.empty((len(times), port.size()))
-    for row, time in enumerate(times):
-        context.SetTime(time)
-        positions[row] = port.Eval(own)
-    return times, positions
+def _add_source(
+    builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, course: Course
+) -> ReferenceSource | None:
+    """Add the source of a robot's reference, with what derivatives the station takes; None if a block drives it."""
+    names = [f"{robot.prefix}reference{order}" for order in ("", "_velocity", "_acceleration")]
+    wanted = [name for name in names if name in ports.inputs and not builder.IsConnectedOrExported(ports.inputs[name])]
+    if names[0] not in wanted:
+        return None
+    source = add_course(builder, course, name=f"{names[0]}_source", derivatives=len(wanted) > 1)
+    for name, port in zip(names, (source.position, source.velocity, source.acceleration), strict=True):
+        if name in wanted and port is not None:
+            builder.Connect(port, ports.inputs[name])
+    ports.edges.extend(corner_times(course))
+    told = ports.config.reference_of(robot.name).caption(robot.model)
+    ports.draw(f"{names[0]}_source", "reference", wrapped(told), robot)
+    return source
 
 
-def check_references(diagram: Diagram, ports: StationPorts) -> None:
-    """Check that every reference stays within the joint limits.
+def station_courses(
+    station: ResolvedStation,
+    given: Mapping[str, Trajectory | Samples] | None = None,
+    starts: Mapping[str, Vector] | None = None,
+) -> dict[str, Course]:
+    """Return what each robot is asked: what is given, else what the configuration says.
+
+    Args:
+        station: resolved.
+        given: by robot. Samples are joined by straight lines, as Simulink joins them, but by a smooth curve where
+            their derivatives are needed.
+        starts: by robot, where the configuration's references begin instead of at its initial posture, (n,) [rad].
+
+    Raises:
+        SimrobError: a reference that does not fit the robot, or leaves its joint limits.
+    """
+    courses = {}
+    for robot in station.robots.values():
+        start = (starts or {}).get(robot.name, robot.initial)
+        if len(start) != len(robot.axes):
+            size = f"a state in which '{robot.name}' is of size {len(start)}"
+            raise InvalidParameter("start", size, f"of a station where it is of size {len(robot.axes)}")
+        wanted: Any = (given or {}).get(robot.name)
+        if wanted is None:
+            course: Course = station.config.reference_of(robot.name).course(robot, start)
+        else:
+            linear = station.mode == "dynamic" and "reference_velocity" not in station.config.inputs
+            course = _through(wanted, robot, linear=linear) if isinstance(wanted, tuple) else wanted
+        if isinstance(course, Trajectory) and course.rows() != len(robot.axes):
+            expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
+            raise InvalidParameter("reference", f"a trajectory of {course.rows()} joints", expected)
+        courses[robot.name] = course
+    return courses
+
+
+def course_samples(course: Course, duration: float) -> tuple[Vector, Vector]:
+    """Return a reference over a run: times (m,) [s] and positions (m, n) [rad]."""
+    times = np.linspace(0.0, duration, _LOOKS + 1)
+    return times, course_values(course, times)
+
+
+def check_course(robot: ResolvedRobot, course: Course, duration: float) -> None:
+    """Check that a reference stays within the joint limits.
 
     Raises:
         InvalidParameter: names the joint, the time, the value and the limits.
     """
-    for robot in ports.plant.robots.values():
-        times, positions = reference_samples(diagram, ports, robot.name)
-        lower, upper = robot.model.axis_limits
-        outside = (positions < lower - 1e-9) | (positions > upper + 1e-9)
-        if outside.any():
-            row, axis = np.argwhere(outside)[0]
-            unit, name = robot.model.user_units[axis], robot.model.unit_names[axis]
-            low, high, value = np.array([lower[axis], upper[axis], positions[row, axis]]) / unit
-            raise InvalidParameter(
-                f"reference of {robot.prefix}{robot.axes[axis]}",
-                f"{value:.5g} {name} at {times[row]:.2f} s",
-                f"within the joint's limits of {low:.5g} to {high:.5g} {name}",
-            )
+    times, positions = course_samples(course, duration)
+    lower, upper = robot.model.axis_limits
+    outside = (positions < lower - 1e-9) | (positions > upper + 1e-9)
+    if outside.any():
+        row, axis = np.argwhere(outside)[0]
+        unit, name = robot.model.user_units[axis], robot.model.unit_names[axis]
+        low, high, value = np.array([lower[axis], upper[axis], positions[row, axis]]) / unit
+        raise InvalidParameter(
+            f"reference of {robot.prefix}{robot.axes[axis]}",
+            f"{value:.5g} {name} at {times[row]:.2f} s",
+            f"within the joint's limits of {low:.5g} to {high:.5g} {name}",
+        )
+
+
+def _through(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Trajectory:
+    """Return the trajectory through samples."""
+    positions = np.asarray(samples[1], dtype=float)
+    if positions.ndim != 2 or positions.shape[1] != len(robot.axes):
+        shape = " x ".join(str(size) for size in positions.shape)
+        raise InvalidParameter("reference", f"an array of {shape}", f"of {len(robot.axes)} columns, one a joint [rad]")
+    return table(samples[0], positions, linear=linear)

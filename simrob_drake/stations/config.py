@@ -14,14 +14,15 @@ from pydantic import Field, field_validator, model_validator
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.parts.controllers import Controllers
+from simrob_drake.parts.forces import Forces
+from simrob_drake.parts.monitors import Monitors
+from simrob_drake.parts.references import Hold, ReferenceConfig
+from simrob_drake.parts.sensors import Sensors
 from simrob_drake.quantities import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
-from simrob_drake.stations.force_config import ExternalForce, PushConfig
-from simrob_drake.stations.monitor_config import Monitors
-from simrob_drake.stations.reference_config import Hold, ReferenceConfig
-from simrob_drake.stations.sensor_config import Sensors
 from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
 from simrob_drake.yaml_files import FileName, Number, Strict
 
@@ -86,12 +87,15 @@ class RobotConfig(Strict):
     """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
     feet: str | None = None
     """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
-    pushes: tuple[PushConfig, ...] = ()
-    """Forces at its root link's centre of mass, such as it must withstand standing; dynamic stations only."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
     """This robot's reference, in place of the station's."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _told_of_forces(cls, content: Any) -> Any:
+        return _moved(content, "pushes", "the station's forces: {push: {start: 1, duration: 0.1, force: [5, 0, 0]}}")
 
     @model_validator(mode="after")
     def _one_origin(self) -> RobotConfig:
@@ -201,12 +205,14 @@ class StationConfig(Strict):
     """Gravity along -z [m/s²]."""
     solver: SolverConfig = ContinuousSolver(kind="continuous")
     """How time advances in a dynamic station."""
-    external_force: ExternalForce | None = None
-    """Force at the tool centre point of the station's robots; then `external_force` need not stand under `inputs`."""
+    forces: Forces = Field(default_factory=dict)
+    """What acts on the robots from outside, by name; one that is called as its kind needs no `kind`."""
     sensors: Sensors = Field(default_factory=dict)
     """What is measured, by name; one that is called as its kind needs no `kind`."""
     monitors: Monitors = Field(default_factory=dict)
     """What may end the run, by name; one that is called as its kind needs no `kind`."""
+    controllers: Controllers = Field(default_factory=dict)
+    """Loops around the servos, by name."""
     start: Path | None = None
     """Where it begins: the `start.json` of a result, in place of the initial postures; relative paths start at the
     station's file."""
@@ -220,13 +226,13 @@ class StationConfig(Strict):
         check_samples(self.duration, self.sample_rate)
         return self
 
-    @model_validator(mode="after")
-    def _forces_need_dynamics(self) -> StationConfig:
-        if self.mode == "kinematic" and any(robot.pushes for robot in self.robots.values()):
-            raise ValueError("a kinematic station knows no forces, so it has no pushes")
-        return self
+    @model_validator(mode="before")
+    @classmethod
+    def _told_of_forces(cls, content: Any) -> Any:
+        example = "forces: {hand: {kind: sine, at: tool0, amplitude: [0, 0, 5], frequency: 1}}"
+        return _moved(content, "external_force", example)
 
-    @field_validator("robots", "pieces", "sensors", "monitors")
+    @field_validator("robots", "pieces", "sensors", "monitors", "forces", "controllers")
     @classmethod
     def _plain_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
         for name in entries:
@@ -270,6 +276,13 @@ def check_samples(duration: float, rate: float) -> None:
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
+
+
+def _moved(content: Any, key: str, now: str) -> Any:
+    """Tell of a key that was given another place."""
+    if isinstance(content, dict) and key in content:
+        raise ValueError(f"{key} is now one of {now}")
+    return content
 
 
 def _each(values: AxisValues | None, accepts: Any, meaning: str) -> AxisValues | None:

@@ -15,10 +15,11 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
+from simrob_drake.parts.targets import piece_of_shape
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.contact_limits import check_stiffness
-from simrob_drake.stations.shapes import piece_of_shape
+from simrob_drake.stations.resolve import ResolvedStation
 
 MODULUS = 1e7
 """Hydroelastic modulus [Pa] where none is given: stiff rubber."""
@@ -30,13 +31,13 @@ def needs_shapes(config: StationConfig) -> bool:
     return config.contact is not None or (config.mode == "kinematic" and measured)
 
 
-def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, config: StationConfig) -> None:
+def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
     """Write stiffness, dissipation, friction and modulus into the shapes of a plant.
 
     The plant is not finalized yet: a shape whose surface is written anew loses its collision filters, and finalizing
     makes those between neighbours.
     """
-    contact = config.contact
+    config, contact = station.config, station.config.contact
     if contact is None:
         return
     plant.set_stiction_tolerance(contact.stiction_speed)
@@ -44,24 +45,25 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, config: Stat
     assert source is not None  # add_plant registers the plant
     inspector = scene_graph.model_inspector()
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
-        material = _material(config, contact, piece_of_shape(config, inspector, shape))
+        material = _material(config, contact, piece_of_shape(station, inspector, shape))
         properties = ProximityProperties(inspector.GetProximityProperties(shape))
         _write(properties, material, contact)
         scene_graph.AssignRole(source, shape, properties, RoleAssign.kReplace)
 
 
-def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, config: StationConfig) -> None:
+def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
     """Check that the solver of a station can hold its contacts.
 
     Raises:
         InvalidParameter: a stiffness that it cannot hold, with the largest that it can.
     """
+    config = station.config
     if config.contact is None or config.mode == "kinematic":
         return
     inspector = scene_graph.model_inspector()
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-        stiffness = _material(config, config.contact, piece_of_shape(config, inspector, shape)).stiffness
+        stiffness = _material(config, config.contact, piece_of_shape(station, inspector, shape)).stiffness
         if stiffness is not None and not plant.IsAnchored(body):
             check_stiffness(config.solver, body, stiffness)
 

@@ -10,15 +10,15 @@ import numpy as np
 import yaml
 from pydrake.geometry import Role
 
+from simrob_drake.blocks.distance_sensor import lowest_points, shape_corners
 from simrob_drake.frames import Vector
 from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.stations.support import points_of_shape
 
-_STEP = 20.0, 0.05  # how far the first move goes: deg, and m for an axis that slides
+_STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
 _ROOM = 0.4  # and at most this part of the way to the joint's limit
 
 _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
@@ -99,7 +99,7 @@ def _first_move(robot: RobotModel) -> dict[str, Any]:
     home = robot.axis_vector(robot.home_deg, "home_deg")
     lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
     room = np.where(upper - home >= home - lower, upper - home, lower - home)
-    step = np.where(robot.slides, _STEP[1], _STEP[0])
+    step = np.where(robot.prismatic, _STEP[1], _STEP[0])
     target = home + np.sign(room) * np.minimum(step, _ROOM * np.abs(room))
     return {"kind": "move", "target_deg": _by_axis(robot, np.round(target, 4)), "duration": 1.5}
 
@@ -114,7 +114,8 @@ def _height(robot: RobotModel) -> float:
         for geometry in inspector.GetAllGeometryIds(role):
             body = lone.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
             pose = lone.plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry)
-            lowest = min(lowest, float(points_of_shape(inspector, geometry, pose)[:, 2].min()))
+            points = lowest_points(inspector.GetShape(geometry), pose, shape_corners(inspector, geometry))
+            lowest = min(lowest, float(points[:, 2].min()))
         if lowest < 0:
             break  # what collides is what stands
     return round(-lowest, 6)

@@ -2,60 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.wiring import joined, mapped
-from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.ports import StationPorts, add_input
+from simrob_drake.parts.site import StationPlant
+from simrob_drake.stations.dynamic import add_motion, declare_torque
+from simrob_drake.stations.ports import StationPorts
 
 STEP = 0.01
 """How often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step."""
 
+_MOTION = ("reference", "reference_velocity", "reference_acceleration")
 
-def add_kinematic_robots(builder: DiagramBuilder, plant: StationPlant, config: StationConfig) -> StationPorts:
-    """Add inputs of position, velocity and acceleration for every robot, inverse dynamics, and geometry poses.
+
+def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dict[str, InputPort], OutputPort]:
+    """Add inputs of position, velocity and acceleration for every robot.
+
+    Returns:
+        the inputs, each of whose blocks hands it on, and the state of the whole plant that they make.
+    """
+    inputs: dict[str, InputPort] = {}
+    motions: list[OutputPort] = []
+    for robot in plant.robots.values():
+        for signal in _MOTION:
+            block = builder.AddNamedSystem(f"{robot.prefix}{signal}", PassThrough(len(robot.joints)))
+            inputs[f"{robot.prefix}{signal}"] = block.get_input_port()
+            motions += [] if signal == _MOTION[-1] else [block.get_output_port()]
+    spread = np.hstack([robot.axis_map.state_matrix.T for robot in plant.robots.values()])
+    return inputs, mapped(builder, "multibody_state", spread, joined(builder, "motions", *motions))
+
+
+def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
+    """Add the outputs of every robot, inverse dynamics, and geometry poses.
 
     The plant itself stands outside of the diagram: it is registered with the scene graph and never stepped.
     """
-    inputs: dict[str, InputPort] = {}
-    outputs: dict[str, OutputPort] = {}
-    for robot in plant.robots.values():
-        for signal, source in (("position", "reference"), ("velocity", "reference_velocity")):
-            outputs[f"{robot.prefix}{signal}"] = add_input(builder, inputs, robot, source)
-        outputs[f"{robot.prefix}acceleration"] = add_input(builder, inputs, robot, "reference_acceleration")
-        outputs[f"{robot.prefix}reference"] = outputs[f"{robot.prefix}position"]
-    state = _add_state(builder, plant, outputs)
-    _add_torques(builder, plant, state, outputs)
-    builder.Connect(state, plant.add_geometry_poses(builder, of_state=True))
+    for robot in ports.plant.robots.values():
+        given = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
+        position, velocity = (given[signal].get_output_port() for signal in _MOTION[:2])
+        add_motion(ports, robot, position, position, velocity)
+    for prefix, torque in _torques(builder, ports).items():
+        robot = next(robot for robot in ports.plant.robots.values() if robot.prefix == prefix)
+        declare_torque(ports, robot, torque)
+    builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
     builder.AddNamedSystem("steady_steps", SteadySteps(STEP))
-    return StationPorts(config, plant, state, inputs, outputs)
 
 
-def _add_state(builder: DiagramBuilder, plant: StationPlant, outputs: dict[str, OutputPort]) -> OutputPort:
-    """Put the motions of all robots together into the state of the whole plant."""
-    motions = [outputs[f"{r.prefix}{signal}"] for r in plant.robots.values() for signal in ("position", "velocity")]
-    spread = np.hstack([plant.state_map(robot).T for robot in plant.robots.values()])
-    return mapped(builder, "multibody_state", spread, joined(builder, "motions", *motions))
-
-
-def _add_torques(
-    builder: DiagramBuilder, plant: StationPlant, state: OutputPort, outputs: dict[str, OutputPort]
-) -> None:
-    """Compute the torques of the motion, without contacts, by inverse dynamics."""
+def _torques(builder: DiagramBuilder, ports: StationPorts) -> Mapping[str, OutputPort]:
+    """Compute the torques of the motion, without contacts, by inverse dynamics; by the robots' prefixes."""
+    plant = ports.plant
     dynamics = InverseDynamics(plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
     builder.AddNamedSystem("inverse_dynamics", dynamics)
-    builder.Connect(state, dynamics.get_input_port_estimated_state())
-    pick = {robot.name: plant.velocity_map(robot) for robot in plant.robots.values()}
-    accelerations = [outputs.pop(f"{robot.prefix}acceleration") for robot in plant.robots.values()]
+    builder.Connect(ports.state, dynamics.get_input_port_estimated_state())
+    pick = {robot.prefix: robot.axis_map.velocity_matrix for robot in plant.robots.values()}
+    accelerations = [ports.inputs[f"{prefix}{_MOTION[-1]}"].get_system().get_output_port() for prefix in pick]
     spread = np.hstack([matrix.T for matrix in pick.values()])
     desired = mapped(builder, "accelerations", spread, joined(builder, "robot_accelerations", *accelerations))
     builder.Connect(desired, dynamics.get_input_port_desired_acceleration())
-    for robot in plant.robots.values():
-        torque = mapped(
-            builder, f"{robot.prefix}torque", pick[robot.name], dynamics.get_output_port_generalized_force()
-        )
-        outputs[f"{robot.prefix}torque"] = torque
+    force = dynamics.get_output_port_generalized_force()
+    return {prefix: mapped(builder, f"{prefix}torque", matrix, force) for prefix, matrix in pick.items()}

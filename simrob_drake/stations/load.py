@@ -12,13 +12,11 @@ import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.parts.kinds import models_by_kind
+from simrob_drake.parts.references import ReferenceConfig
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.force_config import ExternalForce
-from simrob_drake.stations.kinds import models_by_kind
-from simrob_drake.stations.names import check_names
-from simrob_drake.stations.reference_config import ReferenceConfig
-from simrob_drake.stations.sensor_checks import check_monitors, check_sensors
+from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import SolverConfig
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml, validated
 
@@ -29,7 +27,7 @@ _ROBOTS = (ONLY_ROBOT, "robots")
 _ORIGINS = {"urdf": ("model",), "model": ("urdf", "import_options")}
 """What a robot can come from, and which keys of its section a change of that takes away."""
 
-_KINDS = {"reference": ReferenceConfig, "solver": SolverConfig, "external_force": ExternalForce}
+_KINDS = {"reference": ReferenceConfig, "solver": SolverConfig}
 
 
 def station_names() -> list[str]:
@@ -99,9 +97,7 @@ def _loaded(path: Path, overrides: Mapping[str, Any], where: Path | str) -> Stat
     except InvalidConfig as problem:
         raise InvalidConfig(where, _as_written(problem.key), _as_written(problem.problem)) from problem
     try:
-        check_names(config)
-        check_sensors(config)
-        check_monitors(config)
+        check_parts(resolve(config))
     except SimrobError as problem:
         raise InvalidConfig(where, "", _as_written(str(problem))) from problem
     return config

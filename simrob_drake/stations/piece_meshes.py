@@ -8,12 +8,11 @@ from pathlib import Path
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.folders import cache_entry, written_at_once
-from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.mending import mend
-from simrob_drake.importer.meshes.parts import Part, joined
+from simrob_drake.importer.meshes.parts import MeshPart, joined
 from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
 from simrob_drake.importer.meshes.reading import content_of, read_mesh
-from simrob_drake.importer.meshes.references import MESH_FORMATS
 from simrob_drake.importer.meshes.writing import obj_text
 
 _CODE = [Path(__file__), Path(__file__).parents[1] / "importer" / "meshes"]
@@ -45,7 +44,7 @@ def drake_mesh(file: Path) -> Path:
     return converted
 
 
-def _one_part(file: Path, others: Mapping[str, Path]) -> Part:
+def _one_part(file: Path, others: Mapping[str, Path]) -> MeshPart:
     """Return all triangles of a file as one part."""
     part = mend(joined([replace(part, uv=None, image=None) for part in read_mesh(file, others).parts]))
     if not len(part.faces):
@@ -53,7 +52,7 @@ def _one_part(file: Path, others: Mapping[str, Path]) -> Part:
     return part
 
 
-def _outside_out(part: Part) -> Part:
+def _outside_out(part: MeshPart) -> MeshPart:
     """Return a closed mesh with its faces outwards, which its volume depends on; an open one stays as it is."""
     from trimesh import Trimesh
 

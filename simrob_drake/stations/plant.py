@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.geometry import (
@@ -24,17 +23,16 @@ from pydrake.multibody.plant import (
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
-from pydrake.systems.framework import Context, DiagramBuilder, InputPort
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.parts.site import WORLD, StationPlant
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, piece_robot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
 from simrob_drake.stations.contact_config import ContactConfig
-from simrob_drake.stations.names import WORLD, carrier, parent_frame, piece_model, piece_parent, pieces_outward
-from simrob_drake.stations.robots import StationRobot, add_robot
+from simrob_drake.stations.resolve import ResolvedStation
+from simrob_drake.stations.robots import add_robot
 from simrob_drake.stations.solver_config import DiscreteSolver
 
 logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in record.getMessage())
@@ -46,62 +44,13 @@ _FLOOR_STIFFNESS = 1e9  # N/m: of two in a row the softer counts, which is that 
 _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
-@dataclass
-class StationPlant:
-    """The plant of a station before it is wired."""
-
-    plant: MultibodyPlant
-    scene_graph: SceneGraph
-    robots: dict[str, StationRobot]
-    free_pieces: dict[str, RigidBody] = field(default_factory=dict)
-
-    def set_axes(self, context: Context, robot: StationRobot, positions: Vector) -> None:
-        """Put a robot's axes to positions, shape (n,) [rad or m], in a context of the plant."""
-        configuration = self.plant.GetPositions(context)
-        configuration[robot.places] = robot.signs * positions
-        self.plant.SetPositions(context, configuration)
-
-    def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
-        """Let a plant that stands outside of the diagram pose its geometry.
-
-        Returns:
-            the port for its positions (nq), or ``of_state`` for positions and velocities (nq + nv).
-        """
-        poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
-        builder.AddNamedSystem("geometry_poses", poses)
-        source_id = self.plant.get_source_id()
-        assert source_id is not None  # add_plant registers the plant
-        builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(source_id))
-        return poses.get_input_port()
-
-    def state_map(self, robot: StationRobot) -> Vector:
-        """Return the matrix (2n, nq + nv) that picks a robot's axis positions and velocities from the plant's state."""
-        count, rows = len(robot.joints), np.arange(len(robot.joints))
-        matrix = np.zeros((2 * count, self.plant.num_multibody_states()))
-        matrix[rows, robot.places] = robot.signs
-        matrix[count + rows, self.plant.num_positions() + np.array(robot.speeds)] = robot.signs
-        return matrix
-
-    def velocity_map(self, robot: StationRobot) -> Vector:
-        """Return the matrix (n, nv) that picks a robot's axis velocities, or torques, from those of the plant."""
-        return self.state_map(robot)[len(robot.joints) :, self.plant.num_positions() :]
-
-    def actuation_map(self, robot: StationRobot) -> Vector:
-        """Return the matrix (actuators of the robot, n) that hands axis torques to the robot's actuators."""
-        actuators = self.plant.GetJointActuatorIndices(robot.instance)
-        joints = [self.plant.get_joint_actuator(index).joint().index() for index in actuators]
-        matrix = np.zeros((len(joints), len(robot.joints)))
-        for axis, joint in enumerate(robot.joints):
-            matrix[joints.index(joint.index()), axis] = robot.signs[axis]
-        return matrix
-
-
-def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
+def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlant:
     """Add a station's scene graph and its finalized plant, which stands in the diagram unless it is kinematic.
 
     Raises:
         InvalidModel: a robot that cannot be simulated in this mode.
     """
+    config = resolved.config
     collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
     if config.mode == "kinematic":
         plant = MultibodyPlant(0.0)
@@ -118,37 +67,36 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> StationPlant:
         plant.set_discrete_contact_approximation(approximation)
         plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
     _set_contact_model(plant, config.contact)
-    robots = {name: add_robot(plant, config, name, collision=collision) for name in config.robots}
-    free_pieces = _add_standing_pieces(plant, config, collision)
+    robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
+    free_pieces = _add_standing_pieces(plant, resolved, collision)
     _add_floor(plant, config, collision)
-    apply_materials(plant, scene_graph, config)
+    apply_materials(plant, scene_graph, resolved)
     plant.Finalize()
     for robot in robots.values():
-        for joint, sign, angle in zip(robot.joints, robot.signs, robot.initial, strict=True):
+        for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
             joint.set_default_positions(np.array([sign * angle]))
     station = StationPlant(plant, scene_graph, robots, free_pieces)
-    check_stiffnesses(plant, scene_graph, config)
+    check_stiffnesses(plant, scene_graph, resolved)
     _filter_collisions(station, config.contact)
     return station
 
 
-def _add_standing_pieces(plant: MultibodyPlant, config: StationConfig, collision: bool) -> dict[str, RigidBody]:
+def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> dict[str, RigidBody]:
     """Add the pieces that no robot carries; return the free ones among them."""
     instances: dict[str, ModelInstanceIndex] = {}
     free: dict[str, RigidBody] = {}
-    for piece in pieces_outward(config):
-        if carrier(config, piece) == WORLD:
-            robot = piece_robot(piece, piece_model(config, piece))
-            instance = add_urdf(plant, robot, name=piece, where=f"pieces.{piece}", collision=collision)
-            pose = transform_from_pose(config.pieces[piece].pose)
-            if config.pieces[piece].free:
-                free[piece] = plant.GetBodyByName(piece, instance)
-                plant.SetDefaultFloatingBaseBodyPose(free[piece], pose)
+    for name, piece in station.pieces.items():
+        if piece.carrier == WORLD:
+            robot = piece_robot(name, piece.model)
+            instance = add_urdf(plant, robot, name=name, where=f"pieces.{name}", collision=collision)
+            if piece.free:
+                free[name] = plant.GetBodyByName(name, instance)
+                plant.SetDefaultFloatingBaseBodyPose(free[name], piece.pose)
             else:
-                parent = instances.get(piece_parent(config, piece))
-                mount = plant.GetFrameByName(parent_frame(config, piece), parent) if parent else plant.world_frame()
-                plant.WeldFrames(mount, plant.GetFrameByName(piece, instance), pose)
-            instances[piece] = instance
+                parent = instances.get(piece.parent)
+                mount = plant.GetFrameByName(piece.mount, parent) if parent else plant.world_frame()
+                plant.WeldFrames(mount, plant.GetFrameByName(name, instance), piece.pose)
+            instances[name] = instance
     return free
 
 

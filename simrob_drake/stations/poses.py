@@ -1,20 +1,89 @@
-"""Add the pose outputs of a station: bases and tools."""
+"""Add the pose outputs of a station: bases, tools and free pieces, and how these move."""
 
 from __future__ import annotations
 
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.frame_poses import FramePoses
+from simrob_drake.blocks.wiring import mapped
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.site import FromState, StationRobot
+from simrob_drake.signals import Panel, Role, Signal
 from simrob_drake.stations.ports import StationPorts
+
+VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
+_POSE_UNITS = ("m",) * 3 + ("1",) * 4
+_VELOCITY_UNITS = ("m/s",) * 3 + ("rad/s",) * 3
 
 
 def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add ``base_pose``, ``tcp_pose`` and ``tcp_pose.<tool>`` for every robot."""
+    plant = ports.plant.plant
     for robot in ports.plant.robots.values():
         frames = {"base_pose": robot.root, **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()}}
-        block = builder.AddNamedSystem(f"{robot.prefix}poses", FramePoses(plant=ports.plant.plant, frames=frames))
+        block = builder.AddNamedSystem(f"{robot.prefix}poses", FramePoses(plant=plant, frames=frames))
         builder.Connect(ports.state, block.get_input_port())
+        ports.draw(f"{robot.prefix}poses", "sensor", "Poses\n" + ", ".join(["base", *robot.tools]), robot)
         for name in frames:
-            ports.outputs[f"{robot.prefix}{name}"] = block.GetOutputPort(name)
+            signals, of_state = [], None
+            if name == "base_pose":
+                signals, of_state = [_pose_signal(robot, "base", name)], _free_base(plant, robot)
+            ports.add(f"{robot.prefix}{name}", block.GetOutputPort(name), *signals, of_state=of_state)
         if robot.tcp:
-            ports.outputs[f"{robot.prefix}tcp_pose"] = block.GetOutputPort(f"tcp_pose.{robot.tcp}")
+            port = block.GetOutputPort(f"tcp_pose.{robot.tcp}")
+            ports.add(f"{robot.prefix}tcp_pose", port, _pose_signal(robot, "tcp", "tcp_pose"))
+
+
+def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
+    """Add ``piece_pose.<piece>`` (7) and ``piece_velocity.<piece>`` (6: linear, then angular, in the world's axes)."""
+    plant, free = ports.plant.plant, ports.plant.free_pieces
+    if not free:
+        return
+    frames = {f"piece_pose.{piece}": body.body_frame() for piece, body in free.items()}
+    poses = builder.AddNamedSystem("piece_poses", FramePoses(plant=plant, frames=frames))
+    builder.Connect(ports.state, poses.get_input_port())
+    ports.draw("piece_poses", "sensor", wrapped(f"Poses of {', '.join(free)}"))
+    for piece, body in free.items():
+        start = plant.num_positions() + body.floating_velocities_start_in_v()
+        pick = np.zeros((6, plant.num_multibody_states()))
+        pick[[3, 4, 5, 0, 1, 2], range(start, start + 6)] = 1.0  # Drake has the angular part first
+        for output, port, parts, units, of_state, quantity in (
+            ("pose", poses.GetOutputPort(f"piece_pose.{piece}"), XYZ_QUATERNION_NAMES, _POSE_UNITS,
+             FromState(_free_pose(plant, body), unit_poses), "position [m]"),
+            ("velocity", mapped(builder, f"piece_velocity.{piece}", pick, ports.state), VELOCITY_NAMES,
+             _VELOCITY_UNITS, FromState(pick), "velocity [m/s]"),
+        ):  # fmt: skip
+            names, name = tuple(f"piece.{piece}.{part}" for part in parts), f"piece_{output}.{piece}"
+            heading = f"the piece '{piece}' in the world"
+            panel = Panel(f"piece_{piece}", heading, quantity.partition(" ")[0], quantity, names[:3])
+            role: Role = "pose" if output == "pose" else "motion"
+            ports.add(name, port, Signal(names, units, role, name, part=piece, panel=panel), of_state=of_state)
+
+
+def unit_poses(poses: Vector) -> Vector:
+    """Return poses (m, 7) with quaternions of length one whose qw is not negative."""
+    size = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True) * np.where(poses[:, 3:4] < 0, -1.0, 1.0)
+    return np.hstack([poses[:, :3], poses[:, 3:] / size])
+
+
+def _pose_signal(robot: StationRobot, columns: str, output: str) -> Signal:
+    names = tuple(f"{robot.prefix}{columns}.{part}" for part in XYZ_QUATERNION_NAMES)
+    return Signal(names, _POSE_UNITS, "pose", f"{robot.prefix}{output}")
+
+
+def _free_base(plant: MultibodyPlant, robot: StationRobot) -> FromState | None:
+    """Return how the state tells the base's pose, where the root link's body is free."""
+    body = robot.root.body()
+    if not (robot.floats and body.is_floating_base_body() and robot.root.is_body_frame()):
+        return None
+    return FromState(_free_pose(plant, body), unit_poses)
+
+
+def _free_pose(plant: MultibodyPlant, body: RigidBody) -> Vector:
+    """Return the matrix (7, nq + nv) that picks the pose of a free body from the state."""
+    places = body.floating_positions_start() + np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
+    return np.asarray(np.eye(plant.num_multibody_states())[places])

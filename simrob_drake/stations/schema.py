@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from simrob_drake.parts.forces import ForceConfig
+from simrob_drake.parts.kinds import models_by_kind
+from simrob_drake.parts.monitors import MonitorConfig
+from simrob_drake.parts.sensors import SensorConfig
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import RobotConfig, StationConfig
-from simrob_drake.stations.kinds import models_by_kind
-from simrob_drake.stations.monitor_config import MonitorConfig
-from simrob_drake.stations.sensor_config import SensorConfig
 
 SCHEMA_FILE = "station.schema.json"
 
@@ -22,8 +23,9 @@ def station_schema() -> dict[str, Any]:
     schema["required"] = [key for key in schema["required"] if key not in ("name", "robots")]
     schema["oneOf"] = [{"required": [key]} for key in ("robot", "robots")]
     schema["oneOf"].append({"required": ["pieces"], "properties": {"robot": False, "robots": {"maxProperties": 0}}})
-    for entry in [*models_by_kind(MonitorConfig).values(), *models_by_kind(SensorConfig).values()]:
-        schema["$defs"][entry.__name__]["required"].remove("kind")  # a monitor's or sensor's name can be its kind
+    for family in (MonitorConfig, SensorConfig, ForceConfig):
+        for entry in models_by_kind(family).values():
+            schema["$defs"][entry.__name__]["required"].remove("kind")  # a part's name can be its kind
     return schema
 
 

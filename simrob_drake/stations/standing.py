@@ -9,10 +9,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
+from simrob_drake.blocks.distance_sensor import lowest_points, shape_corners
 from simrob_drake.frames import Vector
-from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.robots import StationRobot
-from simrob_drake.stations.support import support_points
+from simrob_drake.parts.site import StationPlant, StationRobot
 
 _TOUCHING = 1e-3  # what lies less above the lowest point carries, too: contacts and servos give way by as much [m]
 _EVEN = 1e-4  # weight of sharing the load evenly, where there are more contacts than equations
@@ -47,7 +46,7 @@ def standing(station: StationPlant, robot: StationRobot) -> Standing | None:
     """
     plant = station.plant
     context = plant.CreateDefaultContext()
-    supports = support_points(station, robot, context)
+    supports = _support_points(station, robot, context)
     if not supports:
         return None
     points = np.vstack([on_body for _, on_body in supports])
@@ -61,8 +60,31 @@ def standing(station: StationPlant, robot: StationRobot) -> Standing | None:
     weight = mass * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
     forces = _vertical_forces(points, com, weight)
     generalized = plant.CalcGravityGeneralizedForces(context) + np.einsum("kv,k->v", jacobians, forces)
-    torque = -robot.of_axes(generalized)
+    torque = -robot.axis_map.efforts(generalized)
     return Standing(mass, gap, len(points), _margin(points[:, :2], com[:2]), torque)
+
+
+def _support_points(station: StationPlant, robot: StationRobot, context: Context) -> list[tuple[Frame, Vector]]:
+    """Return the points that a robot may stand on in a state, by the frames of its bodies: in the world, (k, 3) [m].
+
+    Args:
+        station: with the robot.
+        robot: with feet or without.
+        context: of the plant.
+    """
+    plant = station.plant
+    if robot.feet is not None:
+        frames = {link: plant.GetFrameByName(link, robot.instance) for link in robot.feet.links}
+        standing = {link: frame.CalcPoseInWorld(context).GetAsMatrix4()[np.newaxis] for link, frame in frames.items()}
+        return [(frames[link], robot.feet.lowest_points(link, pose)[0]) for link, pose in standing.items()]
+    inspector = station.scene_graph.model_inspector()
+    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
+    shapes = [(body, shape) for body in bodies for shape in plant.GetCollisionGeometriesForBody(body)]
+    poses = [plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(shape) for body, shape in shapes]
+    return [
+        (body.body_frame(), lowest_points(inspector.GetShape(shape), pose, shape_corners(inspector, shape)))
+        for (body, shape), pose in zip(shapes, poses, strict=True)
+    ]
 
 
 def _lift(plant: MultibodyPlant, context: Context, frame: Frame, point: Vector) -> Vector:

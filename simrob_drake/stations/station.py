@@ -1,23 +1,29 @@
-"""Compose a station: plant, servos, poses, sensors, monitors."""
+"""Compose a station: plant, servos, poses, sensors, forces, controllers, monitors."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
+from simrob_drake.blocks.events import EventTimes
 from simrob_drake.errors import InvalidParameter, shortened
+from simrob_drake.lifetime import release
+from simrob_drake.parts.controllers.own import add_own_blocks
+from simrob_drake.parts.forces.force import add_force
+from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.drawing import draw_plant
 from simrob_drake.stations.dynamic import add_dynamic_robots
-from simrob_drake.stations.free_pieces import add_free_pieces
-from simrob_drake.stations.kinematic import add_kinematic_robots
+from simrob_drake.stations.kinematic import add_kinematic_robots, add_motion_inputs
 from simrob_drake.stations.load import load_station
-from simrob_drake.stations.monitoring import add_monitors
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.poses import add_poses
-from simrob_drake.stations.sensors import add_sensors
+from simrob_drake.stations.poses import add_free_pieces, add_poses
+from simrob_drake.stations.resolve import ResolvedStation, resolve
 
 StationLike: TypeAlias = "str | Path | StationConfig | Station"
 """What users mean a station by: a name, a YAML file, a configuration, or a built station."""
@@ -54,18 +60,80 @@ def add_station(builder: DiagramBuilder, config: StationConfig | str | Path) -> 
     Returns:
         the station's ports, with its plant.
     """
-    config = config_of(config)
-    plant = add_plant(builder, config)
-    ports = (
-        add_kinematic_robots(builder, plant, config)
-        if config.mode == "kinematic"
-        else add_dynamic_robots(builder, plant, config)
-    )
-    add_poses(builder, ports)
-    add_free_pieces(builder, ports)
-    add_sensors(builder, ports)
-    add_monitors(builder, ports)
+    ports = compose(builder, resolve(config_of(config)))
+    if ports.edges:
+        builder.AddNamedSystem("edges", EventTimes(ports.edges))
     return ports
+
+
+def compose(
+    builder: DiagramBuilder,
+    station: ResolvedStation,
+    *,
+    sensors: Collection[str] | None = None,
+    forces: bool = True,
+    monitors: bool = True,
+    blocks: Mapping[str, LeafSystem] | None = None,
+) -> StationPorts:
+    """Add a station's systems, and perhaps not all of its parts.
+
+    Args:
+        builder: the diagram under construction.
+        station: resolved.
+        sensors: the names of those that are added; all unless given.
+        forces: whether those of the configuration act.
+        monitors: whether they stand in the diagram; otherwise the ports know them, for whoever records the run.
+        blocks: the station's controllers, made, and others of the user's own, by name.
+    """
+    config, plant = station.config, add_plant(builder, station)
+    if station.mode == "kinematic":
+        inputs, state = add_motion_inputs(builder, plant)
+        ports = StationPorts(station=station, plant=plant, state=state, inputs=inputs, config=config)
+        add_kinematic_robots(builder, ports)
+    else:
+        state = plant.plant.get_state_output_port()
+        ports = StationPorts(station=station, plant=plant, state=state, config=config)
+        add_dynamic_robots(builder, ports)
+    draw_plant(ports)
+    add_poses(builder, ports)
+    _sort_by_robot(ports)
+    add_free_pieces(builder, ports)
+    for name, sensor in config.sensors.items():
+        if sensors is None or name in sensors:
+            ports.notes[name] = {"kind": sensor.kind}
+            sensor.wire(builder, ports, name)
+    if forces:
+        _add_forces(builder, ports)
+    _gather_forces(builder, ports)
+    made = {name: section.block(f"controllers.{name}") for name, section in config.controllers.items()}
+    add_own_blocks(builder, ports, made if blocks is None else blocks)
+    for name, monitor in config.monitors.items():
+        add_monitor(builder if monitors else None, ports, name, monitor, monitor.condition(name, station))
+    return ports
+
+
+def _sort_by_robot(ports: StationPorts) -> None:
+    """Bring the columns of each robot together, in the order in which they were declared."""
+    robots = list(ports.plant.robots.values())
+    if len(robots) > 1:
+        place = {robot.prefix: index for index, robot in enumerate(robots)}
+        ports.signals.sort(key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."])
+
+
+def _add_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
+    for name, force in ports.config.forces.items():
+        add_force(builder, ports, name, force, force.source(), force.caption())
+        ports.edges.extend(force.edges)
+
+
+def _gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
+    found = ports.spatial_forces
+    if found:
+        forces = builder.AddNamedSystem("external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)))
+        for index, port in enumerate(found):
+            builder.Connect(port, forces.get_input_port(index))
+        ports.draw_nothing("external_forces")
+        builder.Connect(forces.get_output_port(), ports.plant.plant.get_applied_spatial_force_input_port())
 
 
 class Station(Diagram):
@@ -83,10 +151,12 @@ class Station(Diagram):
         builder = DiagramBuilder()
         self.ports = add_station(builder, self.config)
         for name, port in self.ports.inputs.items():
-            builder.ExportInput(port, name)
+            if not builder.IsConnectedOrExported(port):
+                builder.ExportInput(port, name)
         for name, output in self.ports.outputs.items():
             builder.ExportOutput(output, name)
         builder.BuildInto(self)
+        release(builder, self)
         self.set_name(self.config.name)
 
 

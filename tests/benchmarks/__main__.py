@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from simrob_drake import load_station, simulate
+from tests.benchmarks.costs import costs, runner
 from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
 from tests.benchmarks.importing import imports
 from tests.benchmarks.kinematics import inverse_kinematics
@@ -62,18 +63,6 @@ def realtime_rates() -> Table:
         )
         error = np.abs(results[0].axes("q") - converged.axes("q")).max()
         table.add_row(name, f"{rate:.0f}", f"{1e3 * stepping:.1f}", f"{1e3 * signals:.1f}", f"{error:.5f}")
-    return table
-
-
-def monitors() -> Table:
-    """What watching costs: stepping with three monitors against none."""
-    plain = load_station("irb120_dynamic")
-    watched = load_station("irb120_dynamic", {"monitors": {"joint_limit": {}, "torque_limit": {}, "divergence": {}}})
-    times = in_turn(
-        {"plain": lambda: simulate(plain).stepping_time, "watched": lambda: simulate(watched).stepping_time}
-    )
-    table = Table("three monitors", "ratio of stepping time")
-    table.add_row("against none", f"{np.median(times['watched'] / times['plain']):.3f}")
     return table
 
 
@@ -133,7 +122,8 @@ def main() -> None:
         imports,
         against_hand_wired,
         realtime_rates,
-        monitors,
+        costs,
+        runner,
         contact,
         inverse_kinematics,
         planning,

@@ -12,19 +12,20 @@ from pydrake.trajectories import PiecewisePolynomial
 from simrob_drake import apply_solver, load_station
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.joint_stops import add_joint_stops
-from simrob_drake.blocks.references import add_trajectory
+from simrob_drake.blocks.references import add_course
 from simrob_drake.blocks.servo import ServoSignals, add_servos
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 
 
 def stepping_time(realization: str) -> float:
     """Step the move for 3 s without recorder, inputs, sensors, signals or monitors; return the wall time [s]."""
     config = load_station("irb120_dynamic", {"servo.realization": realization})
     builder = DiagramBuilder()
-    station = add_plant(builder, config)
+    station = add_plant(builder, resolve(config))
     plant, (robot,) = station.plant, station.robots.values()
     ramp = PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.outer(np.ones(6), [0.0, np.pi / 6]))
-    source = add_trajectory(builder, ramp)
+    source = add_course(builder, ramp)
     signals = ServoSignals(source.position, plant.get_state_output_port(robot.instance))
     if realization == "implicit":
         add_actuator_servos(builder, plant, robot.instance, signals, robot.gains, actuation_map=np.eye(6))

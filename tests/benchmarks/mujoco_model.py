@@ -9,8 +9,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties
 from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
+from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.robots import StationRobot
 
 
 def mujoco_spec(station: StationPlant, robot: StationRobot) -> mujoco.MjSpec:
@@ -99,7 +99,7 @@ def _friction(first: ProximityProperties, second: ProximityProperties) -> float:
 
 
 def _add_servos(spec: mujoco.MjSpec, robot: StationRobot) -> None:
-    for number, (axis, joint, sign) in enumerate(zip(robot.axes, robot.joints, robot.signs, strict=True)):
+    for number, (axis, joint, sign) in enumerate(zip(robot.axes, robot.joints, robot.axis_map.signs, strict=True)):
         limit = float(robot.gains.torque_limit[number])
         servo = spec.add_actuator(
             name=axis,

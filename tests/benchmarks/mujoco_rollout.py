@@ -119,7 +119,7 @@ class MujocoHumanoid:
         positions = states[:, 1 : 1 + model.nq]
         joints = [model.joint(joint.name()).qposadr[0] for joint in self.robot.joints]
         even = np.column_stack([np.interp(SAMPLES, times, column) for column in positions.T])
-        return Motion(even[:, :7], even[:, joints] * self.robot.signs, seconds, seconds)
+        return Motion(even[:, :7], even[:, joints] * self.robot.axis_map.signs, seconds, seconds)
 
 
 def _apply(model: mujoco.MjModel, settings: Settings) -> None:

@@ -24,8 +24,8 @@ def survives(motion: JointMotion, facing: float, side: tuple[int, int], force: f
     """Return whether a robot stays on its feet, pushed at any of the moments."""
     along = facing_rotation(-facing) @ np.array([*side, 0.0])
     for start in STARTS:
-        push = {"start": start, "force": [float(part) for part in force * along]}
-        config = motion.station({"robot.pushes": [push], "duration": 5.0})
+        push = {"kind": "push", "start": start, "force": [float(part) for part in force * along]}
+        config = motion.station({"forces.push": push, "duration": 5.0})
         if simulate(config, reference=motion.trajectory(), progress=False).stopped_by is not None:
             return False
     return True

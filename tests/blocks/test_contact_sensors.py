@@ -21,10 +21,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
 from simrob_drake.blocks.contacts import ContactReader, Contacts
-from simrob_drake.blocks.distance_sensor import DistanceSensor, lowest_point
+from simrob_drake.blocks.distance_sensor import DistanceSensor, lowest_points
 from simrob_drake.blocks.force_sensor import ForceSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.robots.axis_map import AxisMap
 
 STIFFNESS, DEPTH = 2000.0, 0.003  # of a contact [N/m], and how deep the cube's corner balls are in the floor [m]
 CORNERS = np.array([[x, y, -0.1] for x in (-0.1, 0.1) for y in (-0.1, 0.1)])  # m
@@ -173,7 +174,15 @@ def test_the_distance_to_the_floor_is_that_of_the_lowest_point(shape):
     pose = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
     points = surface_points(shape)
     corners = points if isinstance(shape, Box) else np.zeros((0, 3))
-    assert lowest_point(shape, pose, corners) == pytest.approx((pose @ points.T)[2].min(), abs=1e-4)
+    found = lowest_points(shape, pose, corners)[:, 2].min()
+    assert found == pytest.approx((pose @ points.T)[2].min(), abs=1e-4)
+
+
+def test_the_lowest_point_of_a_tilted_cylinder_is_exact():
+    pose = RigidTransform(RollPitchYaw(0.7, -0.4, 1.1), np.array([0.2, 0.1, 0.5]))
+    up = pose.rotation().matrix()[2]
+    exact = 0.5 - 0.1 * np.hypot(up[0], up[1]) - 0.15 * abs(up[2])
+    assert lowest_points(Cylinder(0.1, 0.3), pose, np.zeros((0, 3)))[:, 2].min() == pytest.approx(exact, abs=1e-15)
 
 
 def test_a_distance_is_measured_between_bodies_and_to_the_floor():
@@ -213,10 +222,9 @@ class TestMomentumObserver:
         builder = DiagramBuilder()
         plant = add_pendulum(builder)
         plant.Finalize()
-        figures = {"gain": 20.0, "period": 0.005, "sampled": False, **options}
-        return builder, MomentumObserver(
-            plant=plant, joints=[plant.GetJointByName("hinge")], signs=np.ones(1), **figures
-        )
+        figures = {"gain": 20.0, "period": 0.005, **options}
+        axes = AxisMap.of_joints(plant, [plant.GetJointByName("hinge")])
+        return builder, MomentumObserver(plant=plant, axes=axes, **figures)
 
     def test_an_unknown_torque_is_found_with_the_lag_of_its_gain(self, add_pendulum):
         """A point of 1 kg on a rod of 0.5 m: I q'' = tau + x - m g l sin q, with x = 0.3 N·m from outside."""

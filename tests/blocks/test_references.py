@@ -12,8 +12,8 @@ from scipy.interpolate import CubicSpline
 from simrob_drake.blocks.events import EventTimes
 from simrob_drake.blocks.references import (
     ReferenceSource,
-    add_sine,
-    add_trajectory,
+    SineCourse,
+    add_course,
     corner_times,
     hold,
     move,
@@ -172,7 +172,7 @@ def test_of_a_trajectory_that_is_no_polynomial_only_the_ends_count() -> None:
 def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: bool) -> None:
     builder = DiagramBuilder()
     trajectory = move(START, TARGET, duration=1.0, start_time=0.5)
-    diagram = played(builder, add_trajectory(builder, trajectory, derivatives=derivatives))
+    diagram = played(builder, add_course(builder, trajectory, derivatives=derivatives))
     np.testing.assert_allclose(signal(diagram, "position", 0.0), START, atol=1e-14)
     np.testing.assert_allclose(signal(diagram, "position", 9.0), TARGET, atol=1e-14)
     np.testing.assert_allclose(signal(diagram, "position", 0.8), value(trajectory, 0.8), atol=1e-14)
@@ -185,15 +185,16 @@ def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: bool) -> 
 @pytest.mark.parametrize(("time", "moving"), [(0.25, False), (1.0, True), (2.75, False)])
 def test_outside_of_a_ramp_the_velocity_is_zero(time: float, moving: bool) -> None:
     builder = DiagramBuilder()
-    source = add_trajectory(builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=True)
+    source = add_course(builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=True)
     expected = (TARGET - START) / 2 if moving else np.zeros(3)
     np.testing.assert_allclose(signal(played(builder, source), "velocity", time), expected, atol=1e-14)
 
 
 def test_corners_become_events_of_the_simulation() -> None:
     builder = DiagramBuilder()
-    diagram = played(builder, add_trajectory(builder, ramp(START, TARGET, duration=0.7, start_time=0.3)))
-    assert [type(system) for system in diagram.GetSystems()].count(EventTimes) == 1
+    trajectory = ramp(START, TARGET, duration=0.7, start_time=0.3)
+    builder.AddNamedSystem("edges", EventTimes(corner_times(trajectory)))
+    diagram = played(builder, add_course(builder, trajectory))
     ends: list[float] = []
     simulator = Simulator(diagram)
     simulator.set_monitor(lambda context: ends.append(context.get_time()))
@@ -204,14 +205,14 @@ def test_corners_become_events_of_the_simulation() -> None:
 def test_a_trajectory_is_a_column() -> None:
     wide = PiecewisePolynomial(np.zeros((2, 3)))
     with pytest.raises(InvalidParameter, match="trajectory is 2 x 3"):
-        add_trajectory(DiagramBuilder(), wide)
+        add_course(DiagramBuilder(), wide)
 
 
 def test_a_sine_and_its_derivatives_are_the_closed_form() -> None:
     centre, amplitude, phase = np.array([0.1, -1.0]), np.array([0.5, 0.2]), np.array([0.0, 1.2])
     frequency = 1.5
     builder = DiagramBuilder()
-    diagram = played(builder, add_sine(builder, centre, amplitude, frequency=frequency, phase=phase))
+    diagram = played(builder, add_course(builder, SineCourse(centre, amplitude, frequency, phase)))
     omega = 2 * np.pi * frequency
     for time in (0.0, 0.123, 4.5):
         angle = omega * time + phase

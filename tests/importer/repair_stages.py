@@ -57,7 +57,7 @@ def with_defect(good: str, bad: str, text: str = ARM) -> str:
 
 def repair(robot: ET.Element, folder: Path, options: ImportOptions, report: ImportReport) -> str:
     """Do all stages but that of the shapes, and return the base."""
-    repair_structure(robot, report)
+    repair_structure(robot, options, report)
     repair_materials(robot, report)
     repair_joints(robot, options, report)
     repair_inertias(robot, folder, options, report)

@@ -7,12 +7,12 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import MOST_CORNERS, box_of, hull_of, is_hull
-from simrob_drake.importer.meshes.parts import Part
+from simrob_drake.importer.meshes.parts import MeshPart
 
 TURN = RigidTransform(RollPitchYaw(0.3, -0.7, 1.1), [0.5, -0.2, 0.9])
 
 
-def surface(part: Part) -> trimesh.Trimesh:
+def surface(part: MeshPart) -> trimesh.Trimesh:
     return trimesh.Trimesh(part.vertices, part.faces, process=False)
 
 
@@ -93,5 +93,5 @@ def test_open_inverted_concave_or_fine_meshes_are_no_hulls() -> None:
         (dented.vertices, dented.faces),
         (fine.vertices, fine.faces),
     ):
-        assert not is_hull(Part(np.array(vertices), np.array(faces)))
-    assert is_hull(Part(np.array(box.vertices), np.array(box.faces)))
+        assert not is_hull(MeshPart(np.array(vertices), np.array(faces)))
+    assert is_hull(MeshPart(np.array(box.vertices), np.array(box.faces)))

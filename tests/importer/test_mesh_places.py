@@ -58,6 +58,7 @@ def test_a_name_that_is_right_is_followed_without_a_word(robot: Path, uri: str, 
     ("uri", "expected"),
     [
         ("package://arm/meshes/base.stl", "Meshes/Base.STL"),
+        ("package://Meshes/Base.STL", "Meshes/Base.STL"),
         ("../MESHES TWO/Upper.stl", "meshes two/upper.stl"),
         ("package://old_name/Meshes/Base.STL", "Meshes/Base.STL"),
         ("/home/author/ws/src/arm/Meshes/Base.STL", "Meshes/Base.STL"),

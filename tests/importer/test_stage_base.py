@@ -50,6 +50,27 @@ def test_the_base_is_found_and_the_reason_told(tmp_path, element, base, reason):
     assert entry.text.endswith(f"--base {'floating' if base == 'fixed' else 'fixed'} changes that")
 
 
+@pytest.mark.parametrize(
+    ("branches", "way", "base"),
+    [
+        (2, "0 0 -0.3", "floating"),  # legs
+        (2, "0.1 0 -0.3", "floating"),
+        (2, "0 0 0.3", "fixed"),  # two arms
+        (2, "0.3 0 -0.1", "fixed"),
+        (5, "0 0 0.03", "fixed"),  # a hand
+        (6, "0.1 0 0", "floating"),  # an insect
+    ],
+)
+def test_legs_hang_down_and_arms_and_fingers_do_not(tmp_path, branches, way, base):
+    element = robot([LEG] * branches)
+    for moved in element.iterfind("joint"):
+        if moved.get("name") != "plate":
+            for old in moved.findall("origin"):
+                moved.remove(old)
+            ET.SubElement(moved, "origin", xyz=way)
+    assert choose_base(element, ImportOptions(), ImportReport(tmp_path / "a.urdf")) == base
+
+
 @pytest.mark.parametrize("base", ["fixed", "floating"])
 @pytest.mark.parametrize("root", ["body", "world_link"])
 def test_a_choice_wins(tmp_path, base, root):

@@ -5,12 +5,14 @@ from pydrake.geometry import Rgba, Role, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from repair_stages import ARM, Repaired, with_defect
 
+from simrob_drake.importer.cache import robot_from_file
+from simrob_drake.importer.importing import import_robot
 from simrob_drake.importer.repairs.materials import DEFAULT_RGBA
 from simrob_drake.robots.parse import add_urdf
 
 RED = '<material name="red"><color rgba="1 0 0 1"/></material>'
 USE = '<material name="red"/>'
-GREY = tuple(float(word) for word in DEFAULT_RGBA.split())
+GREY = tuple(DEFAULT_RGBA)
 
 
 def colours(done: Repaired) -> list[tuple[float, ...]]:
@@ -105,3 +107,27 @@ def test_a_material_may_be_defined_after_its_use(tmp_path):
     done = Repaired(with_defect("</robot>", f"{RED}</robot>", with_defect(RED, "")), tmp_path)
     assert not done.report.changed
     assert colours(done) == [(1, 0, 0, 1)]
+
+
+def test_a_colour_that_one_visual_defines_outlives_it(tmp_path):
+    """A visual whose mesh is missing is dropped; what it defined is used by others all the same."""
+    missing = '<visual><geometry><mesh filename="none.stl"/></geometry>{}</visual>'
+    blue = '<material name="blue"><color rgba="0 0 1 1"/></material>'
+    text = with_visual('<material name="blue"/>')
+    text = text.replace('<link name="base">', f'<link name="base">{missing.format(blue)}')
+    source = tmp_path / "arm.urdf"
+    source.write_text(text)
+    imported = import_robot(source, tmp_path.parent / f"{tmp_path.name}_out")
+    assert "there is no such file" in imported.report.of("dropped")[0].text
+    material = imported.model.element.find("material[@name='blue']/color")
+    assert material.get("rgba") == "0 0 1 1"
+
+
+@pytest.mark.parametrize(
+    "material", ['<material name="x"/>', '<material name="x"><texture filename="a.png"/></material>', "<material/>"]
+)
+def test_a_material_without_colour_is_no_reason_to_refuse_a_robot(tmp_path, material):
+    source = tmp_path / "arm.urdf"
+    source.write_text(with_defect("</robot>", f"{material}</robot>"))
+    robot = robot_from_file(source)
+    add_urdf(MultibodyPlant(0.0), robot.element, name="robot", where=source)

@@ -171,7 +171,7 @@ def test_without_xacro_it_is_said_how(tmp_path, monkeypatch):
     monkeypatch.setattr(xacro, "_command", lambda: None)
     path = tmp_path / "arm.urdf"
     path.write_text(XACRO)
-    assert "install xacro (pip install xacro) or expand it: xacro arm.urdf > arm.urdf" in refusal(path)
+    assert "install xacro (pip install xacro) or expand it: xacro arm.urdf > arm_plain.urdf" in refusal(path)
     plain = tmp_path / "arm.xacro"
     plain.write_text('<robot name="${name}"/>')
     assert "is a xacro file" in refusal(plain)

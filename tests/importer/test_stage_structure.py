@@ -6,6 +6,7 @@ import pytest
 from repair_stages import ARM, END, FLANGE, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
 from simrob_drake.errors import InvalidModel
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.numbers import mend_numbers
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import movable_joints, name_of, root_link
@@ -232,3 +233,11 @@ def test_one_unreadable_moment_makes_all_of_them_missing(tmp_path):
     mend_numbers(robot, report)
     assert robot[0][0].attrib == {}
     assert [entry.text for entry in report.entries] == ['ixx="x" is not a finite number; the moments count as missing']
+
+
+def test_a_closing_joint_is_left_out_where_that_is_asked_for(tmp_path):
+    text = with_defect(END, '<loop_joint name="l"/>' + END)
+    done = Repaired(text, tmp_path, ImportOptions(drop_loops=True))
+    assert any("<loop_joint> 'l'" in line and "left out" in line for line in done.told("dropped"))
+    with pytest.raises(InvalidModel, match="--drop-loops"):
+        Repaired(text, tmp_path)

@@ -120,9 +120,7 @@ def drake_poses() -> Callable[..., np.ndarray]:
         place, result = chain.in_plant, []
         context = place.plant.CreateDefaultContext()
         for posture in postures:
-            positions = place.plant.GetPositions(context)
-            positions[[joint.position_start() for joint in place.joints]] = place.signs * posture
-            place.plant.SetPositions(context, positions)
+            place.axes.set_positions(place.plant, context, posture)
             result.append(place.tool.CalcPose(context, place.base).GetAsMatrix4() @ place.tcp)
         return np.array(result)
 

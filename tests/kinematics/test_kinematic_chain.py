@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
@@ -151,3 +152,15 @@ def test_bad_signs(irb120_chain, signs):
     place = irb120_chain.in_plant
     with pytest.raises(InvalidParameter, match="signs"):
         Chain.of_plant(place.plant, joints=place.joints, base=place.base, tool=place.tool, signs=signs)
+
+
+def test_a_base_that_is_elsewhere_carries_poses_and_jacobians(irb120_chain, random_postures):
+    postures = random_postures(irb120_chain, 20)
+    base = np.array([RigidTransform(RollPitchYaw(0.1 * k, 0.3, -0.2 * k), [k, 1, 2]).GetAsMatrix4() for k in range(20)])
+    frames = irb120_chain.frames(postures, base)
+    poses = irb120_chain.tool_poses(frames)
+    np.testing.assert_allclose(poses, base @ irb120_chain.forward(postures), atol=1e-12)
+    turns = np.zeros((20, 6, 6))
+    turns[:, :3, :3] = turns[:, 3:, 3:] = base[:, :3, :3]
+    found = irb120_chain.jacobian_at(frames, poses[:, :3, 3])
+    np.testing.assert_allclose(found, turns @ irb120_chain.jacobian(postures), atol=1e-12)

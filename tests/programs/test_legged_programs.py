@@ -8,7 +8,7 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.leg_angles import OutOfReach
-from simrob_drake.programs.moves import ActMove, AttachMove, Move, ReleaseMove, WalkMove
+from simrob_drake.programs.moves import ActMove, AttachMove, JointMove, ReleaseMove, WalkMove
 
 ARM = {"HomDF": 40}
 PARCEL = {"parent": "world", "pose": [0.2, -0.3, 0.3, 0, 0, 0]}
@@ -42,7 +42,7 @@ class TestOnThePhysics:
         carrier.act("bow", rest=0.0, store=True)
         carrier.release("parcel", store=True)
         carrier.add_move({"HomDF": 0}, 0.4)
-        kinds = [Move, WalkMove, AttachMove, Move, ActMove, ReleaseMove, Move]
+        kinds = [JointMove, WalkMove, AttachMove, JointMove, ActMove, ReleaseMove, JointMove]
         assert [type(move) for move in carrier.program.moves] == kinds
         before, left = snapshot(carrier), carrier.cell.frame("parcel").translation()
         result = carrier.simulate()

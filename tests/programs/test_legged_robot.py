@@ -11,9 +11,9 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.kinematics import Unreachable
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.gaits.choice import first_gait
 from simrob_drake.programs.gaits.leg_angles import OutOfReach
 from simrob_drake.programs.gaits.quadruped import three_legs
+from simrob_drake.programs.gaits.registry import first_gait
 from simrob_drake.programs.legged_gait import planned_gait
 from simrob_drake.robots.catalog import load_robot
 

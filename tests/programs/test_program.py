@@ -6,7 +6,7 @@ import pytest
 from simrob_drake import Program
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError, UnknownName
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.given_moves import cell_of, move_of
+from simrob_drake.programs.moves import cell_of, move_of
 from simrob_drake.programs.postures import postures_of
 from simrob_drake.robots.catalog import load_robot
 

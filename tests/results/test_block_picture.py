@@ -1,7 +1,6 @@
 """Block pictures: what stands in the Diagram stands in the picture, and the committed pictures are the present ones."""
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
@@ -24,10 +23,11 @@ from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.picture import save_block_picture, station_dot, station_mermaid
 from simrob_drake.results.block_diagram.reading import read_blocks
-from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
-from simrob_drake.stations.station import build_station
+from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.station import add_station, build_station
 
 PLUMBING = (Selector, Multiplexer, Demultiplexer, PassThrough, MatrixGain, EventTimes, SteadySteps, ContactReader)
 EVERYTHING = {
@@ -47,10 +47,8 @@ VARIANTS = [
 
 
 def graph_of(config: StationConfig) -> tuple[BlockGraph, list]:
-    builder = DiagramBuilder()
-    ports = add_closed_station(builder, config)
-    diagram = builder.Build()
-    return read_blocks(diagram, ports), diagram.GetSystems()
+    closed = closed_station(resolve(config))
+    return read_blocks(closed.diagram, closed.ports), closed.diagram.GetSystems()
 
 
 def label_of(graph: BlockGraph, system: str) -> str:
@@ -112,10 +110,8 @@ def test_texts_are_the_same_every_time_and_name_every_block(name: str, changes: 
 @pytest.mark.parametrize(("name", "changes"), VARIANTS)
 def test_every_arrow_of_the_picture_is_a_way_in_the_diagram(name: str, changes: dict | None) -> None:
     config = load_station(name, changes)
-    builder = DiagramBuilder()
-    ports = add_closed_station(builder, config)
-    diagram = builder.Build()
-    graph = read_blocks(diagram, ports)
+    closed = closed_station(resolve(config))
+    diagram, graph = closed.diagram, read_blocks(closed.diagram, closed.ports)
     onward: dict[str, set[str]] = {}
     for (target, _), (source, _) in diagram.connection_map().items():
         onward.setdefault(source.get_name(), set()).add(target.get_name())
@@ -201,16 +197,15 @@ def test_several_robots_share_one_plant() -> None:
 
 
 def test_every_output_of_the_station_is_drawn() -> None:
-    builder = DiagramBuilder()
-    ports = add_closed_station(builder, load_station("irb120_dynamic"))
-    graph = read_blocks(builder.Build(), ports)
+    closed = closed_station(resolve(load_station("irb120_dynamic")))
+    ports, graph = closed.ports, read_blocks(closed.diagram, closed.ports)
     shown = {name for b in graph.blocks.values() if b.shape == "port" for name in b.label.split("\n")}
     assert shown == set(ports.outputs) - {"reference"}
 
 
 def test_a_users_own_block_has_a_cluster_of_its_own() -> None:
     builder = DiagramBuilder()
-    ports = add_closed_station(builder, load_station("double_pendulum"))
+    ports = add_station(builder, load_station("double_pendulum"))
     mine = builder.AddNamedSystem("my_controller", PidController([1.0], [0.0], [1.0]))
     builder.Connect(ports.outputs["position"], mine.get_input_port_estimated_state())
     graph = read_blocks(builder.Build(), ports)
@@ -280,7 +275,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         save_block_picture(load_station("double_pendulum"), tmp_path / "missing" / "picture.dot")
 
 
-@pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
+@pytest.mark.graphviz
 def test_the_pictures_of_all_stations_are_drawn(tmp_path: Path) -> None:
     block_picture.main(tmp_path)
     for name in station_names():

@@ -1,18 +1,26 @@
 """From where a run is looked at: the front quarter, and beside a robot that walks."""
 
+import json
+import re
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.results.animation.camera import side, walked_way
-from simrob_drake.results.animation.film_strip import save_film_strip
-from simrob_drake.results.animation.rendering import Studio
+from simrob_drake.results.animation.floor_grid import SPACING, floor_lines, with_floor_under
+from simrob_drake.results.animation.pictures import Studio, save_film_strip
+from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.results.animation.scene import Scene
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +30,7 @@ def walked():
 
 
 def plant_of(name, overrides=None):
-    return add_plant(DiagramBuilder(), load_station(name, overrides))
+    return add_plant(DiagramBuilder(), resolve(load_station(name, overrides)))
 
 
 @pytest.mark.parametrize("robot", ["humanoid", "roid1", "zjudancer", "yobotics"])
@@ -88,3 +96,71 @@ def test_the_strip_of_a_walk_tells_how_far_it_went(walked, tmp_path, monkeypatch
     time, distance = (float(part.split()[0]) for part in shown[-1].split(", "))
     assert time == pytest.approx(walked.stop_time, abs=0.005)
     assert distance == pytest.approx(np.linalg.norm(base[-1] - base[0]), abs=0.03)
+
+
+def test_the_lines_lie_on_whole_tenths_of_the_floor_about_the_way():
+    way = np.array([[0.0, 0.0, 0.0], [5.0, 0.3, 0.0]])
+    lines = floor_lines(way, size=8.0)
+    assert np.abs(lines[..., :2]).max() <= 4.0
+    along_x = lines[:, 0, 0] != lines[:, 1, 0]
+    for chosen, across in ((along_x, 1), (~along_x, 0)):
+        places = lines[chosen][:, 0, across]
+        np.testing.assert_array_equal(places, lines[chosen][:, 1, across])
+        np.testing.assert_allclose(np.diff(places), SPACING)
+        np.testing.assert_allclose(places / SPACING, np.round(places / SPACING), atol=1e-9)
+    assert lines[..., 0].max() == 4.0  # the floor ends there
+
+
+def test_the_floor_reaches_beyond_a_walk_and_is_left_where_that_is_short():
+    station = load_station("zjudancer_dynamic")
+    wide = with_floor_under(station, np.array([[0.0, -7.0, 0.0], [2.0, 0.0, 0.0]]))
+    assert wide.floor.size / 2 > 7.5
+    assert with_floor_under(station, np.zeros((1, 3))) == station
+    assert with_floor_under(load_station("double_pendulum"), np.full((1, 3), 9.0)).floor is None
+
+
+def told(page):
+    """Return what the page's own script is told."""
+    return json.loads(re.search(r"const RUN = (.*);\n", page).group(1))
+
+
+def test_the_page_of_a_walk_goes_along_with_it(walked, tmp_path):
+    run = told(save_recording(walked, tmp_path / "walk.html", frames_per_second=20.0).read_text(encoding="utf-8"))
+    times = np.append(np.arange(np.ceil(20 * walked.stop_time)) / 20, walked.stop_time)
+    np.testing.assert_allclose(run["way"], walked_way(walked)(times)[:, :2], atol=1e-4)
+    assert run["rate"] == 20.0
+    ends = np.array(run["lines"])[..., :2]
+    assert (ends.min(axis=(0, 1)) < np.min(run["way"], axis=0) - 1.0).all()
+    assert (ends.max(axis=(0, 1)) > np.max(run["way"], axis=0) + 1.0).all()
+
+
+def test_the_page_of_an_arm_stands_still(tmp_path):
+    result = simulate(load_station("irb120_dynamic"), duration=0.1, progress=False)
+    run = told(save_recording(result, tmp_path / "arm.html").read_text(encoding="utf-8"))
+    assert run["way"] == []
+    corners = Scene(result.config).extents_of_run(result)
+    assert np.linalg.norm(corners - run["middle"], axis=1).max() <= run["radius"] + 1e-9
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs the browser chromium")
+def test_a_browser_keeps_the_walking_robot_in_the_middle_until_it_is_told_not_to(walked, tmp_path):
+    page = save_recording(walked, tmp_path / "walk.html").read_text(encoding="utf-8")
+    staying = "<script>document.querySelector('#switches input').click()</script>"
+    (tmp_path / "stay.html").write_text(page.replace("</body>", f"{staying}</body>"), encoding="utf-8")
+    time = round(850 * walked.stop_time)
+    goes_along, stays = (shown_in_browser(tmp_path, name, time) for name in ("walk", "stay"))
+    assert goes_along == pytest.approx(0.5, abs=0.15)
+    assert abs(stays - goes_along) > 0.2
+
+
+def shown_in_browser(folder, name, time):
+    """Return where the blue robot is at a time [ms] of a page, from 0 at the left edge to 1; 2: out of sight."""
+    picture = folder / f"{name}_{time}.png"
+    drawing = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    alone = ["--no-sandbox", "--disable-background-networking", f"--user-data-dir={folder}/profile"]
+    shown = [f"--virtual-time-budget={time}", f"--screenshot={picture}", f"file://{folder}/{name}.html"]
+    command = ["chromium", "--headless", "--window-size=500,320", *drawing, *alone, *shown]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    colours = imread(picture)
+    columns = np.flatnonzero((colours[..., 2] > colours[..., 0] + 0.25).any(axis=0))
+    return columns.mean() / colours.shape[1] if len(columns) else 2.0

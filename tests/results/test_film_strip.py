@@ -8,8 +8,7 @@ from matplotlib.image import imread
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
-from simrob_drake.results.animation.film_strip import save_film_strip, save_video
-from simrob_drake.results.animation.rendering import Studio
+from simrob_drake.results.animation.pictures import Studio, save_film_strip, save_video
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +30,18 @@ def test_the_strip_shows_the_motion_from_left_to_right(result, tmp_path):
     assert changed(first, middle) > 0.05
     captions = picture[122:, :, :3].min(axis=(0, 2)) < 150
     assert all(captions[index * width : (index + 1) * width].any() for index in range(3))
+
+
+def test_wide_frames_stand_in_two_rows(tmp_path):
+    result = simulate(load_station("two_irb120"), duration=0.3, progress=False)
+    studio = Studio(result, height=60, oversampling=2)
+    frames = list(studio.images(np.linspace(0, 0.3, 7)))
+    wide = frames[0].shape[1]
+    picture = imread(save_film_strip(result, tmp_path / "strip.png", height=60)) * 255
+    assert picture.shape[:2] == (2 * (60 + 14), 4 * (wide + 6) - 6)
+    for place, frame in ((0, frames[0]), (3, frames[3]), (4, frames[4]), (6, frames[6])):
+        left, top = place % 4 * (wide + 6), place // 4 * (60 + 14)
+        assert changed(picture[top : top + 60, left : left + wide, :3], frame) < 0.01
 
 
 def test_images_are_of_their_times(result):

@@ -1,12 +1,21 @@
 """The measures of a walk, against motions whose figures are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.frames import xyz_quaternion_from_transform
-from simrob_drake.results.record.locomotion import foot_slip, headings, legged_robots, locomotion, mechanical_work
+from simrob_drake.results.record.locomotion import (
+    fallen,
+    foot_slip,
+    headings,
+    legged_robots,
+    locomotion,
+    mechanical_work,
+)
 from simrob_drake.results.result import SimulationResult
 
 TIMES = np.linspace(0.0, 2.0, 201)
@@ -79,7 +88,7 @@ def test_the_way_counts_in_the_first_heading():
 def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
     result = simulate(load_station("irb120_on_belt", {"robot.base": [0, 0, 0.14, 0.4, 0, 0]}), duration=0.02)
     robot = result.plant.robots["robot"]
-    assert any(robot.model.slides)
+    assert any(robot.model.prismatic)
     np.testing.assert_allclose(headings(result.plant, robot, result.pose("base")), 0.4)
 
 
@@ -136,9 +145,14 @@ def test_a_walk_is_measured_in_the_summary():
 
 
 def test_who_falls_is_told_when():
-    push = {"robot.pushes": [{"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}], "duration": 3.0}
+    push = {"forces.push": {"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}, "duration": 3.0}
     result = simulate(load_station("humanoid_dynamic", push), progress=False)
     assert result.stopped_by == "fall"
+    assert fallen(result) == "robot"
+    assert fallen(replace(result, stopped_by=None)) is None
+    watched = result.config.monitors["fall"].model_copy(update={"piece": "box"})
+    config = result.config.model_copy(update={"monitors": {"fall": watched}})
+    assert fallen(replace(result, config=config)) is None  # a box fell, and no robot
     found = result.summary()["locomotion"]
     assert found["fall_time"] == result.stop_time
     assert 0.2 < found["fall_time"] < 2.0

@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from matplotlib.text import Text
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import OutputError
-from simrob_drake.results.plots.plots import save_plots
-from simrob_drake.results.plots.side_groups import side_groups
+from simrob_drake.results.plots.files import save_plots
+from simrob_drake.results.plots.joint_plots import side_groups
+from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +150,7 @@ def test_right_and_left_joints_share_a_panel_and_none_is_lost(standing, drawn):
 
 
 def test_the_sides_of_a_quadruped_are_told_apart_in_front_and_behind():
-    robot = next(iter(add_plant(DiagramBuilder(), load_station("yobotics_dynamic")).robots.values()))
+    robot = next(iter(add_plant(DiagramBuilder(), resolve(load_station("yobotics_dynamic"))).robots.values()))
     found = {group.name: [robot.axes[place] for place in group.places.values()] for group in side_groups(robot)}
     assert found["rear_knee"] == ["rear_right_knee", "rear_left_knee"]
     assert found["front_knee"] == ["front_right_knee", "front_left_knee"]
@@ -217,3 +220,64 @@ def test_a_long_run_that_moves_all_the_time_is_shown_in_detail_too(result, drawn
     whole = curve(figures["torque"].axes[1], "torque")
     assert whole.get_linewidth() < detail.get_linewidth()
     assert set(drawn(replace(result, times=times))) == {"position", "torque", "tcp"}  # long, but calm
+
+
+def test_a_free_piece_is_shown_where_it_is_and_how_fast(drawn):
+    result = simulate(load_station("bouncing_ball"), duration=0.2, progress=False)
+    position, velocity = drawn(result)["piece_ball"].axes
+    assert (position.get_ylabel(), velocity.get_ylabel()) == ("position [m]", "velocity [m/s]")
+    for axis in "xyz":
+        np.testing.assert_array_equal(curve(position, axis).get_ydata(), result[f"piece.ball.{axis}"])
+        np.testing.assert_array_equal(curve(velocity, f"v{axis}").get_ydata(), result[f"piece.ball.v{axis}"])
+
+
+def test_sensors_share_a_figure_which_tells_why_the_run_was_stopped(drawn):
+    result = simulate(load_station("irb120_force_stop"), progress=False)
+    figure = drawn(result)["sensors"]
+    assert [panel.get_title(loc="left") for panel in figure.axes] == ["contact force 'touch'", "distance 'gap'"]
+    assert result.message in texts(figure)
+    assert all(curve(panel, "stop").get_xdata()[0] == result.stop_time for panel in figure.axes)
+    force, distance = figure.axes
+    assert [text.get_text() for text in force.get_legend().get_texts()] == ["x", "y", "z"]
+    assert distance.get_legend() is None  # one curve, which the title names
+
+
+def test_many_curves_of_a_panel_are_told_apart(standing, drawn):
+    axes = standing.plant.robots["robot"].axes
+    columns = tuple(f"tau.{axis}" for axis in axes)
+    panels = (
+        Panel("own", "a block", "drive", "torque [N·m]", columns),
+        Panel("own", "a block", "one", "u", columns[:1]),
+    )
+    signals = tuple(Signal(panel.columns, ("1",) * len(panel.columns), "own", panel=panel) for panel in panels)
+    figure = drawn(replace(standing, signals=signals))["own"]
+    assert "a block" in texts(figure)
+    lines = figure.axes[0].get_lines()
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(columns) == 18
+    figure.draw_without_rendering()
+    legend = figure.axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == axes
+    box, frame = legend.get_window_extent(), figure.axes[0].get_window_extent()
+    assert frame.x1 <= box.x0 < box.x1 <= figure.bbox.x1
+    assert frame.y0 <= box.y0
+
+
+def test_a_constant_is_drawn_whatever_its_size(result, drawn):
+    constant = changed(result, tau__joint_1=1e6)
+    panel = Panel("own", "a block", "count", "count", ("tau.joint_1",))
+    signal = Signal(panel.columns, ("1",), "own", panel=panel)
+    low, high = drawn(replace(constant, signals=(signal,)))["own"].axes[0].get_ylim()
+    assert low < 1e6 < high
+    assert high - low < 10
+
+
+def test_a_long_reason_is_told_to_its_end(result, drawn):
+    message = "diverged at 0.6 s: " + "the state of a joint that nobody thought of is no number any more, " * 5 + "end"
+    figure = drawn(replace(result, ending="diverged", stopped_by="diverged", message=message))["torque"]
+    assert message in texts(figure)
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in figure.texts]
+    titles = [text.get_window_extent() for text in figure.findobj(Text) if text.get_text().startswith("joint_")]
+    assert len(titles) == 6
+    assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
+    assert not any(box.overlaps(title) for box in boxes for title in titles)

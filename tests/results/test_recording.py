@@ -11,10 +11,10 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.results.animation import recording
-from simrob_drake.results.animation.camera import FIELD_OF_VIEW, view_of
+from simrob_drake.results.animation.camera import FIELD_OF_VIEW, camera_on, frame_times
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.animation.recording import open_meshcat, save_recording
-from simrob_drake.results.animation.scene import Scene, frame_times
+from simrob_drake.results.animation.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_the_page_needs_no_other_file(page):
 
 
 def test_the_camera_is_in_the_page(page, result):
-    view = view_of(Scene(result.config).extents_of_run(result), aspect=recording.ASPECT)
+    view = camera_on(Scene(result.config).extents_of_run(result), aspect=recording.ASPECT)
     height = np.array(view.eye[2], dtype=">f8").tobytes()
     assert any(b"/Cameras/default" in message and height in message for message in messages(page))
 
@@ -99,7 +99,7 @@ def test_frames_are_even_and_end_with_the_run(end, rate):
 @pytest.mark.parametrize("aspect", [0.5, 1.0, 2.5])
 def test_the_camera_has_all_points_in_its_picture_and_none_to_spare(aspect):
     points = np.random.default_rng(0).normal(size=(50, 3)) * [0.3, 1.0, 0.5] + [2.0, -1.0, 0.5]
-    view = view_of(points, aspect=aspect)
+    view = camera_on(points, aspect=aspect)
     forward = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
     right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
     sight = points - view.eye

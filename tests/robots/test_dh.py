@@ -183,7 +183,7 @@ def test_colours_and_thickness_can_be_chosen() -> None:
     dh = table([{**SPIN, "d": 0.5}], thickness=0.2, colour=[1, 0, 0, 1], joint_colour=[0, 1, 0, 1])
     element = dh_robot("arm", dh)
     assert max(float(c.get("radius", 0)) for c in element.iter("cylinder")) == pytest.approx(1.8 * 0.2)
-    assert {c.get("rgba") for c in element.iter("color")} >= {"1.0 0.0 0.0 1.0", "0.0 1.0 0.0 1.0"}
+    assert {c.get("rgba") for c in element.iter("color")} >= {"1 0 0 1", "0 1 0 1"}
 
 
 DH_ROBOTS = [name for name in robot_names() if load_robot(name).dh is not None]

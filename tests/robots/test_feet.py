@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import InvalidConfig, SimrobError, UnknownName
@@ -11,6 +12,7 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.feet import Feet, FootContact, put_on_feet
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.plant import StationPlant, add_plant
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.yaml_files import validated
 
 # The base pattern of the Simulink models [mm], times the scale of each area; facts of the humanoid.
@@ -20,7 +22,7 @@ AREAS = {"spheres_A": (3.15, -0.01575, 1e4), "spheres_B": (0.945, -0.020475, 1e4
 
 def station(overrides: dict[str, object]) -> tuple[StationPlant, DiagramBuilder]:
     builder = DiagramBuilder()  # it owns the plant
-    return add_plant(builder, load_station("humanoid_dynamic", overrides)), builder
+    return add_plant(builder, resolve(load_station("humanoid_dynamic", overrides))), builder
 
 
 @pytest.mark.parametrize("area", AREAS)
@@ -92,3 +94,15 @@ def test_a_foot_that_is_no_link_is_named() -> None:
     robot = ET.fromstring('<robot name="r"><link name="foot"/></robot>')
     with pytest.raises(UnknownName, match=r"no link .* 'fot'; did you mean 'foot'"):
         put_on_feet(robot, FootContact(points={"fot": ((0, 0, 0),)}))
+
+
+@pytest.mark.parametrize(("kind", "under"), [("spheres_C", 0.01), ("soles", 0.0)])
+def test_the_lowest_points_follow_the_foot(kind: str, under: float) -> None:
+    contact = load_robot("humanoid").feet.kind(kind)
+    poses = [RigidTransform(RollPitchYaw(0.2, -0.3, 0.4), [1.0, 2.0, 3.0]), RigidTransform([0.0, 0.0, 0.5])]
+    found = contact.lowest_points("left_foot", np.array([pose.GetAsMatrix4() for pose in poses]))
+    own = contact.points["left_foot"] if kind == "spheres_C" else contact.support_points("left_foot")
+    radius = contact.radius if under else 0.0
+    wanted = [[pose @ np.array(point) - [0, 0, radius] for point in own] for pose in poses]
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+    np.testing.assert_allclose(found[1] - np.array([0, 0, 0.5]), contact.support_points("left_foot"), atol=1e-12)

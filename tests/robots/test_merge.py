@@ -8,7 +8,7 @@ import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.robots.merge import merge_fixed_links
+from simrob_drake.robots.bodies import merge_fixed_links
 
 INERTIAL = """<inertial><origin xyz="{x} 0.02 0.03" rpy="0.3 -0.2 {x}"/><mass value="{mass}"/>
   <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="-0.002" iyz="0.003"/></inertial>"""

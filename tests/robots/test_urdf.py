@@ -11,6 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.errors import InvalidModel, UnknownName
 from simrob_drake.robots.bodies import links_without_inertia
+from simrob_drake.robots.catalog import Axis, load_robot_from_urdf
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.tools import tool_links
 from simrob_drake.robots.urdf import (
@@ -86,10 +87,11 @@ def test_elements_of_drake_are_read_whatever_stands_before(
 def test_a_clean_urdf_tells_its_joints_and_ends(write_urdf: Write, one_joint_urdf: str) -> None:
     root = read_urdf(write_urdf(one_joint_urdf))
     assert movable_joints(root) == ["shoulder"]
-    assert joint_limits(root, "shoulder") == (-1.0, 2.0)
-    assert joint_limits(root, "flange") == (-np.inf, np.inf)
-    assert joint_effort(root, "shoulder") == 10.0
-    assert joint_effort(root, "flange") == 0.0
+    shoulder, flange = (root.find(f"joint[@name='{name}']") for name in ("shoulder", "flange"))
+    assert joint_limits(shoulder) == (-1.0, 2.0)
+    assert joint_limits(flange) == (-np.inf, np.inf)
+    assert joint_effort(shoulder) == 10.0
+    assert joint_effort(flange) == 0.0
     assert root_link(root) == "base"
     assert tool_links(root) == ["tip"]
 
@@ -98,12 +100,14 @@ def test_a_continuous_joint_needs_an_effort_but_no_range(write_urdf: Write, one_
     text = one_joint_urdf.replace("revolute", "continuous").replace(LIMIT, '<limit effort="10"/>')
     path = write_urdf(text)
     check_urdf(read_urdf(path), path)
-    assert joint_limits(read_urdf(path), "shoulder") == (-np.inf, np.inf)
+    assert joint_limits(read_urdf(path).find("joint[@name='shoulder']")) == (-np.inf, np.inf)
 
 
 def test_an_unknown_joint_brings_the_nearest_one(write_urdf: Write, one_joint_urdf: str) -> None:
+    robot = load_robot_from_urdf(write_urdf(one_joint_urdf))
+    wrong = robot.model_copy(update={"axes": {"axis": Axis(joint="sholder")}})
     with pytest.raises(UnknownName, match="did you mean 'shoulder'"):
-        joint_limits(read_urdf(write_urdf(one_joint_urdf)), "sholder")
+        _ = wrong.axis_limits
 
 
 @pytest.mark.parametrize(
@@ -160,7 +164,7 @@ DEFECTS = [
     pytest.param(
         END,
         joint("b", "base", "tip") + END,
-        "link 'tip': is the child of two joints; a URDF is a tree",
+        "link 'tip': is the child of two joints, 'flange' and 'b'; a URDF is a tree",
         id="two parents",
     ),
     pytest.param(END, '<link name="island"/>' + END, "has 2 root links", id="two roots"),
@@ -186,8 +190,9 @@ DEFECTS = [
     pytest.param('type="revolute"', 'type="floating"', "its type is 'floating'", id="floating joint"),
     pytest.param('type="revolute"', "", "joint 'shoulder': its type is ''", id="no type"),
     pytest.param(LIMIT, LIMIT + '<mimic joint="flange"/>', "joint 'shoulder': mimics another joint", id="mimic"),
-    pytest.param('<parent link="base"/>', '<parent link="upper"/>', "are both 'upper'", id="its own parent"),
+    pytest.param('<parent link="base"/>', '<parent link="upper"/>', "link 'upper' to itself", id="its own parent"),
     pytest.param('name="base"', 'name="world"', "link 'world': has the name of Drake's own world", id="world"),
+    pytest.param("</robot>", '<material name="red"/></robot>', "material 'red': needs a name and", id="no colour"),
     pytest.param("SimpleTransmission", "FourBarLinkage", "a SimpleTransmission only", id="other transmission"),
     pytest.param(BOX, '<box size="0.1 0.2"/>', "holds 2 numbers, not 3", id="flat box"),
     pytest.param(BOX, "<box/>", "link 'base' <box>: has no size", id="box without size"),
@@ -229,9 +234,17 @@ DEFECTS = [
     pytest.param(INERTIA, inertia(0.01, 0.01, 0.02000001), "no body has the principal", id="triangle by rounding"),
     pytest.param(INERTIA, inertia(0.01, 0.01, 0.01, 0.02), "no body has the principal", id="products too large"),
     pytest.param(
-        BOX, '<box size="0 0.1 0.2"/>', "link 'base' <box>: size '0 0.1 0.2' is not positive", id="box of size 0"
+        BOX,
+        '<box size="0 0.1 0.2"/>',
+        'has size="0 0.1 0.2", which is not positive',
+        id="box of size 0",
     ),
-    pytest.param('length="0.3"', 'length="-0.3"', "link 'upper' <cylinder>: size '-0.3' is not positive", id="length"),
+    pytest.param(
+        'length="0.3"',
+        'length="-0.3"',
+        '<cylinder>: has length="-0.3", which',
+        id="length",
+    ),
     pytest.param(CYLINDER, '<sphere radius="big"/>', "link 'upper' <sphere>: 'big' is not a number", id="radius text"),
     pytest.param(CYLINDER, '<sphere radius="nan"/>', "link 'upper' <sphere>: 'nan' is not finite", id="radius nan"),
     pytest.param(CYLINDER, '<mesh filename="m.obj" scale="x"/>', "<mesh>: 'x' is not a number", id="scale text"),

@@ -30,7 +30,7 @@ def test_the_robot_has_the_bodies_of_the_model(imported):
     lower, upper = robot.axis_limits
     np.testing.assert_allclose([lower[0], upper[0]], np.deg2rad([-100, 100]))
     (mass,) = [float(mass.get("value")) for mass in robot.element.iter("mass")]
-    assert mass == 2.0
+    assert mass == pytest.approx(2.0, rel=1e-12)
     (inertia,) = robot.element.iter("inertia")  # of a bar L x L/10 x L/10 with L = 0.4
     expected = [2 / 12 * (0.04**2 + 0.04**2), 2 / 12 * (0.4**2 + 0.04**2), 2 / 12 * (0.4**2 + 0.04**2)]
     np.testing.assert_allclose([float(inertia.get(key)) for key in ("ixx", "iyy", "izz")], expected, rtol=1e-12)

@@ -4,8 +4,8 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
+from simrob_drake.parts.monitors.force_limit import force_limit, quasi_static_limits
 from simrob_drake.stations.contact_limits import largest_stiffness
-from simrob_drake.stations.force_limits import force_limit, quasi_static_limits
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 
 FORCE = {"kind": "force", "body": "load"}
@@ -52,8 +52,8 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         ("irb120_cobot", {"servo.realization": "implicit"}, "yield_gain needs the realization"),
         (
             "irb120_cobot",
-            {"external_force": {"kind": "pushes", "pushes": [{"start": 0, "duration": 0, "force": [0, 0, 1]}]}},
-            r"external_force\.pushes\[0\]\.duration: input should be greater than 0",
+            {"forces.shove": {"kind": "push", "start": 0, "duration": 0, "force": [0, 0, 1]}},
+            r"forces\.shove\.duration: input should be greater than 0",
         ),
     ],
 )

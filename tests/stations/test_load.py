@@ -3,8 +3,8 @@
 import pytest
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.parts.references.hold import Hold
 from simrob_drake.stations.load import load_station, station_names, station_yaml
-from simrob_drake.stations.reference_config import Hold
 
 
 @pytest.mark.parametrize("name", station_names())
@@ -121,8 +121,8 @@ BLAMED = [
     ({"pieces": 3}, "override pieces: must be a section of names and their entries"),
     ({"monitors.fal": {}}, "override monitors.fal: .*fal.kind: this key is needed; known: joint_limit, .*, fall"),
     (
-        {"mode": "kinematic", "robot.pushes": [{"start": 0, "force": [1, 0, 0]}]},
-        "override mode, override robot.pushes: a kinematic",
+        {"mode": "kinematic", "forces.push": {"force": [1, 0, 0]}},
+        "override mode, override forces.push: forces.push is a force in a kinematic station; .*left out",
     ),
 ]
 

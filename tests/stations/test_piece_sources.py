@@ -12,11 +12,12 @@ import trimesh
 
 from simrob_drake.errors import InvalidConfig, InvalidModel, OutputError, SimrobError
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.importer.meshes.references import MESH_FORMATS
+from simrob_drake.importer.meshes.checks import MESH_FORMATS
+from simrob_drake.robots.pieces import PieceModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
-from simrob_drake.stations.names import piece_model
 from simrob_drake.stations.piece_meshes import drake_mesh
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import build_station
 
 SIDES = np.array([0.1, 0.2, 0.3])
@@ -45,8 +46,12 @@ def station(folder: Path, pieces: str, overrides: dict[str, Any] | None = None) 
     return load_station(folder / "own.yaml", overrides)
 
 
-def part(folder: Path, section: str) -> Any:
-    return piece_model(station(folder, section), "part")
+def piece_model(config: StationConfig) -> PieceModel:
+    return resolve(config).pieces["part"].model
+
+
+def part(folder: Path, section: str) -> PieceModel:
+    return piece_model(station(folder, section))
 
 
 @pytest.mark.parametrize("kind", MESH_FORMATS)
@@ -131,8 +136,8 @@ def test_a_folder_of_ones_own_is_a_model(tmp_path: Path) -> None:
         "density: 100\nframes: {top: [0, 0, 0.3, 0, 0, 0]}\nshapes: [{mesh: peg.obj}]"
     )
     config = station(tmp_path, "{model: peg/piece.yaml, density: 1000}")
-    assert piece_model(config, "part").mass == pytest.approx(6.0)
-    assert piece_model(config, "part").frame_poses["top"] == (0, 0, 0.3, 0, 0, 0)
+    assert piece_model(config).mass == pytest.approx(6.0)
+    assert piece_model(config).frame_poses["top"] == (0, 0, 0.3, 0, 0, 0)
 
 
 def test_a_piece_hangs_on_a_named_frame(tmp_path: Path) -> None:

@@ -2,9 +2,9 @@
 
 import json
 
+from simrob_drake.parts.kinds import models_by_kind
+from simrob_drake.parts.monitors import Fall, MonitorConfig
 from simrob_drake.paths import diagrams_root
-from simrob_drake.stations.kinds import models_by_kind
-from simrob_drake.stations.monitor_config import Fall, MonitorConfig
 from simrob_drake.stations.schema import SCHEMA_FILE, station_schema
 
 

@@ -4,9 +4,9 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
+from simrob_drake.parts.targets import piece_of_shape, shapes_of
 from simrob_drake.stations.plant import add_plant
-from simrob_drake.stations.shapes import piece_of_shape
-from simrob_drake.stations.targets import shapes_of
+from simrob_drake.stations.resolve import resolve
 
 OWN, PIECES = 3e4, 5e4  # N/m: stiffness of the station's surfaces, and of its pieces
 
@@ -27,7 +27,7 @@ floor: {{}}
 contact: {{stiffness: {OWN}}}
 """
     )
-    config, builder = load_station(file), DiagramBuilder()
+    config, builder = resolve(load_station(file)), DiagramBuilder()
     station = add_plant(builder, config)
     inspector = station.scene_graph.model_inspector()
 

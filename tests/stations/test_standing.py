@@ -10,6 +10,7 @@ from simrob_drake import load_station
 from simrob_drake.errors import SimrobError
 from simrob_drake.stations.checks import Finding, check_station
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.standing import Standing, standing
 
 LEGGED = ("humanoid_dynamic", "roid1_dynamic", "zjudancer_dynamic", "yobotics_dynamic")
@@ -17,7 +18,7 @@ LEGGED = ("humanoid_dynamic", "roid1_dynamic", "zjudancer_dynamic", "yobotics_dy
 
 def stands(name: str, overrides: dict[str, object] | None = None) -> Standing:
     builder = DiagramBuilder()
-    plant = add_plant(builder, load_station(name, overrides))
+    plant = add_plant(builder, resolve(load_station(name, overrides)))
     found = standing(plant, plant.robots["robot"])
     assert found is not None
     return found
@@ -91,8 +92,8 @@ def test_too_weak_a_knee_is_foretold() -> None:
 
 
 def test_a_kinematic_station_takes_no_pushes() -> None:
-    with pytest.raises(SimrobError, match="kinematic station knows no forces"):
-        load_station("humanoid_fixed", {"robot.pushes": [{"start": 1, "force": [1, 0, 0]}]})
+    with pytest.raises(SimrobError, match="force in a kinematic station; it must be left out: it knows no forces"):
+        load_station("humanoid_fixed", {"forces.push": {"start": 1, "force": [1, 0, 0]}})
 
 
 LEG = """<robot name="leg">

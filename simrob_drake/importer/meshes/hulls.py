@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import UnreadableMesh
-from simrob_drake.importer.meshes.parts import Part
+from simrob_drake.importer.meshes.parts import MeshPart
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
@@ -35,7 +35,7 @@ class Hull:
         thickened: how thick a flat mesh was made [m]; 0 for a solid one.
     """
 
-    part: Part
+    part: MeshPart
     gap: float
     thickened: float
 
@@ -54,7 +54,7 @@ def hull_of(points: Vector) -> Hull:
     return Hull(_surface(corners[chosen].round(9) + 0.0), gap, thickness)
 
 
-def is_hull(part: Part) -> bool:
+def is_hull(part: MeshPart) -> bool:
     """Return whether a mesh is a convex body already, with no more corners than contact should have."""
     if len(part.faces) > 2 * MOST_CORNERS or not _closed(part):
         return False
@@ -156,7 +156,7 @@ def _extremes(points: Vector) -> list[int]:
     return sorted(chosen)
 
 
-def _surface(points: Vector) -> Part:
+def _surface(points: Vector) -> MeshPart:
     """Return the surface of the convex hull of points, its faces seen counterclockwise from outside."""
     hull = _convex(points)
     vertices, index = points[hull.vertices], np.full(len(points), -1)
@@ -165,10 +165,10 @@ def _surface(points: Vector) -> Part:
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     inward = np.einsum("ij,ij->i", np.cross(second - first, third - first), hull.equations[:, :3]) < 0
     faces[inward] = faces[inward, ::-1]
-    return Part(vertices, faces.astype(np.int64))
+    return MeshPart(vertices, faces.astype(np.int64))
 
 
-def _closed(part: Part) -> bool:
+def _closed(part: MeshPart) -> bool:
     """Return whether every edge belongs to two faces that run along it in opposite directions."""
     edges = np.concatenate([part.faces[:, [0, 1]], part.faces[:, [1, 2]], part.faces[:, [2, 0]]])
     forth = {(a, b) for a, b in edges.tolist()}

@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.mending import decimate, mend
-from simrob_drake.importer.meshes.parts import Part, face_count, size_of
+from simrob_drake.importer.meshes.parts import MeshPart, face_count, size_of
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import read_mesh
 from simrob_drake.importer.meshes.writing import may_stay
@@ -35,7 +35,7 @@ class Mesh:
     """
 
     path: Path
-    parts: list[Part]
+    parts: list[MeshPart]
     faces: int
     original: bytes | None
     changes: list[str]
@@ -112,7 +112,7 @@ class MeshLibrary:
         return Mesh(path, parts, faces, source.data if stays else None, changes, remarks)
 
 
-def _size_remark(parts: list[Part]) -> list[str]:
+def _size_remark(parts: list[MeshPart]) -> list[str]:
     size = float(size_of(parts).max())
     advice = 'if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
     return [f"is {size:.0f} m large; {advice}"] if size > _LARGE else []

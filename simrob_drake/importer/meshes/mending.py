@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.meshes.parts import Faces, Part, face_count, size_of, unit
-from simrob_drake.importer.meshes.textures import mean_colour
+from simrob_drake.importer.meshes.parts import Faces, MeshPart, face_count, mean_colour, size_of, unit
 
 MOST_FACES = 50_000
 """A shape with more is decimated; with its own texture, which decimation loses, from four times as many on."""
@@ -26,7 +25,7 @@ _SMOOTH = np.deg2rad(35.0)
 """Faces that meet at less are one curved surface and shaded as such."""
 
 
-def mend(part: Part) -> Part:
+def mend(part: MeshPart) -> MeshPart:
     """Return a part with finite, distinct and used vertices, and faces that have an area.
 
     Vertices at the same place become one; normals and texture belong to the corners of the faces and stay.
@@ -45,7 +44,7 @@ def mend(part: Part) -> Part:
     return replace(merged, vertices=vertices[used], faces=(np.cumsum(used) - 1)[merged.faces])
 
 
-def shaded(part: Part) -> Part:
+def shaded(part: MeshPart) -> MeshPart:
     """Return a part with normals: its own, or smooth ones over curved surfaces with edges where faces meet sharply."""
     if part.normals is not None:
         return part
@@ -69,7 +68,7 @@ def shaded(part: Part) -> Part:
     return replace(part, normals=np.where(lost, own, normals))
 
 
-def decimate(parts: Sequence[Part]) -> list[Part]:
+def decimate(parts: Sequence[MeshPart]) -> list[MeshPart]:
     """Return a mesh with at most about `MOST_FACES` faces, its bounding box kept within 1 %."""
     total = face_count(parts)
     limit = MOST_FACES * (_TEXTURED if any(part.image is not None for part in parts) else 1)
@@ -78,7 +77,7 @@ def decimate(parts: Sequence[Part]) -> list[Part]:
     return [_fewer_faces(part, max(100, len(part.faces) * MOST_FACES // total)) for part in parts]
 
 
-def _fewer_faces(part: Part, target: int) -> Part:
+def _fewer_faces(part: MeshPart, target: int) -> MeshPart:
     from fast_simplification import simplify
 
     size = size_of([part])

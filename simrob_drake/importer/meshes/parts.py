@@ -15,12 +15,52 @@ from simrob_drake.frames import Vector
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+import io
+from typing import TYPE_CHECKING, Any
+
+_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "TIFF", "WEBP")
+"""Formats that need nothing but the decoder; others start programs (EPS) or are never a texture."""
+_LARGEST_SIDE = 1024
+_MOST_PIXELS = 50_000_000
+
 Faces = NDArray[np.int64]
 Rgba = tuple[float, float, float, float]
 
 
+def usable(image: Any) -> Image | None:
+    """Return an image that can be shown, at most 1024 pixels wide and high; None if it is none.
+
+    Args:
+        image: as opened by Pillow but not yet decoded; or None.
+    """
+    from PIL import Image as Pillow
+
+    if image is None or image.format not in _FORMATS or image.width * image.height > _MOST_PIXELS:
+        return None
+    try:
+        decoded = image.convert("RGBA" if "A" in image.getbands() or "transparency" in image.info else "RGB")
+    except (OSError, SyntaxError, ValueError, MemoryError):  # what Pillow raises on damaged files
+        return None
+    decoded.thumbnail((_LARGEST_SIDE, _LARGEST_SIDE))
+    return Pillow.frombytes(decoded.mode, decoded.size, decoded.tobytes())  # without the source's notes and profiles
+
+
+def mean_colour(image: Image) -> tuple[float, float, float, float]:
+    """Return the mean colour of an image, opaque."""
+    mean = np.asarray(image.convert("RGB"), dtype=float).reshape(-1, 3).mean(axis=0) / 255
+    red, green, blue = mean.round(4).tolist()
+    return red, green, blue, 1.0
+
+
+def as_png(image: Image) -> bytes:
+    """Return an image as the bytes of a PNG file."""
+    buffer = io.BytesIO()
+    image.save(buffer, format="PNG", optimize=False)
+    return buffer.getvalue()
+
+
 @dataclass(frozen=True, eq=False)
-class Part:
+class MeshPart:
     """Triangles of one look.
 
     Attributes:
@@ -39,12 +79,12 @@ class Part:
     rgba: Rgba | None = None
     image: Image | None = None
 
-    def only(self, kept: NDArray[np.bool_] | Faces) -> Part:
+    def only(self, kept: NDArray[np.bool_] | Faces) -> MeshPart:
         """Return the part with some of its faces."""
         normals = None if self.normals is None else self.normals[kept]
         return replace(self, faces=self.faces[kept], normals=normals, uv=None if self.uv is None else self.uv[kept])
 
-    def moved(self, matrix: Vector) -> Part:
+    def moved(self, matrix: Vector) -> MeshPart:
         """Return the part after a transform (4, 4): turned, scaled and moved; a mirrored one keeps its outside."""
         if np.array_equal(matrix, np.eye(4)):
             return self
@@ -56,32 +96,32 @@ class Part:
         return replace(moved, faces=moved.faces[:, ::-1], normals=normals, uv=uv)
 
 
-def points_of(parts: Iterable[Part]) -> Vector:
+def points_of(parts: Iterable[MeshPart]) -> Vector:
     """Return the corners (n, 3) of all faces of a mesh, each once."""
     return np.concatenate([part.vertices[np.unique(part.faces)] for part in parts])
 
 
-def size_of(parts: Iterable[Part]) -> Vector:
+def size_of(parts: Iterable[MeshPart]) -> Vector:
     """Return the extents (3,) of the box along the axes around a mesh [m]."""
     extents: Vector = np.ptp(points_of(parts), axis=0)
     return extents
 
 
-def face_count(parts: Iterable[Part]) -> int:
+def face_count(parts: Iterable[MeshPart]) -> int:
     """Return the number of faces of a mesh."""
     return sum(len(part.faces) for part in parts)
 
 
-def of_one_look(parts: Iterable[Part]) -> list[Part]:
+def of_one_look(parts: Iterable[MeshPart]) -> list[MeshPart]:
     """Return one part for each colour or texture, in the order in which they appear."""
-    groups: dict[tuple[Rgba | None, bytes], list[Part]] = {}
+    groups: dict[tuple[Rgba | None, bytes], list[MeshPart]] = {}
     for part in parts:
         picture = b"" if part.image is None else hashlib.sha256(part.image.tobytes()).digest()
         groups.setdefault((part.rgba, picture), []).append(part)
     return [group[0] if len(group) == 1 else joined(group) for group in groups.values()]
 
 
-def joined(parts: list[Part]) -> Part:
+def joined(parts: list[MeshPart]) -> MeshPart:
     """Return all parts as one, of the first one's look."""
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=True)])

@@ -1,26 +1,33 @@
-"""Find the file behind the name of a mesh, and only where meshes may be read from."""
+"""Find the file behind the name of a mesh, or the folder of a package, and only where meshes may be read from."""
 
 from __future__ import annotations
 
+import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from os.path import exists, isdir, isfile  # which are false for names that no file can have
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from simrob_drake.errors import shortened
-from simrob_drake.importer.meshes.packages import MANIFEST, find_package, is_file
-from simrob_drake.importer.meshes.references import references
+from simrob_drake.importer.meshes.checks import references
 from simrob_drake.importer.options import ImportOptions
 
 _NETWORK = ("http", "https", "ftp")
 _LEVELS = 4
-"""How far up from the URDF the manifest of its package may lie."""
+"""How far up from a URDF the manifest of its package is looked for, and from a package others are."""
 _ENDS = 12
 """How many parts of a path that is wrong at its beginning are tried."""
 _INNER = ("urdf", "urdfs", "xacro", "robot", "robots", "description", "model", "models")
 """Names of folders that lie inside a package and hold its URDF."""
+
+MANIFEST = "package.xml"
+_DEPTH = 3
+"""How far down below a folder of ``--mesh-path``."""
+_FOLDERS = 5000
+"""How many folders are looked into at most, so that ``--mesh-path /`` ends."""
 
 
 class MeshMissing(Exception):
@@ -154,7 +161,7 @@ class MeshPlaces:
 
     def _by_end(self, told: _Name) -> Iterator[Path]:
         """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
-        parts = [part for part in PurePosixPath(told.path).parts if part not in ("/", "..", ".")][-_ENDS:]
+        parts = [part for part in PurePosixPath(told.package, told.path).parts if part not in ("/", "..", ".")][-_ENDS:]
         for start in range(len(parts)):
             for folder in dict.fromkeys((self.root, self.source.parent, *self.mesh_path)):
                 yield folder.joinpath(*parts[start:])
@@ -184,7 +191,7 @@ def package_root(source: Path) -> Path:
     """
     folder = source.parent
     for candidate in [folder, *folder.parents][: _LEVELS + 1]:
-        if is_file(candidate / MANIFEST):
+        if isfile(candidate / MANIFEST):
             return candidate
     inner = folder.name.lower() in _INNER and folder.parent != Path(folder.anchor)
     return folder.parent if inner else folder
@@ -229,7 +236,7 @@ def _named(uri: str) -> _Name:
 def _existing(path: Path) -> tuple[Path | None, bool]:
     """Return the file with this path, without symbolic links in it, and whether its letters are in the same case."""
     for name in dict.fromkeys((str(path), unquote(str(path)))):  # a name may well hold %20 itself
-        if is_file(Path(name)):
+        if isfile(Path(name)):
             return _resolved(Path(name)), True
         found = _in_any_case(Path(name))
         if found is not None:
@@ -242,28 +249,14 @@ def _in_any_case(path: Path) -> Path | None:
     folder = Path(path.anchor)
     for part in path.parts[1:]:
         exact = folder / part
-        if part == ".." or _exists(exact):
+        if part == ".." or exists(exact):
             folder = exact
             continue
-        close = next((name for name in _names_in(folder) if name.lower() == part.lower()), None)
+        close = next((name for name in _sorted_entries(folder) if name.lower() == part.lower()), None)
         if close is None:
             return None
         folder = folder / close
-    return folder if is_file(folder) else None
-
-
-def _names_in(folder: Path) -> list[str]:
-    try:
-        return sorted(entry.name for entry in folder.iterdir())
-    except (OSError, ValueError):
-        return []
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError, RuntimeError):
-        return False
+    return folder if isfile(folder) else None
 
 
 def _resolved(path: Path) -> Path:
@@ -271,3 +264,74 @@ def _resolved(path: Path) -> Path:
         return path.resolve()
     except (OSError, RuntimeError, ValueError):  # links that go in a circle, names that no file can have
         return path.absolute()
+
+
+def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | None:
+    """Return the folder of a package; None if there is none that may be read.
+
+    Args:
+        name: as in ``package://name/...``.
+        root: the folder of the package that asks.
+        mesh_path: folders that the user allows; they come last.
+    """
+    if not re.fullmatch(r"\w[\w.-]*", name):  # no way up, no hidden folder
+        return None
+    around = [root, *root.parents][:_LEVELS]
+    for folder in (*around, *_children(around[1:3])):
+        if _may_be(folder, name, beside=root.parent):
+            return folder
+    return next((folder for top in mesh_path for folder in _below(top) if _is(folder, name)), None)
+
+
+def _is(folder: Path, name: str) -> bool:
+    return folder.name == name or _manifest_name(folder) == name
+
+
+def _may_be(folder: Path, name: str, *, beside: Path) -> bool:
+    """Return whether a folder is that package by its manifest, or by its name at a place where packages lie."""
+    if _manifest_name(folder) == name:
+        return True
+    private = folder == Path.home() or folder.parent == Path(folder.anchor)  # neither /etc nor a home is a package
+    return (
+        folder.name == name
+        and not private
+        and (isfile(folder / MANIFEST) or folder.parent == beside or beside.is_relative_to(folder))
+    )
+
+
+def _manifest_name(folder: Path) -> str:
+    """Return the name in a folder's ``package.xml``; empty without one. Read as text: no parser, no entities."""
+    try:
+        with (folder / MANIFEST).open(encoding="utf-8", errors="replace") as file:
+            found = re.search(r"<name>\s*([^<]*?)\s*</name>", file.read(100_000))
+    except (OSError, ValueError):
+        return ""
+    return found.group(1) if found else ""
+
+
+def _children(folders: Iterable[Path]) -> Iterator[Path]:
+    for folder in folders:
+        yield from _folders_in(folder)
+
+
+def _below(top: Path) -> Iterator[Path]:
+    """Yield a folder and those below it, the near ones first."""
+    level, seen = [top], 0
+    for _ in range(_DEPTH + 1):
+        yield from level
+        seen += len(level)
+        if seen > _FOLDERS:
+            return
+        level = [child for folder in level for child in _folders_in(folder)]
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    names = [name for name in _sorted_entries(folder) if not name.startswith(".")]
+    return [path for path in (folder / name for name in names[:_FOLDERS]) if isdir(path)]
+
+
+def _sorted_entries(folder: Path) -> list[str]:
+    try:
+        return sorted(os.listdir(folder))
+    except (OSError, ValueError):
+        return []

@@ -17,10 +17,8 @@ from xml.etree.ElementTree import ParseError
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.meshes.checks import UnreadableMesh, checked
-from simrob_drake.importer.meshes.parts import Part, Rgba, of_one_look
-from simrob_drake.importer.meshes.references import LARGEST_FILE, MESH_FORMATS, decoded
-from simrob_drake.importer.meshes.textures import usable
+from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, of_one_look, usable
 
 _MOST_FACES = 1_500_000
 """More take more than a gigabyte of memory to decimate."""
@@ -58,7 +56,7 @@ class MeshFile:
         notes: what is worth knowing, in words.
     """
 
-    parts: list[Part]
+    parts: list[MeshPart]
     data: bytes
     notes: list[str] = field(default_factory=list)
 
@@ -166,7 +164,7 @@ def _resolver(others: Mapping[str, Path]) -> Any:
     return Allowed()
 
 
-def _parts(scene: Any, kind: str, notes: list[str]) -> Iterator[Part]:
+def _parts(scene: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
     """Yield the parts of a scene, each geometry where its nodes place it."""
     from trimesh import Trimesh
 
@@ -196,7 +194,7 @@ def _unit(mesh: Any) -> float:
     return float(length) if np.isfinite(length) and length > 0 else 1.0
 
 
-def _looks(mesh: Any, kind: str, notes: list[str]) -> Iterator[Part]:
+def _looks(mesh: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
     """Yield the parts of one geometry, each with one colour or texture."""
     plain = _plain(mesh)
     visual = mesh.visual
@@ -208,12 +206,12 @@ def _looks(mesh: Any, kind: str, notes: list[str]) -> Iterator[Part]:
         yield plain
 
 
-def _plain(mesh: Any) -> Part:
+def _plain(mesh: Any) -> MeshPart:
     """Return a geometry without its look; faces that point at no vertex are left out."""
     vertices = np.asarray(mesh.vertices, dtype=float).reshape(-1, 3)
     faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
     normals = mesh._cache.cache.get("vertex_normals")  # asking the mesh for them would make them up
-    part = Part(vertices, faces)
+    part = MeshPart(vertices, faces)
     inside = np.all((faces >= 0) & (faces < len(vertices)), axis=1)
     lost = normals is None or np.shape(normals) != vertices.shape or len(faces) > _MOST_SHADED
     if lost or not inside.all():
@@ -221,10 +219,10 @@ def _plain(mesh: Any) -> Part:
     corners = np.asarray(normals, dtype=float)[faces]
     lengths = np.linalg.norm(corners, axis=-1)
     good = np.isfinite(corners).all() and bool((lengths > 1e-6).all())
-    return Part(vertices, faces, corners / lengths[..., None]) if good else part
+    return MeshPart(vertices, faces, corners / lengths[..., None]) if good else part
 
 
-def _textured(plain: Part, mesh: Any, kind: str) -> Part:
+def _textured(plain: MeshPart, mesh: Any, kind: str) -> MeshPart:
     """Return a geometry with its material: a texture where it has one that can be shown, else a colour."""
     material, uv = mesh.visual.material, mesh.visual.uv
     image = usable(getattr(material, "baseColorTexture", None) or getattr(material, "image", None))
@@ -232,8 +230,8 @@ def _textured(plain: Part, mesh: Any, kind: str) -> Part:
     if image is not None and uv is not None and len(uv) == len(mesh.vertices) and len(plain.faces) == len(mesh.faces):
         corners = np.asarray(uv, dtype=float)[plain.faces][..., :2]
         if np.isfinite(corners).all():
-            return Part(plain.vertices, plain.faces, plain.normals, corners, image=image)
-    return Part(plain.vertices, plain.faces, plain.normals, rgba=rgba)
+            return MeshPart(plain.vertices, plain.faces, plain.normals, corners, image=image)
+    return MeshPart(plain.vertices, plain.faces, plain.normals, rgba=rgba)
 
 
 def _material_colour(material: Any, *, linear: bool) -> Rgba:
@@ -248,7 +246,7 @@ def _material_colour(material: Any, *, linear: bool) -> Rgba:
     return _rgba([*colour[:3], colour[3] if alpha is None else alpha])
 
 
-def _coloured(plain: Part, colours: Any, notes: list[str]) -> Iterator[Part]:
+def _coloured(plain: MeshPart, colours: Any, notes: list[str]) -> Iterator[MeshPart]:
     """Yield a part for each colour of the faces, or one with their mean where they are many."""
     if len(plain.faces) != len(colours):
         yield plain
@@ -259,7 +257,7 @@ def _coloured(plain: Part, colours: Any, notes: list[str]) -> Iterator[Part]:
         distinct, which = np.mean(colours, axis=0, keepdims=True), np.zeros(len(colours), dtype=int)
     for index, colour in enumerate(distinct):
         part = plain.only(which.reshape(-1) == index)
-        yield Part(part.vertices, part.faces, part.normals, rgba=_rgba(np.asarray(colour) / 255))
+        yield MeshPart(part.vertices, part.faces, part.normals, rgba=_rgba(np.asarray(colour) / 255))
 
 
 def _rgba(colour: Any) -> Rgba:

@@ -11,8 +11,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.mending import distinct, shaded
-from simrob_drake.importer.meshes.parts import Part
-from simrob_drake.importer.meshes.textures import as_png
+from simrob_drake.importer.meshes.parts import MeshPart, as_png
 
 FOLDER = "meshes"
 _MATERIAL = "texture"
@@ -31,7 +30,7 @@ class MeshWriter:
     folder: Path | None
     _written: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
 
-    def write(self, part: Part, *, role: str, stem: str, original: bytes | None = None) -> str:
+    def write(self, part: MeshPart, *, role: str, stem: str, original: bytes | None = None) -> str:
         """Write a part, unless the same was written before, and return the file's name relative to the folder.
 
         Args:
@@ -73,7 +72,7 @@ def _relabelled(data: bytes, library: str) -> bytes:
     return re.sub(rb"^[ \t]*(mtllib|usemtl)\b[^\n]*\n?", b"", data, flags=re.MULTILINE)
 
 
-def obj_text(part: Part, library: str = "") -> bytes:
+def obj_text(part: MeshPart, library: str = "") -> bytes:
     """Return a part as an OBJ file; the library is named only if there is a texture."""
     lit = shaded(part)
     assert lit.normals is not None

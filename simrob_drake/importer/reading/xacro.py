@@ -32,9 +32,8 @@ def expanded(path: Path, report: ImportReport) -> str:
     """
     command = _command()
     if command is None:
-        raise report.refusal(
-            "", f"is a xacro file; install xacro (pip install xacro) or expand it: xacro {path.name} > {path.stem}.urdf"
-        )
+        by_hand = f"expand it: xacro {path.name} > {path.stem}_plain.urdf"  # never onto the file itself
+        raise report.refusal("", f"is a xacro file; install xacro (pip install xacro) or {by_hand}")
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         try:
             done = subprocess.run(

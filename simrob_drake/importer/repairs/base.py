@@ -6,16 +6,19 @@ import re
 import xml.etree.ElementTree as ET
 from typing import Literal
 
+import numpy as np
+
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.repairs.tree import children_of, subtree
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, link_of, root_link
+from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, outward, root_link
+from simrob_drake.robots.urdf_elements import pose_of
 
 FLOATING_MARK = "simrob_base"
 """Attribute of a robot from the repair of its joints to the choice of its base: a floating joint held its root."""
 
 _WORLD = re.compile(r"(robot_)?world(_link)?(_\d+)?", re.IGNORECASE)
 _LEG_JOINTS = 3
+_FINGERS = 5  # a hand has no more; insects have six legs, which start sideways
 _WHEELS = 3
 
 Base = Literal["fixed", "floating"]
@@ -39,31 +42,30 @@ def find_base(robot: ET.Element, options: ImportOptions) -> tuple[Base, str]:
         return "floating", "a floating joint held it"
     if _WORLD.fullmatch(root):
         return "fixed", "its root link is the world"
-    branches = [subtree(robot, link_of(joint, "child"))[1] for joint in branch_joints(robot, root)]
-    legs = sum(1 + _movable(joints) >= _LEG_JOINTS for joints in branches)
+    joints = joints_at(robot)
+    rigid = [root, *(link_of(joint, "child") for joint in outward(joints, root, rigid=True))]
+    starts = [joint for link in rigid for joint in joints[link] if joint.get("type") != "fixed"]
+    branches = [[start, *outward(joints, link_of(start, "child"))] for start in starts]
+    long = [branch for branch in branches if _movable(branch) >= _LEG_JOINTS]
+    legs = len(long) if len(long) > _FINGERS else sum(map(_hangs_down, long))
     if legs >= 2:
         return "floating", f"{legs} branches of {_LEG_JOINTS} and more joints start at it, as legs do"
-    starts = branch_joints(robot, root)
-    wheels = sum(
-        start.get("type") == "continuous" and _movable(joints) <= 1
-        for start, joints in zip(starts, branches, strict=True)
-    )
+    wheels = sum(branch[0].get("type") == "continuous" and _movable(branch) <= 2 for branch in branches)
     if wheels >= _WHEELS:
         return "floating", f"{wheels} continuous joints start at it, as wheels do"
     return "fixed", "no pair of legs and no wheels start at it"
 
 
-def branch_joints(robot: ET.Element, root: str) -> list[ET.Element]:
-    """Return the movable joints that start at a link or at what is rigidly joined to it."""
-    joints_at, rigid, found = children_of(robot), [root], []
-    for link in rigid:
-        for joint in joints_at[link]:
-            if joint.get("type") == "fixed":
-                rigid.append(link_of(joint, "child"))
-            else:
-                found.append(joint)
-    return found
-
-
 def _movable(joints: list[ET.Element]) -> int:
     return sum(joint.get("type") in MOVABLE_JOINTS for joint in joints)
+
+
+def _hangs_down(branch: list[ET.Element]) -> bool:
+    """Whether a branch leads downward at zero, by more than half of its way: arms and fingers do not."""
+    start = link_of(branch[0], "child")
+    poses = {start: pose_of(branch[0])}
+    for joint in branch[1:]:
+        poses[link_of(joint, "child")] = poses[link_of(joint, "parent")] @ pose_of(joint)
+    ways = [pose.translation() - poses[start].translation() for pose in poses.values()]
+    farthest = max(ways, key=np.linalg.norm)
+    return bool(-farthest[2] >= 0.5 * np.linalg.norm(farthest))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from simrob_drake.importer.repairs.names import free_name
-from simrob_drake.importer.repairs.numbers import written
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf_elements import add_colour, text
 
-DEFAULT_RGBA = "0.7 0.7 0.7 1"
+DEFAULT_RGBA = [0.7, 0.7, 0.7, 1.0]
 """Of a material that is not defined: a light grey."""
 
 _TEXTURES = ("texture", f"{DRAKE}diffuse_map")
@@ -24,6 +24,7 @@ def repair_materials(robot: ET.Element, report: ImportReport) -> None:
         for visual in link.iterfind("visual"):
             for material in visual.findall("material"):
                 _settle(robot, visual, material, colours, report)
+    _define_shared(robot, colours, report)
 
 
 def _repair_colour(material: ET.Element, report: ImportReport) -> None:
@@ -35,16 +36,16 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
     colour = material.find("color")
     if colour is None:
         return
-    text = colour.get("rgba")
-    if text is None:
+    given = colour.get("rgba")
+    if given is None:
         material.remove(colour)
         report.add("dropped", where, "its colour has no rgba")
         return
-    values = [float(word) for word in text.split()]
+    values = [float(word) for word in given.split()]
     right = _in_range(values)
     if right != values:
-        colour.set("rgba", " ".join(written(value) for value in right))
-        report.add("repaired", where, f'rgba="{text}" written as "{colour.get("rgba")}", four numbers from 0 to 1')
+        colour.set("rgba", text(right))
+        report.add("repaired", where, f'rgba="{given}" written as "{colour.get("rgba")}", four numbers from 0 to 1')
 
 
 def _in_range(values: list[float]) -> list[float]:
@@ -71,7 +72,7 @@ def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str
         elif colours[name] == rgba:
             problem = "is defined twice, with the same colour"
         else:
-            problem = f"is defined again, with another colour {_text(rgba)}; the first, {_text(colours[name])}, holds"
+            problem = f"is defined again, with another colour {text(rgba)}; the first, {text(colours[name])}, holds"
         robot.remove(material)
         report.add("dropped", f"material '{name}'", problem)
     return colours
@@ -88,25 +89,27 @@ def _settle(
             report.add("dropped", "material ''", "has neither name nor colour")
     elif rgba is None:
         if name not in colours:
-            colours[name] = [float(word) for word in DEFAULT_RGBA.split()]
-            definition = ET.Element("material", name=name)
-            ET.SubElement(definition, "color", rgba=DEFAULT_RGBA)
-            robot.insert(0, definition)
-            report.add("defaulted", f"material '{name}'", f"is not defined; a grey, {DEFAULT_RGBA}")
+            colours[name] = DEFAULT_RGBA
+            robot.insert(0, add_colour(ET.Element("robot"), name, DEFAULT_RGBA))
+            report.add("defaulted", f"material '{name}'", f"is not defined; a grey, {text(DEFAULT_RGBA)}")
     elif colours.setdefault(name, rgba) != rgba:
         same = (other for other, colour in colours.items() if colour == rgba and other.startswith(f"{name}_"))
         new = next(same, free_name(name, colours))
         colours[new] = rgba
         material.set("name", new)
         report.add(
-            "repaired", f"material '{name}'", f"used with another colour, {_text(rgba)}, as well; that is '{new}' now"
+            "repaired", f"material '{name}'", f"used with another colour, {text(rgba)}, as well; that is '{new}' now"
         )
+
+
+def _define_shared(robot: ET.Element, colours: dict[str, list[float]], report: ImportReport) -> None:
+    """Define for the robot what one visual defines and others use: that one may be dropped, or bring its own look."""
+    used = {name_of(material) for material in robot.iterfind("link/visual/material") if _rgba(material) is None}
+    for name in sorted(used - {name_of(material) for material in robot.iterfind("material")}):
+        robot.insert(0, add_colour(ET.Element("robot"), name, colours[name]))
+        report.add("read", f"material '{name}'", "defined in one visual and used in others; now for all of them")
 
 
 def _rgba(material: ET.Element) -> list[float] | None:
     colour = material.find("color")
     return None if colour is None else [float(word) for word in colour.get("rgba", "").split()]
-
-
-def _text(rgba: list[float]) -> str:
-    return " ".join(written(value) for value in rgba)

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from simrob_drake.errors import shortened
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf_check import NUMBER, NUMBER_COUNTS
+from simrob_drake.robots.urdf_elements import MOMENTS
 
 LARGEST = 1e30
 """Larger figures count as infinite: no length, mass or torque is near it, and their squares would overflow."""
@@ -17,10 +19,8 @@ LARGEST = 1e30
 SMALLEST = 1e-30
 """Smaller ones count as zero."""
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _UNITS = {"xyz": "m", "size": "m", "radius": "m", "length": "m", "rpy": "rad", "lower": "rad", "upper": "rad"}
 _CHECKED = ("link", "joint", "material")
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _LEFTOVER = re.compile(r"\$\{.*?\}|\$\(.*?\)")
 
 
@@ -46,7 +46,7 @@ _RULES: dict[tuple[str, str], _Rule] = {
     **{("limit", key): _Rule() for key in ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")},
     **{("dynamics", key): _Rule(default="0") for key in ("damping", "friction")},
     ("mass", "value"): _Rule(),
-    **{("inertia", key): _Rule() for key in _MOMENTS},
+    **{("inertia", key): _Rule() for key in MOMENTS},
     **{(tag, "radius"): _Rule() for tag in ("cylinder", "sphere", "capsule", f"{DRAKE}capsule")},
     **{(tag, "length"): _Rule() for tag in ("cylinder", "capsule", f"{DRAKE}capsule")},
     **{(f"{DRAKE}ellipsoid", key): _Rule() for key in "abc"},
@@ -58,13 +58,7 @@ _RULES: dict[tuple[str, str], _Rule] = {
 }
 """By tag and attribute."""
 
-_ANYWHERE = {
-    **dict.fromkeys(("xyz", "rpy", "size"), _Rule((3,))),
-    **dict.fromkeys(("lower", "upper", "effort", "velocity", "damping", "friction", "radius", "length"), _Rule()),
-    **dict.fromkeys(("value", *_MOMENTS), _Rule()),
-    "scale": _Rule((1, 3)),
-    "rgba": _Rule((4,)),
-}
+_ANYWHERE = {key: _Rule(counts) for key, counts in NUMBER_COUNTS.items()}
 """By attribute alone: the rule of places where no reader looks, but where the check wants numbers all the same."""
 
 
@@ -89,11 +83,6 @@ def number(element: ET.Element | None, key: str) -> float | None:
     """Return a mended number; None where it is missing."""
     text = None if element is None else element.get(key)
     return None if text is None else float(text)
-
-
-def written(value: float) -> str:
-    """Return a number as it is written into a URDF: as short as it can be without loss."""
-    return repr(float(value) + 0.0).removesuffix(".0")
 
 
 def _placed(robot: ET.Element) -> Iterator[tuple[str, ET.Element]]:
@@ -130,7 +119,7 @@ def _mend(element: ET.Element, key: str, rule: _Rule, where: str, report: Import
         element.set(key, rule.default)
         report.add("defaulted", where, f'{shown} is not {_counted(rule.counts)}; "{rule.default}" instead')
     elif element.tag == "inertia":
-        for moment in _MOMENTS:
+        for moment in MOMENTS:
             element.attrib.pop(moment, None)
         report.add("dropped", where, f"{shown} is not {_counted(rule.counts)}; the moments count as missing")
     else:
@@ -152,7 +141,7 @@ def _readable(text: str, counts: tuple[int, ...], unit: str) -> list[str] | None
 def _without_unit(word: str, unit: str) -> str:
     """Return a number without the unit that it has anyway, or the f of a programming language."""
     bare = (word.removesuffix(end) for end in (unit, "f", "F") if word.endswith(end))
-    return next((rest for rest in bare if _NUMBER.fullmatch(rest)), word)
+    return next((rest for rest in bare if NUMBER.fullmatch(rest)), word)
 
 
 def _plain_words(text: str) -> list[str]:
@@ -160,7 +149,7 @@ def _plain_words(text: str) -> list[str]:
 
 
 def _is_finite(word: str) -> bool:
-    return _NUMBER.fullmatch(word) is not None and abs(float(word)) < LARGEST
+    return NUMBER.fullmatch(word) is not None and abs(float(word)) < LARGEST
 
 
 def _is_usable(word: str) -> bool:

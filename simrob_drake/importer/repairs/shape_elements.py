@@ -10,9 +10,9 @@ from pathlib import Path, PurePath
 from simrob_drake.errors import shortened
 from simrob_drake.importer.meshes.library import Mesh, Scale
 from simrob_drake.importer.repairs.names import free_name
-from simrob_drake.importer.repairs.primitives import PRIMITIVES, defect_of, numbers_in
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import name_of
+from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
 
 
 @dataclass
@@ -50,14 +50,14 @@ def check_geometry(element: ET.Element, where: str, report: ImportReport) -> str
     geometry = element.find("geometry")
     if geometry is None:
         return "has no <geometry>"
-    shapes = [child for child in geometry if child.tag in PRIMITIVES or child.tag == "mesh"]
+    shapes = [child for child in geometry if child.tag in SHAPE_SIZES or child.tag == "mesh"]
     if not shapes:
         tags = ", ".join(f"<{child.tag.rpartition('}')[2]}>" for child in geometry)
         return f"{tags} is no shape that is known" if tags else "its <geometry> is empty"
     for child in [child for child in geometry if child is not shapes[0]]:
         geometry.remove(child)
         report.add("dropped", where, f"<{child.tag}>: a <geometry> holds one shape; <{shapes[0].tag}> stays")
-    return "" if shapes[0].tag == "mesh" else _titled(shapes[0], defect_of(shapes[0]))
+    return "" if shapes[0].tag == "mesh" else _titled(shapes[0], shape_defect(shapes[0]))
 
 
 def _titled(shape: ET.Element, defect: str) -> str:

@@ -7,7 +7,8 @@ import xml.etree.ElementTree as ET
 from simrob_drake.errors import nearest
 from simrob_drake.importer.repairs.names import names
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, link_of, name_of
+from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, name_of, outward
+from simrob_drake.robots.urdf_check import check_parents
 
 _GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")
 
@@ -21,28 +22,8 @@ def repair_tree(robot: ET.Element, report: ImportReport) -> None:
     if not names(robot, "link"):
         raise report.refusal("", "has no link")
     dangling = _drop_dangling(robot, report)
-    _refuse_two_parents(robot, report)
-    _refuse_loops(robot, report)
-    _keep_one_tree(robot, dangling, report)
+    _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
     drop_lost_frames(robot, report)
-
-
-def children_of(robot: ET.Element) -> dict[str, list[ET.Element]]:
-    """Return the joints that start at each link."""
-    joints: dict[str, list[ET.Element]] = {name: [] for name in names(robot, "link")}
-    for joint in robot.iterfind("joint"):
-        joints[link_of(joint, "parent")].append(joint)
-    return joints
-
-
-def subtree(robot: ET.Element, link: str) -> tuple[list[str], list[ET.Element]]:
-    """Return the links that hang on a link, itself first, and the joints between them."""
-    joints_at, links, joints = children_of(robot), [link], []
-    for name in links:
-        for joint in joints_at[name]:
-            joints.append(joint)
-            links.append(link_of(joint, "child"))
-    return links, joints
 
 
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
@@ -101,44 +82,16 @@ def _drop_dangling(robot: ET.Element, report: ImportReport) -> list[tuple[str, s
     return dropped
 
 
-def _refuse_two_parents(robot: ET.Element, report: ImportReport) -> None:
-    held: dict[str, str] = {}
-    for joint in robot.iterfind("joint"):
-        name, child = name_of(joint), link_of(joint, "child")
-        if link_of(joint, "parent") == child:
-            raise report.refusal(f"joint '{name}'", f"joins link '{child}' to itself")
-        if child in held:
-            raise report.refusal(
-                f"link '{child}'", f"is the child of two joints, '{held[child]}' and '{name}'; a URDF is a tree"
-            )
-        held[child] = name
-
-
-def _refuse_loops(robot: ET.Element, report: ImportReport) -> None:
-    parents = {link_of(joint, "child"): link_of(joint, "parent") for joint in robot.iterfind("joint")}
-    sound: set[str] = set()
-    for link in names(robot, "link"):
-        way: dict[str, None] = {}  # in order, and quick to ask
-        while link not in way and link not in sound and link in parents:
-            way[link] = None
-            link = parents[link]  # noqa: PLW2901  # walk up
-        if link in way:
-            listed = list(way)
-            loop = [link, *reversed(listed[listed.index(link) :])]
-            raise report.refusal("", f"has a loop: {' - '.join(loop)}; a URDF is a tree, so leave one joint out")
-        sound.update(way)
-
-
-def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], report: ImportReport) -> None:
+def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], held: set[str], report: ImportReport) -> None:
     """Keep the one tree that is the robot: the only one that moves, or if none does, the largest."""
-    held = {link_of(joint, "child") for joint in robot.iterfind("joint")}
     roots = [name for name in names(robot, "link") if name not in held]
     if len(roots) == 1:
         return
-    trees = {root: subtree(robot, root) for root in roots}
-    moving = [root for root, (_, joints) in trees.items() if any(joint.get("type") != "fixed" for joint in joints)]
-    largest = max(roots, key=lambda root: len(trees[root][0]))
-    alone = sum(len(links) == len(trees[largest][0]) for links, _ in trees.values()) == 1
+    starts = joints_at(robot)
+    trees = {root: outward(starts, root) for root in roots}
+    moving = [root for root, joints in trees.items() if any(joint.get("type") != "fixed" for joint in joints)]
+    largest = max(roots, key=lambda root: len(trees[root]))
+    alone = sum(len(joints) == len(trees[largest]) for joints in trees.values()) == 1
     kept = moving[0] if len(moving) == 1 else largest
     if len(moving) > 1 or (not moving and not alone):
         for where, problem in dangling:
@@ -147,16 +100,12 @@ def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], report: I
         raise report.refusal("", f"has {len(moving or roots)} root links ({listed}); join them to one tree by joints")
     for root in roots:
         if root != kept:
-            _drop_tree(robot, *trees[root], report)
-
-
-def _drop_tree(robot: ET.Element, links: list[str], joints: list[ET.Element], report: ImportReport) -> None:
-    for joint in joints:
-        robot.remove(joint)
-    for link in [link for link in robot.iterfind("link") if name_of(link) in set(links)]:
-        robot.remove(link)
-    with_it = f" with {_listed(links[1:])}" if links[1:] else ""
-    report.add("dropped", f"link '{links[0]}'", f"no joint leads to it; left out{with_it}")
+            hung = [link_of(joint, "child") for joint in trees[root]]
+            lost = {root, *hung}
+            for element in [*trees[root], *(link for link in robot.iterfind("link") if name_of(link) in lost)]:
+                robot.remove(element)
+            with_it = f" with {_listed(hung)}" if hung else ""
+            report.add("dropped", f"link '{root}'", f"no joint leads to it; left out{with_it}")
 
 
 def _listed(items: list[str], longest: int = 6) -> str:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.skeleton import Skeleton, rotations_about
+from simrob_drake.interpolation import stacked
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.skeleton import Skeleton
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -21,6 +24,7 @@ class Foot:
         name: such as left_foot.
         link: the frame of its link.
         axes: of the leg, the hip first.
+        leg: these axes from the root to the point, in a frame that is the world's when the foot stands and looks ahead.
         point: middle of the contact, in the link [m]: of the spheres' middles, or of a sole's top and bottom.
         over: height of the point over the floor when the foot stands [m].
         upright: rotation of the link when the foot stands flat and looks ahead, shape (3, 3).
@@ -31,16 +35,26 @@ class Foot:
     name: str
     link: str
     axes: tuple[int, ...]
+    leg: Chain
     point: Vector
     over: float
     upright: Vector
     home: Vector
     half: Vector
 
+    def poses(self, angles: Vector, root: Vector) -> Vector:
+        """Return the poses of the point, turned from flat and ahead, for angles (m, n) of all axes: (m, 4, 4)."""
+        return self.leg.tool_poses(self.leg.frames(angles[:, list(self.axes)], root))
+
     @property
     def side(self) -> float:
         """1 for a left foot, -1 for a right one."""
         return float(np.sign(self.home[1]))
+
+
+def rotations_about(direction: Vector, angles: Vector) -> Vector:
+    """Return rotations about one unit vector (3,) by many angles (m,) [rad], shape (m, 3, 3)."""
+    return np.asarray(Rotation.from_rotvec(np.outer(angles, direction)).as_matrix())
 
 
 def facing_rotation(facing_deg: float) -> Vector:
@@ -70,11 +84,11 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
     contact = model.feet.kind(kind)
     turn = facing_rotation(facing_deg)
     names = {frame: tool for tool, frame in model.tools.items()}
-    zero = skeleton.poses((turn[np.newaxis], np.zeros((1, 3))), np.zeros((1, len(model.axes))))
     feet = []
     for link in contact.links:
-        body, rotation, position = skeleton.frames[link]
-        upright = zero.rotation[body, 0] @ rotation
+        body, home = skeleton.links[link]
+        home = stacked(np.zeros((1, 3)), turn[np.newaxis])[0] @ home
+        upright = home[:3, :3]
         if link in contact.boxes:
             point, over = np.array(contact.boxes[link].centre), contact.boxes[link].size[2] / 2
         else:
@@ -82,17 +96,18 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             middle = (around.min(axis=0) + around.max(axis=0)) / 2
             point, over = upright.T @ middle, contact.radius
         spread = (contact.support_points(link) - point) @ upright.T
-        home = zero.position[body, 0] + zero.rotation[body, 0] @ position + upright @ point
-        sole = next((names[f] for f in names if skeleton.frames[f][0] == body and names[f].endswith("foot")), link)
+        axes, leg = skeleton.limb(link, stacked(point[np.newaxis], upright.T[np.newaxis])[0])
+        sole = next((names[f] for f in names if skeleton.links[f][0] == body and names[f].endswith("foot")), link)
         feet.append(
             Foot(
                 name=sole,
                 link=link,
-                axes=tuple(skeleton.path(link)),
+                axes=axes,
+                leg=leg,
                 point=point,
                 over=over,
                 upright=upright,
-                home=home,
+                home=home[:3, 3] + upright @ point,
                 half=np.ptp(spread[:, :2], axis=0) / 2,
             )
         )

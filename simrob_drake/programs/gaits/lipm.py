@@ -48,10 +48,3 @@ def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = ST
     bands[2, :-2] = beside
     bands[1, [0, -1]] = 1.0
     return np.asarray(solve_banded((1, 1), bands, zmp))
-
-
-def zmp_from_com(com: Vector, *, step: float, height: float, gravity: float = STANDARD_GRAVITY) -> Vector:
-    """Return the zero-moment point of a moving centre of mass; shapes and units as in :func:`com_from_zmp`."""
-    acceleration = np.zeros_like(com)
-    acceleration[1:-1] = (com[2:] - 2.0 * com[1:-1] + com[:-2]) / step**2
-    return np.asarray(com - height / gravity * acceleration)

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.frames import Vector, pose_from_transform
+from simrob_drake.frames import Vector, poses_from_matrices
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import ROBOT_FILE, AxisValues, RobotModel
-from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.load import load_station
+from simrob_drake.stations.config import FloorConfig, ServoConfig, StationConfig
+from simrob_drake.stations.load import ONLY_ROBOT, load_station
+from simrob_drake.stations.solver_config import ContinuousSolver
 
 MAX_STEP = 0.01
 """Of the scheme `cenic` [s]: references stand still over a step."""
-_FLOOR_MARGIN = 2.0  # floor beyond the way that a motion goes [m]
+_BESIDE = 1.0  # floor beyond the way that a motion goes [m]
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class JointMotion:
         feet: the kind of feet it is planned for; the default one if None.
         times: shape (m,) [s].
         positions: of the axes, shape (m, n) [rad].
-        root: planned pose of the root in the world, rotation (m, 3, 3) and position (m, 3) [m].
+        root: planned poses of the root in the world, shape (m, 4, 4).
         servo: figures of the servos for it, in place of the station's: kp, kd.
         feed_velocity: whether the servos are told the reference's velocity, too.
     """
@@ -39,7 +39,7 @@ class JointMotion:
     feet: str | None
     times: Vector
     positions: Vector
-    root: tuple[Vector, Vector]
+    root: Vector
     servo: Mapping[str, AxisValues] = field(default_factory=dict)
     feed_velocity: bool = True
 
@@ -63,25 +63,49 @@ class JointMotion:
         """Return the robot's dynamic station, set to begin this motion; its trajectory is the reference to give it.
 
         Args:
-            overrides: further changes, as of ``load_station``.
-            name: of the station; ``<robot>_dynamic`` with steps of ``MAX_STEP`` unless given. To give that one another
-                kind of solver, override its whole section ``solver``.
+            overrides: further changes, as of ``load_station``; what they say is not adapted to the motion.
+            name: of the station; ``<robot>_dynamic`` unless given.
         """
-        rotation, position = self.root
-        pose = pose_from_transform(RigidTransform(RotationMatrix(rotation[0]), position[0]))
-        way = float(np.abs(position[:, :2]).max())
         settings: dict[str, Any] = {
-            "robot.base": [float(value) for value in pose],
-            "robot.initial_deg": [float(value) for value in np.rad2deg(self.positions[0])],
-            "inputs": ["reference_velocity"] if self.feed_velocity else [],
-            "floor.size": float(np.ceil(2.0 * (way + _FLOOR_MARGIN))),
+            "robot.base": poses_from_matrices(self.root)[0].tolist(),
+            "robot.initial_deg": np.rad2deg(self.positions[0]).tolist(),
             "duration": self.duration,
         }
-        if name is None:
-            settings["solver.max_step"] = MAX_STEP
-        settings.update({f"servo.{key}": value for key, value in self.servo.items()})
         if self.feet is not None:
             settings["robot.feet"] = self.feet
         if self.model.folder != models_root() / self.model.name:
             settings["robot.model"] = str(self.model.folder / ROBOT_FILE)
-        return load_station(name or f"{self.model.name}_dynamic", {**settings, **(overrides or {})})
+        given = overrides or {}
+        config = load_station(name or f"{self.model.name}_dynamic", {**settings, **given})
+        nested = {f"{key}.{inner}" for key, value in given.items() if isinstance(value, Mapping) for inner in value}
+        return self.adapted(config, ONLY_ROBOT, given={*given, *nested})
+
+    def adapted(
+        self, config: StationConfig, robot: str, *, start: float = 0.0, given: Collection[str] = ()
+    ) -> StationConfig:
+        """Return a station on which a robot can perform the motion; a kinematic one is as it was.
+
+        Its servos have the motion's figures, and are told the velocity if it feeds it; the floor is large enough
+        wherever the robot goes; steps of `cenic` are short enough for servos to follow.
+
+        Args:
+            config: the station.
+            robot: who performs.
+            start: how far from the world's origin [m].
+            given: dotted keys of what stays as it is.
+        """
+        if config.mode == "kinematic":
+            return config
+        figures = {key: value for key, value in self.servo.items() if f"servo.{key}" not in given}
+        servo = ServoConfig(**{**config.servo_of(robot).model_dump(exclude_unset=True), **figures})
+        entry = config.robots[robot].model_copy(update={"servo": servo})
+        changes: dict[str, Any] = {"robots": {**config.robots, robot: entry}}
+        if config.floor is not None and "floor.size" not in given:
+            way = np.linalg.norm(self.root[:, :2, 3] - self.root[0, :2, 3], axis=1).max()
+            changes["floor"] = FloorConfig(size=max(config.floor.size, float(np.ceil(2.0 * (start + way + _BESIDE)))))
+        if self.feed_velocity and "inputs" not in given:
+            changes["inputs"] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
+        solver = config.solver
+        if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic" and "solver.max_step" not in given:
+            changes["solver"] = solver.model_copy(update={"max_step": min(solver.max_step, MAX_STEP)})
+        return config.model_copy(update=changes)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.parts.references.sequence import Waypoint
 from simrob_drake.paths import models_root
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.catalog import AxisValues, RobotModel, robot_names
-from simrob_drake.stations.reference_config import Waypoint
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 GAITS_FILE = "gaits.yaml"
-_SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
 
 
 class Bearing(Strict):
@@ -46,6 +45,7 @@ class _Planned(_Gait):
     """What gaits have whose legs are solved for."""
 
     bearing: Bearing
+    """How the trunk is carried."""
     widen: Number = 0.0
     """How much further out each foot stands than with straight legs, or below its hip [m]."""
 
@@ -165,11 +165,17 @@ class Gaits(Strict):
     facing_deg: Number
     """Where the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
     walks: dict[str, Walk] = Field(default_factory=dict)
+    """Walks on two legs, by name."""
     trots: dict[str, Trot] = Field(default_factory=dict)
+    """Gaits on four legs, diagonal pairs in turn, by name."""
     crawls: dict[str, Crawl] = Field(default_factory=dict)
+    """Gaits on four legs, one leg at a time, by name."""
     marches: dict[str, March] = Field(default_factory=dict)
+    """Walks on two legs by joint angles, by name."""
     stands: dict[str, Stand] = Field(default_factory=dict)
+    """Stands on three legs, by name."""
     sequences: dict[str, Posing] = Field(default_factory=dict)
+    """Postures one after the other, by name."""
 
 
 def load_gaits(robot: str | RobotModel) -> Gaits:
@@ -190,28 +196,3 @@ def load_gaits(robot: str | RobotModel) -> Gaits:
     if not file.is_file():
         raise InvalidParameter(f"robot {name}", "one without gaits", f"one with a file {GAITS_FILE}")
     return validated(Gaits, read_yaml(file), file)
-
-
-def gait(robot: str, gaits: Gaits, section: str, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
-    """Return a gait by its name, with some of its figures changed.
-
-    Args:
-        robot: its name, for messages.
-        gaits: of the robot.
-        section: of its file, such as ``walks``.
-        name: which.
-        changes: figures in place of the gait's own.
-        amplitude: scales lengths and turns of its steps.
-
-    Raises:
-        UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
-        InvalidConfig: a figure that cannot be.
-    """
-    known: Mapping[str, Any] = getattr(gaits, section)
-    if name not in known:
-        sections = [key for key in type(gaits).model_fields if isinstance(getattr(gaits, key), dict)]
-        others = [f"{other} ({key})" for key in sections for other in getattr(gaits, key)]
-        raise UnknownName(f"gait of {robot} under {section}", name, known or others)
-    found = known[name]
-    scaled = {key: amplitude * value for key in _SCALED if (value := getattr(found, key, 0.0))}
-    return validated(type(found), {**found.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")

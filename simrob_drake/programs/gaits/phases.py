@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from simrob_drake.blocks.references import smooth
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
@@ -101,11 +102,6 @@ def course(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> 
             path[:, 2] = phase.lift * _bump(share * length, length, phase.hold)
             paths[name][later] = path
     return Course(times, paths, point, heading)
-
-
-def smooth(share: Vector) -> Vector:
-    """Return 10 s³ - 15 s⁴ + 6 s⁵: from 0 to 1 without speed and acceleration at the ends."""
-    return np.asarray(share**3 * (10.0 - 15.0 * share + 6.0 * share**2))
 
 
 def _bump(since: Vector, length: float, hold: float) -> Vector:

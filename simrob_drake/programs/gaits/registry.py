@@ -1,4 +1,7 @@
-"""Every gait of a robot under its name: what plans it, and what it needs."""
+"""Every gait of a robot under its name: what plans it, and what it needs.
+
+Each is made for one kind of feet, and carries on others as large.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.quadruped import FEWEST_LEGS, crawl, three_legs, trot
@@ -16,7 +23,7 @@ from simrob_drake.robots.catalog import RobotModel
 
 
 @dataclass(frozen=True)
-class Kind:
+class Section:
     """What the gaits of a section of ``gaits.yaml`` have in common.
 
     Attributes:
@@ -31,23 +38,62 @@ class Kind:
     on_feet: bool = True
 
 
-KINDS: Mapping[str, Kind] = {
-    "walks": Kind(walk, FEWEST_STEPS),
-    "trots": Kind(trot, FEWEST_STEPS),
-    "crawls": Kind(crawl, FEWEST_LEGS),
-    "marches": Kind(march, FEWEST_STEPS),
-    "stands": Kind(three_legs),
-    "sequences": Kind(posing, on_feet=False),
+SECTIONS: Mapping[str, Section] = {
+    "walks": Section(walk, FEWEST_STEPS),
+    "trots": Section(trot, FEWEST_STEPS),
+    "crawls": Section(crawl, FEWEST_LEGS),
+    "marches": Section(march, FEWEST_STEPS),
+    "stands": Section(three_legs),
+    "sequences": Section(posing, on_feet=False),
 }
 """By section of ``gaits.yaml``; a robot's gaits all have different names."""
+_AS_LARGE = 0.8
+"""Part of the length and of the width of a gait's own feet that others have at least: what gaits leave as margin."""
 
 
-def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Kind, Any]]:
-    """Return the gaits of a robot that go some steps, or the others: by name, their kind and their figures.
+def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Section, Any]]:
+    """Return the gaits of a robot that go some steps, or the others: by name, their section and their figures.
 
     Raises:
         InvalidParameter: a robot without gaits.
     """
     gaits = load_gaits(robot)
-    kinds = {section: kind for section, kind in KINDS.items() if (kind.fewest > 0) == steps}
-    return {name: (kind, own) for section, kind in kinds.items() for name, own in getattr(gaits, section).items()}
+    fitting = {key: section for key, section in SECTIONS.items() if (section.fewest > 0) == steps}
+    return {name: (section, own) for key, section in fitting.items() for name, own in getattr(gaits, key).items()}
+
+
+def made_for(model: RobotModel, figures: Any) -> str | None:
+    """Return the kind of feet that a gait is made for: what it names, else the robot's default one."""
+    named: str | None = getattr(figures, "feet", None)
+    return named or (model.feet.default if model.feet else None)
+
+
+def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
+    """Tell whether a gait that is made for one kind of feet carries on the kind that is worn: the same, or as large."""
+    if worn == made or worn is None or made is None:
+        return worn == made
+    ours, theirs = _sizes(model, worn), _sizes(model, made)
+    return ours.keys() == theirs.keys() and all((ours[link] >= _AS_LARGE * theirs[link]).all() for link in ours)
+
+
+def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, tuple[Section, Any]]) -> str:
+    """Return the name of the first gait that is made for the feet worn, else of the first that they carry.
+
+    Raises:
+        InvalidParameter: there is none; tells which feet have one.
+    """
+    made = {name: made_for(model, figures) for name, (_, figures) in known.items()}
+    fitting = [name for name in made if made[name] == worn] or [
+        name for name in made if carries(model, worn, made[name])
+    ]
+    if not fitting:
+        kinds = ", ".join(dict.fromkeys(str(kind) for kind in made.values())) or "another robot"
+        raise InvalidParameter(f"feet of {model.name}", str(worn), f"some that it has a gait for: {kinds} (robot.feet)")
+    return fitting[0]
+
+
+def _sizes(model: RobotModel, kind: str) -> dict[str, Vector]:
+    """Return length and width of what each foot stands on, by link, shape (2,) [m]."""
+    assert model.feet is not None  # it has a kind of feet
+    contact = model.feet.kind(kind)
+    return {link: np.ptp(contact.support_points(link)[:, :2], axis=0) for link in contact.links}

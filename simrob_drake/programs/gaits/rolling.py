@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from simrob_drake.blocks.references import smooth
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.phases import smooth
 
 
 def rolled(rotation: Vector, standing: npt.NDArray[np.bool_], radius: float) -> Vector:

@@ -8,14 +8,15 @@ from typing import Any, Literal
 
 import numpy as np
 
+from simrob_drake.blocks.references import smooth
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.feet import feet_of
+from simrob_drake.interpolation import stacked
+from simrob_drake.kinematics.skeleton import Skeleton
 from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import March, Posing
-from simrob_drake.programs.gaits.phases import SAMPLE, smooth
-from simrob_drake.programs.gaits.skeleton import Skeleton
+from simrob_drake.programs.gaits.phases import SAMPLE
 from simrob_drake.programs.gaits.stepping import check_steps
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.catalog import AxisValues, RobotModel
@@ -86,21 +87,11 @@ def march(
 
 def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None) -> float:
     """Return how high the root of a robot is while its lowest foot touches the floor [m]."""
-    poses = skeleton.poses((np.eye(3)[np.newaxis], np.zeros((1, 3))), angles[np.newaxis])
-    lowest = 0.0
     if skeleton.model.feet is None:
-        return lowest
-    contact = skeleton.model.feet.kind(feet)
-    for foot in feet_of(skeleton, 0.0, feet):
-        body, rotation, position = skeleton.frames[foot.link]
-        turned = poses.rotation[body, 0] @ rotation
-        at = poses.position[body, 0] + poses.rotation[body, 0] @ position
-        if foot.link in contact.points:
-            points, under = np.array(contact.points[foot.link]), contact.radius
-        else:
-            points, under = contact.support_points(foot.link), 0.0
-        lowest = min(lowest, float((at + points @ turned.T)[:, 2].min()) - under)
-    return -lowest
+        return 0.0
+    frames, contact = skeleton.frames(angles[np.newaxis]), skeleton.model.feet.kind(feet)
+    lowest = [contact.lowest_points(link, skeleton.link_poses(link, frames))[0, :, 2].min() for link in contact.links]
+    return -min(0.0, *map(float, lowest))
 
 
 def _vector(model: RobotModel, values: AxisValues, otherwise: Vector) -> Vector:
@@ -125,5 +116,5 @@ def _motion(
     table = np.array(postures)
     positions = table[piece] + share[:, np.newaxis] * (table[piece + 1] - table[piece])
     count, height = len(at), standing_height(walker.skeleton, table[0], feet)
-    root = np.tile(np.eye(3), (count, 1, 1)), np.tile([0.0, 0.0, height], (count, 1))
+    root = stacked(np.tile([0.0, 0.0, height], (count, 1)), np.tile(np.eye(3), (count, 1, 1)))
     return JointMotion(walker.model, feet, at, positions, root)

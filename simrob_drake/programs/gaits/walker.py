@@ -6,10 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from simrob_drake.errors import UnknownName
+from simrob_drake.kinematics.skeleton import Skeleton, skeleton_of
 from simrob_drake.programs.gaits.feet import Foot, feet_of
-from simrob_drake.programs.gaits.parameters import Gaits, gait, load_gaits
-from simrob_drake.programs.gaits.skeleton import Skeleton, skeleton_of
+from simrob_drake.programs.gaits.parameters import Gaits, load_gaits
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.yaml_files import validated
+
+_SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +44,26 @@ class Walker:
         return self.skeleton.model
 
     def gait(self, section: str, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
-        """Return the figures of one of its gaits, some of them changed; see :func:`gait`."""
-        return gait(self.model.name, self.gaits, section, name, changes, amplitude)
+        """Return the figures of a gait, some of them changed.
+
+        Args:
+            section: of its file, such as ``walks``.
+            name: which.
+            changes: figures in place of the gait's own.
+            amplitude: scales lengths and turns of its steps.
+
+        Raises:
+            UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
+            InvalidConfig: a figure that cannot be.
+        """
+        known: Mapping[str, Any] = getattr(self.gaits, section)
+        if name not in known:
+            sections = [key for key in Gaits.model_fields if isinstance(getattr(self.gaits, key), dict)]
+            others = [f"{other} ({key})" for key in sections for other in getattr(self.gaits, key)]
+            raise UnknownName(f"gait of {self.model.name} under {section}", name, known or others)
+        found = known[name]
+        scaled = {key: amplitude * value for key in _SCALED if (value := getattr(found, key, 0.0))}
+        return validated(type(found), {**found.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")
 
     def feet(self, kind: str | None = None) -> list[Foot]:
         """Return the feet of a kind, of the default one unless given; see :func:`feet_of`."""

@@ -17,14 +17,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.feet import UP, facing_rotation
-from simrob_drake.programs.gaits.leg_angles import foot_point, leg_angles
+from simrob_drake.interpolation import stacked
+from simrob_drake.programs.gaits.feet import UP, facing_rotation, rotations_about
+from simrob_drake.programs.gaits.leg_angles import leg_angles
 from simrob_drake.programs.gaits.lipm import com_from_zmp
 from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
 from simrob_drake.programs.gaits.rolling import rolled
-from simrob_drake.programs.gaits.skeleton import rotations_about
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.robots.catalog import AxisValues
@@ -103,36 +103,33 @@ class WholeBody:
             zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
         return self._in_the_world(angles, root), zmp
 
-    def _postures(self, trunk: _Trunk, angles: Vector) -> tuple[Vector, tuple[Vector, Vector]]:
-        """Return the angles (m, n) for a motion of the trunk, and the root's pose, which leaning moves sideways."""
+    def _postures(self, trunk: _Trunk, angles: Vector) -> tuple[Vector, Vector]:
+        """Return the angles (m, n) for a motion of the trunk, and the poses of the root (m, 4, 4)."""
         carriage, course = self.carriage, self.course
         lean, count = trunk.lean, len(trunk.lean)
         turned = rotations_about(UP, course.heading)
         rotation = turned @ rotations_about(LEFT, np.full(count, carriage.pitch)) @ rotations_about(AHEAD, lean)
         rotation = rotation @ facing_rotation(self.facing_deg)
-        position = np.column_stack([trunk.place, np.full(count, carriage.height)])
+        root = stacked(np.column_stack([trunk.place, np.full(count, carriage.height)]), rotation)
         angles = self._with_arms(angles, lean)
         apart = np.zeros(count)
         for foot in self.feet:
             path = course.feet[foot.name]
             goal = path[:, :3] + foot.over * UP
             goal[:, :2] += self._rolled[foot.name]
-            target = rotations_about(UP, path[:, 3]), goal
-            angles = leg_angles(self.skeleton, foot, target, (rotation, position), angles, course.times)
-            if self.leans:
-                poses = self.skeleton.poses((rotation, position), angles, list(foot.axes))
-                apart += (goal - foot_point(self.skeleton, foot, poses))[:, 1] / len(self.feet)
-        position[:, 1] += apart
-        return angles, (rotation, position)
+            target = stacked(goal, rotations_about(UP, path[:, 3]))
+            angles = leg_angles(self.skeleton.model, foot, target, root, angles, course.times)
+            if self.leans:  # which moves the root sideways
+                apart += (goal - foot.poses(angles, root)[:, :3, 3])[:, 1] / len(self.feet)
+        root[:, 1, 3] += apart
+        return angles, root
 
-    def _roll(self, angles: Vector, root: tuple[Vector, Vector]) -> None:
+    def _roll(self, angles: Vector, root: Vector) -> None:
         """Find how far feet that are balls roll in a motion."""
         for foot in self.feet:
             if not foot.half.any():
-                poses = self.skeleton.poses(root, angles, list(foot.axes))
                 standing = self.course.feet[foot.name][:, 2] <= 0
-                rotation = poses.rotation[self.skeleton.frames[foot.link][0]]
-                self._rolled[foot.name] = rolled(rotation, standing, foot.over)
+                self._rolled[foot.name] = rolled(foot.poses(angles, root)[:, :3, :3], standing, foot.over)
 
     def _with_arms(self, angles: Vector, lean: Vector) -> Vector:
         """Return the angles with the axes that are in no leg set: posture, counterweight of a lean, and swing."""
@@ -157,7 +154,7 @@ class WholeBody:
         angles, points = self.carriage.posture[np.newaxis], []
         for lean in (_NUDGE, 0.0):  # to one side: arms answer to each side by themselves
             angles, root = short._postures(_Trunk(self.course.zmp[:1], np.array([lean])), angles)
-            points.append(self.skeleton.mass_points(self.skeleton.poses(root, angles))[0])
+            points.append(self.skeleton.mass_points(self.skeleton.frames(angles, root))[0])
         masses = self.skeleton.point_masses / self.skeleton.mass
         height = float(masses @ points[1][:, 2])
         if not self.leans:
@@ -167,11 +164,11 @@ class WholeBody:
         moment = float(masses @ (points[1][:, 2] * change[:, 1] - points[1][:, 1] * change[:, 2]))
         return angles[0], height, factor, moment / factor
 
-    def _in_the_world(self, angles: Vector, root: tuple[Vector, Vector]) -> JointMotion:
+    def _in_the_world(self, angles: Vector, root: Vector) -> JointMotion:
         """Return the motion, turned from walking along x to where the robot looks, and begun over the origin."""
         facing = facing_rotation(-self.facing_deg)
-        start = root[1][0] * [1.0, 1.0, 0.0]
-        turned = facing @ root[0], (root[1] - start) @ facing.T
+        places = (root[:, :3, 3] - root[0, :3, 3] * [1.0, 1.0, 0.0]) @ facing.T
+        turned = stacked(places, facing @ root[:, :3, :3])
         return JointMotion(
             self.walker.model, self.carriage.feet, self.course.times, angles, turned, self.carriage.servo
         )

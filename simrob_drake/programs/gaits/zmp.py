@@ -14,17 +14,17 @@ import numpy as np
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.skeleton import Skeleton
+from simrob_drake.kinematics.skeleton import Skeleton
 
 _CHUNK = 1000  # postures at a time, so that memory stays small
 
 
-def whole_body_zmp(skeleton: Skeleton, root: tuple[Vector, Vector], angles: Vector, step: float) -> Vector:
+def whole_body_zmp(skeleton: Skeleton, root: Vector, angles: Vector, step: float) -> Vector:
     """Return the zero-moment point of a motion.
 
     Args:
         skeleton: of the robot.
-        root: rotation (m, 3, 3) and position (m, 3) [m].
+        root: its poses, shape (m, 4, 4).
         angles: of all axes, shape (m, n) [rad].
         step: between the samples [s].
 
@@ -34,9 +34,9 @@ def whole_body_zmp(skeleton: Skeleton, root: tuple[Vector, Vector], angles: Vect
     result = np.empty((len(angles), 2))
     for start in range(0, len(angles), _CHUNK):
         first, last = max(start - 1, 0), min(start + _CHUNK + 1, len(angles))
-        poses = skeleton.poses((root[0][first:last], root[1][first:last]), angles[first:last])
+        frames = skeleton.frames(angles[first:last], root[first:last])
         inside = slice(start - first, start - first + min(_CHUNK, len(angles) - start))
-        result[start : start + _CHUNK] = _of_points(skeleton.mass_points(poses), skeleton.point_masses, step)[inside]
+        result[start : start + _CHUNK] = _of_points(skeleton.mass_points(frames), skeleton.point_masses, step)[inside]
     return result
 
 

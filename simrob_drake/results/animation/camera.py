@@ -1,4 +1,4 @@
-"""Where to look at a run from: from which side, how near, and beside a robot that walks."""
+"""Where to look at a run from, and when: from which side, how near, beside a robot that walks, frame by frame."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
+from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.record.locomotion import headings, legged_robots
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
-from simrob_drake.stations.plant import StationPlant
 
 FIELD_OF_VIEW = np.deg2rad(35.0)
 """Vertical opening of the cameras [rad]; narrow, so that links keep their proportions."""
@@ -30,15 +31,15 @@ Way = Callable[[Vector], Vector]
 
 
 @dataclass(frozen=True)
-class View:
-    """A camera: where its eye is and where it looks, shape (3,) [m] each; z is up in the picture."""
+class Camera:
+    """Where an eye is and where it looks, shape (3,) [m] each; z is up in the picture."""
 
     eye: Vector
     target: Vector
 
-    def moved(self, way: Vector) -> View:
-        """Return the view from beside: eye and target moved by the same way, shape (3,) [m]."""
-        return View(self.eye + way, self.target + way)
+    def moved(self, way: Vector) -> Camera:
+        """Return the camera with eye and target moved by the same way, shape (3,) [m]."""
+        return Camera(self.eye + way, self.target + way)
 
 
 def side(station: StationPlant) -> float:
@@ -57,6 +58,18 @@ def side(station: StationPlant) -> float:
 def framed_time(result: RecordedRun) -> float:
     """Return up to when a run is to be in the picture [s]."""
     return result.stop_time * (_TRUSTED if result.stopped_by == DIVERGED else 1.0)
+
+
+def frame_times(end: float, frames_per_second: float) -> Vector:
+    """Return the times [s] of the frames of a motion; its end is the last one, wherever it lies.
+
+    Raises:
+        InvalidParameter: the rate is not positive.
+    """
+    if not (np.isfinite(frames_per_second) and frames_per_second > 0):
+        raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
+    count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)
+    return np.append(np.arange(count) / frames_per_second, end)
 
 
 def walked_way(result: RecordedRun) -> Way | None:
@@ -80,7 +93,7 @@ def walked_way(result: RecordedRun) -> Way | None:
     return way
 
 
-def view_of(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> View:
+def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Camera:
     """Return the nearest camera that has all points in its picture.
 
     Args:
@@ -97,7 +110,7 @@ def view_of(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> View:
     depth = min(((low - high) / (2 * half)).min(), along.min() - _NEAREST)
     eye = np.append((low + high) / 2, depth)
     target = np.append(eye[:2], (along.min() + along.max()) / 2)
-    return View(eye @ axes, target @ axes)
+    return Camera(eye @ axes, target @ axes)
 
 
 def aspect_of(points: Vector, *, azimuth: float = _ASIDE) -> float:

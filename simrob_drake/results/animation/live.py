@@ -1,4 +1,4 @@
-"""A window that shows a station while it is simulated."""
+"""A browser window that shows a station while it is simulated, run after run."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import gc
 from time import perf_counter, sleep
 
 import numpy as np
-from pydrake.geometry import Meshcat
 
 from simrob_drake.frames import Vector
-from simrob_drake.results.animation.camera import side, view_of
-from simrob_drake.results.animation.recording import ASPECT, look, open_meshcat
+from simrob_drake.results.animation.camera import camera_on, side
+from simrob_drake.results.animation.recording import ASPECT, draw_tool_paths, look, open_meshcat
 from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.state import State
 from simrob_drake.stations.config import StationConfig
 
@@ -20,7 +20,7 @@ FRAME = 1 / 30
 
 
 class LiveView:
-    """Show a run in a browser at the pace of the clock, or slower where the simulation is slower.
+    """Show runs in a browser at the pace of the clock, or slower where the simulation is slower.
 
     Hand :meth:`on_step` to ``simulate(on_step=...)``. The view only reads: it makes the run wait, and nothing else.
 
@@ -28,31 +28,34 @@ class LiveView:
         url: where to look; it listens on this computer only.
     """
 
-    def __init__(self, config: StationConfig, *, meshcat: Meshcat | None = None) -> None:
-        """Open the window, with the station in its initial positions.
-
-        Args:
-            config: the station that will be run.
-            meshcat: a window that is open already; it is then not closed with the view.
+    def __init__(self, config: StationConfig, state: State | None = None) -> None:
+        """Open the window, with the station that will be run in a state, or at its initial posture.
 
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        meshcat = open_meshcat() if meshcat is None else meshcat
-        self.url: str = meshcat.web_url()
-        self._scene: Scene | None = Scene(config, meshcat=meshcat)
-        self._scene.draw(self._scene.initial)
-        points, azimuth = self._scene.extents(self._scene.initial[np.newaxis]), side(self._scene.station)
-        look(meshcat, view_of(points, aspect=ASPECT, azimuth=azimuth))
-        self._last: tuple[float, Vector] | None = None
-        self._next_frame = 0.0
-        self._clock_at_zero = 0.0
+        self._meshcat = open_meshcat()
+        self.url: str = self._meshcat.web_url()
+        self._config: StationConfig | None = None
+        self._next_frame = self._clock_at_zero = 0.0
+        self._paths = 0
+        self.draw(config, state)
 
-    def draw(self, state: State) -> None:
-        """Show the station in a state, outside of any run."""
+    def draw(self, config: StationConfig, state: State | None = None) -> None:
+        """Show a station in a state, outside of any run; its robots and pieces are loaded anew where they changed."""
+        if config != self._config:
+            self._scene: Scene | None = Scene(config, meshcat=self._meshcat)
+            self._config = config
+            points, azimuth = self._scene.extents(self._scene.initial[np.newaxis]), side(self._scene.station)
+            look(self._meshcat, camera_on(points, aspect=ASPECT, azimuth=azimuth))
         if self._scene is not None:
-            self._scene.draw(state.of_plant(self._scene.station)[0])
-            self._last = None
+            self._scene.draw(self._scene.initial if state is None else state.of_plant(self._scene.station)[0])
+        self._last: tuple[float, Vector] | None = None
+
+    def add_paths(self, result: RecordedRun) -> None:
+        """Leave the ways of the tools in a run as lines."""
+        draw_tool_paths(self._meshcat, result, self._paths)
+        self._paths += 1
 
     def on_step(self, time: float, positions: Vector) -> None:
         """Show the motion since the last step, in even pictures between its straight-line ends.
@@ -76,6 +79,7 @@ class LiveView:
     def close(self) -> None:
         """Close the window and its port; what comes after is not shown."""
         self._scene = None
+        del self._meshcat
         gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
 
     def _wait_for(self, time: float) -> None:

@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 import gc
+import json
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
+from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
+from pydrake.multibody.plant import ContactResults
 
-from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.blocks.contacts import Contacts
+from simrob_drake.folders import writing
 from simrob_drake.frames import Vector
-from simrob_drake.results.animation.camera import FIELD_OF_VIEW, View, side, view_of
-from simrob_drake.results.animation.contact_arrows import draw_contact_forces
-from simrob_drake.results.animation.scene import Scene, frame_times
+from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera, camera_on, frame_times, side, walked_way
+from simrob_drake.results.animation.floor_grid import SPACING, floor_lines, with_floor_under
+from simrob_drake.results.animation.scene import Scene
 from simrob_drake.results.record.run import RecordedRun
 
 ASPECT = 1.4
 """Width over height of a browser window that still shows all: most are wider."""
 
+_SCRIPT = Path(__file__).with_suffix(".js")
 _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
 _TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
 _PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(0.10, 0.55, 0.30, 1.0)]
+_ARROW, _RADIUS = 0.12, 0.003  # m: length of the arrow of a typical large force, and its thickness
+_LARGE = 95  # percentile of the forces that is drawn at that length: a blow may be longer
+_SMALLEST = 0.01  # part of that force that is still drawn
 _AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
 
 
@@ -40,14 +50,10 @@ def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float 
         InvalidParameter: the rate is not positive.
         OutputError: the file cannot be written.
     """
-    if not (np.isfinite(frames_per_second) and frames_per_second > 0):
-        raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
-    page = _page(result, frames_per_second)
+    page = _page(result, frame_times(result.stop_time, frames_per_second), frames_per_second)
     gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
-    try:
+    with writing(file):
         file.write_text(page, encoding="utf-8")
-    except OSError as problem:
-        raise OutputError(f"{file}: cannot be written: {problem.strerror}") from problem
     return file
 
 
@@ -77,33 +83,71 @@ def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> N
             meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
 
 
-def look(meshcat: Meshcat, view: View) -> None:
-    """Put the camera of a Meshcat window where a view says."""
+def look(meshcat: Meshcat, camera: Camera) -> None:
+    """Put the camera of a Meshcat window in its place."""
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
-    meshcat.SetCameraPose(view.eye, view.target)
+    meshcat.SetCameraPose(camera.eye, camera.target)
 
 
-def _page(result: RecordedRun, frames_per_second: float) -> str:
-    meshcat = open_meshcat()
-    scene = Scene(result.config, meshcat=meshcat)
-    _record(meshcat, scene, result, frames_per_second)
+def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
+    meshcat, way = open_meshcat(), walked_way(result)
+    gone = np.zeros((len(times), 3)) if way is None else way(times)
+    config = with_floor_under(result.config, gone)
+    scene = Scene(config, meshcat=meshcat)
+    _record(meshcat, scene, result, times, frames_per_second)
     draw_tool_paths(meshcat, result)
-    look(meshcat, view_of(scene.extents_of_run(result), aspect=ASPECT, azimuth=side(scene.station)))
-    page: str = meshcat.StaticHtml()
-    return page
+    points = scene.extents_of_run(result, way)
+    look(meshcat, camera_on(points, aspect=ASPECT, azimuth=side(scene.station)))
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    run = {
+        "way": [] if way is None else np.round(gone[:, :2], 4).tolist(),
+        "rate": frames_per_second,
+        "middle": middle.tolist(),
+        "radius": float(np.linalg.norm(points - middle, axis=1).max()),
+        "lines": floor_lines(gone, size=config.floor.size).round(4).tolist() if config.floor else [],
+        "spacing": SPACING,
+    }
+    script = f"<script>const RUN = {json.dumps(run)};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
+    before, end, after = meshcat.StaticHtml().rpartition("</body>")
+    return f"{before}{script}{end}{after}"
 
 
-def _record(meshcat: Meshcat, scene: Scene, result: RecordedRun, frames_per_second: float) -> None:
+def _record(meshcat: Meshcat, scene: Scene, result: RecordedRun, times: Vector, frames_per_second: float) -> None:
     visualizer = scene.visualizer
     assert visualizer is not None
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
-    times = frame_times(result.stop_time, frames_per_second)
     shown = [(frame + 0.5) / frames_per_second for frame in range(len(times))]  # Meshcat rounds down to frames
     for time, positions in zip(shown, result.positions_at(times), strict=True):
         scene.draw(positions, time)
-    draw_contact_forces(meshcat, result, times, shown)
+    _draw_contact_forces(meshcat, result, times, shown)
     animation.set_autoplay(True)
     animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     animation.set_repetitions(_LOOPS)
     visualizer.StopRecording()
     visualizer.PublishRecording()
+
+
+def _draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, shown: Sequence[float]) -> None:
+    """Draw the contact forces at times of a run (k,) into a window that records, as arrows that appear at ``shown``.
+
+    They are computed from the recorded states; nothing is drawn in a station without contact.
+    """
+    if result.contacts_at is None:
+        return
+    forces = np.vstack([Contacts.of(results).forces for results in result.contacts_at(times)])
+    sizes = np.linalg.norm(forces, axis=1)
+    if not sizes.size:
+        return
+    large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
+    params = ContactVisualizerParams(
+        prefix="contact_forces",
+        force_threshold=_SMALLEST * large,
+        newtons_per_meter=large / _ARROW,
+        radius=_RADIUS,
+    )
+    arrows = ContactVisualizer(meshcat, params)
+    context = arrows.CreateDefaultContext()
+    for time, results in zip(shown, result.contacts_at(times), strict=True):
+        context.SetTime(time)
+        arrows.contact_results_input_port().FixValue(context, Value[ContactResults](results))
+        arrows.ForcedPublish(context)

@@ -11,7 +11,7 @@ from pydrake.geometry import MeshcatVisualizer, MeshcatVisualizerParams, Role
 from pydrake.multibody.meshcat import JointSliders
 from pydrake.visualization import AddFrameTriadIllustration
 
-from simrob_drake.results.animation.camera import view_of
+from simrob_drake.results.animation.camera import camera_on
 from simrob_drake.results.animation.recording import ASPECT, look, open_meshcat
 from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
@@ -60,7 +60,7 @@ class RobotView:
         self._sliders = builder.AddSystem(JointSliders(self._meshcat, plant, **limits))
         self._diagram = builder.Build()
         margin = np.array([[-1.0], [1.0]]) * size / 4
-        look(self._meshcat, view_of(np.vstack([lone.origins() + side for side in margin]), aspect=ASPECT))
+        look(self._meshcat, camera_on(np.vstack([lone.origins() + side for side in margin]), aspect=ASPECT))
 
     def run(self, timeout: float = math.inf) -> None:
         """Move the robot as the sliders say, until "Stop" is pressed in the browser or ``timeout`` [s] is over.

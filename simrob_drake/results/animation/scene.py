@@ -7,7 +7,6 @@ from pydrake.geometry import (
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
-    QueryObject,
     RenderEngine,
     Role,
     SceneGraph,
@@ -16,11 +15,12 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.animation.camera import Way, framed_time
 from simrob_drake.results.animation.floor_grid import add_floor_grid
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.plant import StationPlant, add_plant
+from simrob_drake.stations.posed import PosedStation
 
 RENDERER = "renderer"
 """The name of the render engine in the scene graph."""
@@ -29,14 +29,12 @@ _LOOKS = 24  # configurations that stand for a motion
 _BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
-class Scene:
+class Scene(PosedStation):
     """A station's robots, pieces and floor, without dynamics and contact.
 
     It is built anew from the configuration, so that showing it cannot touch a simulation.
 
-    Attributes:
-        station: its plant, with the robots.
-        initial: the configuration at the start, shape (nq,).
+    Attributes of :class:`PosedStation`, and:
         visualizer: what draws into Meshcat, where there is one.
     """
 
@@ -59,41 +57,23 @@ class Scene:
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        builder = DiagramBuilder()
-        station = add_plant(builder, config.model_copy(update={"contact": None}))
-        self.station: StationPlant = station
-        self._plant = station.plant
-        self._scene_graph = station.scene_graph
-        if engine is not None:
-            station.scene_graph.AddRenderer(RENDERER, engine)
-        if way is not None and config.floor is not None:
-            add_floor_grid(station.scene_graph, way, size=config.floor.size)
-        self._positions_port = station.add_geometry_poses(builder) if config.mode == "kinematic" else None
-        self.visualizer = None if meshcat is None else _add_visualizer(builder, station.scene_graph, meshcat)
-        self._diagram = builder.Build()
-        self._context = self._diagram.CreateDefaultContext()
-        self.initial: Vector = station.plant.GetPositions(station.plant.CreateDefaultContext())
-        self.place(self.initial)
+        self.visualizer: MeshcatVisualizer | None = None
 
-    def place(self, positions: Vector) -> None:
-        """Put the station into a configuration, shape (nq,)."""
-        if self._positions_port is None:
-            self._plant.SetPositions(self._plant.GetMyMutableContextFromRoot(self._context), positions)
-        else:
-            system = self._positions_port.get_system()
-            self._positions_port.FixValue(system.GetMyMutableContextFromRoot(self._context), positions)
+        def add(builder: DiagramBuilder, station: StationPlant) -> None:
+            if engine is not None:
+                station.scene_graph.AddRenderer(RENDERER, engine)
+            if way is not None and config.floor is not None:
+                add_floor_grid(station.scene_graph, way, size=config.floor.size)
+            if meshcat is not None:
+                self.visualizer = _add_visualizer(builder, station.scene_graph, meshcat)
+
+        super().__init__(config.model_copy(update={"contact": None}), add)
 
     def draw(self, positions: Vector, time: float = 0.0) -> None:
         """Show a configuration, shape (nq,), in Meshcat; a recording files it under ``time`` [s]."""
         self.place(positions)
-        self._context.SetTime(time)
-        self._diagram.ForcedPublish(self._context)
-
-    def query(self) -> QueryObject:
-        """Return the geometry in its present configuration, for rendering."""
-        port = self._scene_graph.get_query_output_port()
-        query: QueryObject = port.Eval(self._scene_graph.GetMyContextFromRoot(self._context))
-        return query
+        self._scene.SetTime(time)
+        self._diagram.ForcedPublish(self._scene)
 
     def extents(self, positions: Vector) -> Vector:
         """Return points, shape (m, 3) [m], around all that stands or moves in the configurations, shape (k, nq).
@@ -113,10 +93,10 @@ class Scene:
 
     def _corners(self, positions: Vector, instance: ModelInstanceIndex | None) -> Vector:
         """Return the origins of links and the corners of their shapes, shape (k, m, 3) [m]; of one robot or of all."""
-        inspector = self._scene_graph.model_inspector()
+        inspector = self.station.scene_graph.model_inspector()
         links = []
         for frame in inspector.GetAllFrameIds():
-            body = self._plant.GetBodyFromFrameId(frame)
+            body = self.plant.GetBodyFromFrameId(frame)
             if body is not None and frame != inspector.world_frame_id() and instance in (None, body.model_instance()):
                 links.append(frame)
         boxes = {}
@@ -131,12 +111,6 @@ class Scene:
             origins = np.array([query.GetPoseInWorld(link).translation() for link in links]).reshape(-1, 3)
             points.append(np.vstack([origins, *((query.GetPoseInWorld(g) @ c).T for g, c in boxes.items())]))
         return np.array(points)
-
-
-def frame_times(end: float, frames_per_second: float) -> Vector:
-    """Return the times [s] of the frames of a motion; its end is the last one, wherever it lies."""
-    count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)
-    return np.append(np.arange(count) / frames_per_second, end)
 
 
 def _add_visualizer(builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat) -> MeshcatVisualizer:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from simrob_drake.parts.captions import BlockRole
 from simrob_drake.results.block_diagram.graph import Arrow, Block, BlockGraph
-from simrob_drake.results.block_diagram.places import BARS, ROLES, Role
+from simrob_drake.results.block_diagram.places import BARS, ROLES
 
-TITLES: dict[Role, str] = {
+TITLES: dict[BlockRole, str] = {
     "reference": "reference",
     "servo": "servos",
     "robot": "robot",
@@ -13,7 +14,7 @@ TITLES: dict[Role, str] = {
     "sensor": "outputs",
     "own": "own blocks",
 }
-COLOURS: dict[Role, tuple[str, str]] = {  # of the cluster, of the lines of its blocks
+COLOURS: dict[BlockRole, tuple[str, str]] = {  # of the cluster, of the lines of its blocks
     "reference": ("#eaf3fb", "#3f78a8"),
     "servo": ("#fdf3e3", "#b9791f"),
     "robot": ("#e9f5e9", "#3d8745"),
@@ -44,7 +45,7 @@ def dot_text(graph: BlockGraph) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-def _cluster(graph: BlockGraph, robot: str, role: Role) -> list[str]:
+def _cluster(graph: BlockGraph, robot: str, role: BlockRole) -> list[str]:
     blocks = [block for block in graph.blocks.values() if (block.role, block.robot) == (role, robot)]
     if not blocks:
         return []

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from simrob_drake.results.block_diagram.places import BARS, ROLES, Role, Shape
+from simrob_drake.parts.captions import BlockRole
+from simrob_drake.results.block_diagram.places import BARS, ROLES, Shape
 
 _FAN = 3
 """From how many arrows of one block into one cluster on they branch from a bus bar."""
@@ -25,7 +26,7 @@ class Block:
     """
 
     key: str
-    role: Role
+    role: BlockRole
     robot: str
     label: str = ""
     shape: Shape = "block"
@@ -112,7 +113,7 @@ class BlockGraph:
 
     def _branch(self, key: str) -> None:
         """Let the arrows of a block into another cluster, if they are many, branch from a bar there."""
-        clusters: dict[tuple[Role, str], list[str]] = {}
+        clusters: dict[tuple[BlockRole, str], list[str]] = {}
         for target in self.targets(key):
             clusters.setdefault((self.blocks[target].role, self.blocks[target].robot), []).append(target)
         for (role, robot), targets in clusters.items():

@@ -8,17 +8,16 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-from pydrake.systems.framework import DiagramBuilder
-
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.mermaid import mermaid_text
 from simrob_drake.results.block_diagram.reading import read_blocks
-from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_names
+from simrob_drake.stations.resolve import resolve
 
 DRAWN_SUFFIXES = (".svg", ".png", ".pdf")
 """What Graphviz draws; .dot and .mmd are written without it."""
@@ -79,9 +78,8 @@ def main(folder: Path | None = None) -> None:
 
 
 def _graph(config: StationConfig) -> BlockGraph:
-    builder = DiagramBuilder()
-    ports = add_closed_station(builder, config)
-    return read_blocks(builder.Build(), ports)
+    closed = closed_station(resolve(config))
+    return read_blocks(closed.diagram, closed.ports)
 
 
 def _drawn(text: str, kind: str) -> bytes:

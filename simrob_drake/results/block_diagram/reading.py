@@ -134,6 +134,7 @@ class _Reader:
 def _port_symbols(ports: StationPorts) -> dict[tuple[str, Side, int], Signals]:
     """Return what the signals at ports are called."""
     symbols: dict[tuple[str, Side, int], Signals] = {_identity(ports.state): _STATE}
+    symbols |= {_identity(port): ("F",) for name, port in ports.outputs.items() if name.startswith("applied_force.")}
     for robot in ports.plant.robots.values():
         for name, symbol in _SYMBOLS.items():
             key = f"{robot.prefix}{name}"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.common.value import AbstractValue
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, EventStatus
@@ -24,60 +25,89 @@ _NONE = np.zeros(0)
 
 
 class Recorder:
-    """Keep time, continuous state and every discrete group at each accepted step, whatever the solver.
+    """Keep time, continuous state, every discrete group and abstract state at each accepted step, whatever the solver.
 
     It is the simulator's monitor, which Drake calls after each step: it forces no steps and costs a few microseconds.
-    Now and then it looks whether the state has run away, and ends the run if so.
+    Now and then it looks whether the state has run away, and asks whoever wants to look at what was recorded; either
+    may end the run.
     """
 
-    def __init__(self, simulator: Simulator, *watchers: Callable[[Context], None]) -> None:
+    def __init__(
+        self,
+        simulator: Simulator,
+        *watchers: Callable[[Context], None],
+        look: Callable[[History], bool] | None = None,
+    ) -> None:
         """Begin to record, with the state that the simulator starts from.
 
         Args:
             simulator: whose monitor this becomes.
             watchers: called after each accepted step.
+            look: called now and then with the steps since the last call; True ends the run.
         """
         self.times: list[float] = []
         self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
         self._continuous: list[Vector] = []
         self._discrete: list[list[Vector]] = []
-        self._watchers = watchers
+        self._abstract: list[list[AbstractValue]] = []
+        self._watchers, self._look, self._seen = watchers, look, 0
+        self.attach(simulator)
+
+    def attach(self, simulator: Simulator) -> None:
+        """Go on with a simulator whose context has the same layout, from the state that it is in."""
         self._system = simulator.get_system()
         context = simulator.get_context()
         self._has_continuous = context.num_continuous_states() > 0
         self._groups = range(context.num_discrete_state_groups())
+        self._values = range(context.num_abstract_states())
         self._keep(context)
         simulator.set_monitor(self._keep)
 
     def _keep(self, context: Context) -> EventStatus:
         time = context.get_time()
         if self.times and time == self.times[-1]:  # an event at a step's end: what it left counts
-            for kept in (self.times, self._continuous, self._discrete):
+            for kept in (self.times, self._continuous, self._discrete, self._abstract):
                 del kept[-1:]
         self.times.append(time)
         self._continuous.append(context.get_continuous_state_vector().CopyToVector() if self._has_continuous else _NONE)
         self._discrete.append([context.get_discrete_state(group).value().copy() for group in self._groups])
+        if self._values:
+            self._abstract.append([context.get_abstract_state(index).Clone() for index in self._values])
         try:
             for watcher in self._watchers:
                 watcher(context)
         except (Exception, SystemExit) as problem:
             self.failure = problem
             raise
-        if len(self.times) % _LOOK_EVERY == 0 and not self.is_sane():
-            return EventStatus.ReachedTermination(self._system, "a state ran away to infinity")
+        if len(self.times) % _LOOK_EVERY == 0:
+            if not self.is_sane():
+                return EventStatus.ReachedTermination(self._system, "a state ran away to infinity")
+            if self.look():
+                return EventStatus.ReachedTermination(self._system, "a monitor ended the run")
         return EventStatus.DidNothing()
+
+    def look(self) -> bool:
+        """Show the steps since the last look; tell whether they end the run."""
+        if self._look is None or self._seen >= len(self.times):
+            return False
+        unseen = slice(self._seen, None)
+        self._seen = len(self.times)
+        return self._look(self._rows(unseen))
 
     def is_sane(self) -> bool:
         """Tell whether the last recorded state is made of numbers of a size that a robot can have."""
         return bool(_sane(np.concatenate([self._continuous[-1], *self._discrete[-1]])[np.newaxis]).all())
 
-    def history(self) -> History:
-        """Return what was recorded so far, up to the last sane state."""
-        continuous = np.array(self._continuous)
-        groups = [np.array(group) for group in zip(*self._discrete, strict=True)]
-        sane = np.all([_sane(values) for values in (continuous, *groups)], axis=0)
+    def history(self, count: int | None = None) -> History:
+        """Return what was recorded so far, up to the last sane state; its first ``count`` steps where that is given."""
+        whole = self._rows(slice(0, count))
+        sane = np.all([_sane(values) for values in (whole.continuous, *whole.discrete)], axis=0)
         kept = len(sane) if sane.all() else max(int(np.argmin(sane)), 1)
-        return History(np.array(self.times[:kept]), continuous[:kept], [group[:kept] for group in groups])
+        return whole if kept == len(whole.times) else self._rows(slice(0, kept))
+
+    def _rows(self, rows: slice) -> History:
+        groups = [np.array(group) for group in zip(*self._discrete[rows], strict=True)]
+        return History(np.array(self.times[rows]), np.array(self._continuous[rows]), groups, self._abstract[rows])
 
 
 def _sane(states: Vector) -> npt.NDArray[np.bool_]:
@@ -123,11 +153,13 @@ class History:
         times: of the steps' ends, shape (m,) [s], rising.
         continuous: continuous states, shape (m, nx).
         discrete: for every discrete group its values, shape (m, size).
+        abstract: for every step the abstract values; empty where there are none.
     """
 
     times: Vector
     continuous: Vector
     discrete: list[Vector] = field(default_factory=list)
+    abstract: list[list[AbstractValue]] = field(default_factory=list)
 
     @property
     def end(self) -> float:
@@ -162,14 +194,16 @@ class History:
             knots = slice(None), plant.positions
             slopes = rates[before] * width[:, np.newaxis], rates[after] * width[:, np.newaxis]
             states[knots] = _hermite(part, low[knots], high[knots], *slopes)
-        return History(times, states, [group[after] for group in self.discrete])
+        return History(times, states, [group[after] for group in self.discrete], self._values_at(after))
 
     def steps(self, times: Vector) -> History:
         """Return the steps that hold ``times`` (k,): the states at their ends, with the times of their starts."""
         end = self._after(times)
-        return History(
-            self.times[np.maximum(end - 1, 0)], self.continuous[end], [group[end] for group in self.discrete]
-        )
+        begins, groups = self.times[np.maximum(end - 1, 0)], [group[end] for group in self.discrete]
+        return History(begins, self.continuous[end], groups, self._values_at(end))
+
+    def _values_at(self, rows: npt.NDArray[np.intp]) -> list[list[AbstractValue]]:
+        return [self.abstract[row] for row in rows] if self.abstract else []
 
     def _after(self, times: Vector) -> npt.NDArray[np.intp]:
         """Return the places of the first states that are not before ``times``; of the last one after the end."""
@@ -182,6 +216,8 @@ class History:
             context.SetContinuousState(self.continuous[row])
         for index, group in enumerate(self.discrete):
             context.SetDiscreteState(index, group[row])
+        for index, value in enumerate(self.abstract[row] if self.abstract else []):
+            context.get_mutable_abstract_state(index).SetFrom(value)
 
     def joined(self, later: History) -> History:
         """Return these states, as far as they come before the first of ``later``, and those after them."""
@@ -190,11 +226,14 @@ class History:
             np.append(self.times[kept], later.times),
             np.vstack([self.continuous[kept], later.continuous]),
             [np.vstack([group[kept], end]) for group, end in zip(self.discrete, later.discrete, strict=True)],
+            [*self.abstract[: int(kept.sum())], *later.abstract],
         )
 
     def last(self) -> History:
         """Return the last state alone."""
-        return History(self.times[-1:], self.continuous[-1:], [group[-1:] for group in self.discrete])
+        return History(
+            self.times[-1:], self.continuous[-1:], [group[-1:] for group in self.discrete], self.abstract[-1:]
+        )
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:

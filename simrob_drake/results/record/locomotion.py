@@ -15,11 +15,9 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.parts.monitors import Fall
+from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.run import RecordedRun
-from simrob_drake.robots.feet import FootContact
-from simrob_drake.stations.names import named
-from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.robots import StationRobot
 
 _SHORTEST_WAY = 0.01
 """Way below which a cost of transport means nothing [m]."""
@@ -101,7 +99,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         yaw=float(heading[-1] - heading[0]),
         tilt=_tilt(base),
         smallest_height=float(base[:, 2].min()),
-        fall_time=fall_time(result, name),
+        fall_time=result.stop_time if fallen(result) == name else None,
         peak_torque=_peak_torque(result, own),
         saturated=float((shares > _AT_LIMIT).mean(axis=0).max()),
         work=work,
@@ -128,7 +126,7 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
         base: poses of its root, shape (m, 7).
     """
     context = station.plant.CreateDefaultContext()
-    station.set_axes(context, robot, np.zeros(len(robot.axes)))
+    robot.axis_map.set_positions(station.plant, context, np.zeros(len(robot.axes)))
     sides = {
         side: [frame.CalcPose(context, robot.root).translation() for name, frame in robot.tools.items() if side in name]
         for side in ("left", "right")
@@ -142,12 +140,12 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
     return np.asarray(np.unwrap(np.arctan2(seen[:, 1], seen[:, 0])))
 
 
-def fall_time(result: RecordedRun, robot: str) -> float | None:
-    """Return when a fall monitor that watches a robot ended the run [s]; None if none did."""
+def fallen(result: RecordedRun) -> str | None:
+    """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
     monitor = result.config.monitors.get(result.stopped_by or "")
-    if monitor is None or monitor.kind != "fall" or getattr(monitor, "piece", None):
+    if not isinstance(monitor, Fall) or monitor.piece is not None:
         return None
-    return result.stop_time if (monitor.robot or result.config.only_robot) == robot else None
+    return monitor.robot or result.config.only_robot
 
 
 def mechanical_work(result: RecordedRun, robot: str) -> float:
@@ -166,8 +164,9 @@ def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
     own = result.plant.robots[robot]
     assert own.feet is not None  # the caller asks for robots with feet only
     slips = {}
-    for link, (turns, places) in _link_poses(result, own).items():
-        points = _lowest(own.feet, link, turns, places)
+    for link, poses in _link_poses(result, own).items():
+        turns, places = poses[:, :3, :3], poses[:, :3, 3]
+        points = own.feet.lowest_points(link, poses)
         local = np.einsum("mji,mkj->mki", turns[:-1], points[:-1] - places[:-1, np.newaxis])
         moved = places[1:, np.newaxis] + np.einsum("mij,mkj->mki", turns[1:], local)
         touches = (points[:-1, :, 2] < 0) & (points[1:, :, 2] < 0)
@@ -176,8 +175,8 @@ def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
     return slips
 
 
-def _link_poses(result: RecordedRun, robot: StationRobot) -> dict[str, tuple[Vector, Vector]]:
-    """Return rotations (m, 3, 3) and positions (m, 3) of the feet's links in the world at the samples of a run."""
+def _link_poses(result: RecordedRun, robot: StationRobot) -> dict[str, Vector]:
+    """Return the poses of the feet's links in the world at the samples of a run, (m, 4, 4) each."""
     plant = result.plant.plant
     assert robot.feet is not None  # checked by the caller
     frames = {link: plant.GetFrameByName(link, robot.instance) for link in robot.feet.links}
@@ -187,16 +186,7 @@ def _link_poses(result: RecordedRun, robot: StationRobot) -> dict[str, tuple[Vec
         plant.SetPositions(context, positions)
         for link, frame in frames.items():
             found[link].append(frame.CalcPoseInWorld(context).GetAsMatrix4())
-    stacks = {link: np.array(rows) for link, rows in found.items()}
-    return {link: (poses[:, :3, :3], poses[:, :3, 3]) for link, poses in stacks.items()}
-
-
-def _lowest(feet: FootContact, link: str, turns: Vector, places: Vector) -> Vector:
-    """Return the lowest points of a foot's shapes in the world, shape (m, k, 3) [m]."""
-    spheres = link in feet.points
-    local = np.array(feet.points[link]) if spheres else feet.support_points(link)
-    points = places[:, np.newaxis] + np.einsum("mij,kj->mki", turns, local)
-    return np.asarray(points - (0.0, 0.0, feet.radius if spheres else 0.0))
+    return {link: np.array(poses) for link, poses in found.items()}
 
 
 def _peak_torque(result: RecordedRun, robot: StationRobot) -> dict[str, Any]:

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.blocks.references import hermite_samples
+from simrob_drake.blocks.references import Samples, hermite_samples
 from simrob_drake.frames import Vector
+from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.reference_config import Table
-from simrob_drake.stations.references import TIME_COLUMN, Samples, read_table, speed_columns
 
 _TRAJECTORY_RATE = 1000.0
 """Samples a second [Hz] of a Drake trajectory that is not made of smooth cubics."""
-
-_Way = Literal["cubic", "linear", "hermite"]
 
 
 def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> None:
@@ -45,7 +41,7 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
         elif isinstance(reference, Table):
             way = reference.interpolation
             columns = [*axes, *speed_columns(axes)] if way == "hermite" else columns
-            times, values = _arrays(read_table(reference.file, columns))
+            times, values = _arrays(reference.rows(axes))
         else:
             continue
         file = Path("reference.csv" if config.only_robot else f"{robot}_reference.csv")
@@ -54,7 +50,7 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     return config
 
 
-def _way_through_samples(config: StationConfig) -> _Way:
+def _way_through_samples(config: StationConfig) -> Interpolation:
     """Return how samples that simulate() is given are joined: smoothly where their derivatives are needed."""
     return "linear" if config.mode == "dynamic" and "reference_velocity" not in config.inputs else "cubic"
 

@@ -10,19 +10,18 @@ import numpy as np
 from pydrake.multibody.plant import ContactResults
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.blocks.references import Samples
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.state import State
+from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.free_pieces import VELOCITY_NAMES
-from simrob_drake.stations.names import named
-from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.references import Samples
-from simrob_drake.stations.robots import StationRobot
+from simrob_drake.stations.poses import VELOCITY_NAMES
 
-Ending = Literal["completed", "monitor", "diverged", "interrupted"]
-DIVERGED, INTERRUPTED = "diverged", "interrupted"
-"""What stands for a monitor's name where none ended the run."""
+Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]
+DIVERGED, INTERRUPTED, FAILED = "diverged", "interrupted", "failed"
+"""What stands for a monitor's name where none ended the run; of a block that failed that is the block's name."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +31,13 @@ class RecordedRun:
     Attributes:
         config: the station as it was run.
         plant: the station's plant, for its robots' figures.
-        ending: ``completed``, ``monitor``, ``diverged`` or ``interrupted``.
-        stopped_by: the name of the monitor that ended the run, "diverged", "interrupted" (by the user), or None.
+        ending: ``completed``, ``monitor``, ``diverged``, ``interrupted`` or ``failed``.
+        stopped_by: the name of the monitor that ended the run, or of the block of the user's own that failed,
+            "diverged", "interrupted" (by the user), or None.
         message: how the run ended, in words.
         names: the columns of ``values``.
+        signals: what the columns are, as the parts of the station declare them.
+        notes: of what kind sensors and controllers are, and how they were computed, by their names.
         times: of the samples, shape (m,) [s]; evenly spaced, with the end of the run last.
         values: the signals, shape (m, k), SI units and radians.
         step_times: ends of the accepted steps [s].
@@ -54,6 +56,8 @@ class RecordedRun:
     stopped_by: str | None
     message: str
     names: list[str]
+    signals: tuple[Signal, ...]
+    notes: dict[str, dict[str, str]]
     times: Vector
     values: Vector
     step_times: Vector
@@ -102,6 +106,18 @@ class RecordedRun:
     def vector(self, signal: str) -> Vector:
         """Return a signal of three columns, such as ``force.<sensor>``, shape (m, 3)."""
         return np.column_stack([self[f"{signal}.{axis}"] for axis in "xyz"])
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the columns, by their names."""
+        known = {name: unit for signal in self.signals for name, unit in zip(signal.names, signal.units, strict=True)}
+        return {name: known[name] for name in self.names}
+
+    @property
+    def panels(self) -> list[Panel]:
+        """The plots that parts declare, of columns that there are."""
+        declared = [signal.panel for signal in self.signals if signal.panel is not None]
+        return [panel for panel in declared if set(panel.columns) <= set(self.names)]
 
     @property
     def stop_time(self) -> float:

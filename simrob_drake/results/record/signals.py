@@ -3,145 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
-from pydrake.systems.framework import Context, Diagram, OutputPort
+from pydrake.multibody.plant import ContactResults
+from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import Site
 from simrob_drake.results.record.history import History, plant_slice
-from simrob_drake.stations.free_pieces import VELOCITY_NAMES
-from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.robots import StationRobot
-
-POSE_SIGNALS = {"base": "base_pose", "tcp": "tcp_pose"}
-"""Signals that are poses, and the ports they come from."""
-
-SENSOR_SIGNALS = ("force", "moment", "distance", "joint_torque", "external_torque", "external_force")
-"""What sensors give: the ports are ``<signal>.<sensor>``."""
-
-
-@dataclass(frozen=True)
-class Signals:
-    """Signals that are made of one port.
-
-    Attributes:
-        names: k of them.
-        port: what they are made of.
-        matrix: what makes them of the port's values, shape (k, size of the port).
-        finish: what is done to them then, shape (m, k) to (m, k).
-    """
-
-    names: list[str]
-    port: OutputPort
-    matrix: Vector
-    finish: Callable[[Vector], Vector] | None = None
-
-    def of(self, rows: Vector) -> Vector:
-        """Return the signals, shape (m, k), of the port's values (m, size)."""
-        values = np.asarray(rows @ self.matrix.T)
-        return values if self.finish is None else self.finish(values)
-
-
-def signals_of(ports: StationPorts) -> list[Signals]:
-    """Return the signals of a station, in the order of the columns of a result."""
-    robots = [signals for robot in ports.plant.robots.values() for signals in _of_robot(ports, robot)]
-    pieces = [signals for piece in ports.plant.free_pieces for signals in _of_piece(ports, piece)]
-    return [*robots, *pieces, *_of_sensors(ports)]
-
-
-def _of_piece(ports: StationPorts, piece: str) -> list[Signals]:
-    """Return pose and velocity of a free piece."""
-    body, plant = ports.plant.free_pieces[piece], ports.plant.plant
-    turns = plant.num_positions() + body.floating_velocities_start_in_v() + np.array([3, 4, 5, 0, 1, 2])
-    velocity = np.eye(plant.num_multibody_states())[turns]
-    return [
-        _free_pose(ports, body, [f"piece.{piece}.{part}" for part in XYZ_QUATERNION_NAMES]),
-        Signals([f"piece.{piece}.{part}" for part in VELOCITY_NAMES], ports.state, velocity),
-    ]
-
-
-def _free_pose(ports: StationPorts, body: RigidBody, names: list[str]) -> Signals:
-    """Return the pose of a body that is free, which the state holds."""
-    places = body.floating_positions_start() + np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
-    return Signals(names, ports.state, np.eye(ports.plant.plant.num_multibody_states())[places], unit_poses)
-
-
-def unit_poses(poses: Vector) -> Vector:
-    """Return poses (m, 7) with quaternions of length one whose qw is not negative."""
-    size = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True) * np.where(poses[:, 3:4] < 0, -1.0, 1.0)
-    return np.hstack([poses[:, :3], poses[:, 3:] / size])
-
-
-def _of_sensors(ports: StationPorts) -> list[Signals]:
-    """Return what sensors tell, and the forces that are applied."""
-    found = []
-    for name, port in ports.outputs.items():
-        kind, _, sensor = name.partition(".")
-        if kind in SENSOR_SIGNALS and sensor in ports.config.sensors:
-            names = sensor_columns(ports, kind, sensor)
-            found.append(Signals(names, port, np.eye(len(names))))
-        elif name.rpartition(".")[2] == "external_force":
-            found.append(Signals([f"{name}.{axis}" for axis in "xyz"], port, np.eye(3)))
-    return found
-
-
-def sensor_columns(ports: StationPorts, kind: str, sensor: str) -> list[str]:
-    """Return the columns of a sensor's signal: by axis of a robot, or x, y and z."""
-    if kind == "distance":
-        return [f"distance.{sensor}"]
-    if kind in ("force", "moment", "external_force"):
-        return [f"{kind}.{sensor}.{axis}" for axis in "xyz"]
-    robot = getattr(ports.config.sensors[sensor], "robot", None) or str(ports.config.only_robot)
-    return [f"{kind}.{sensor}.{axis}" for axis in ports.plant.robots[robot].axes]
-
-
-def _of_robot(ports: StationPorts, robot: StationRobot) -> list[Signals]:
-    def named(signal: str, parts: Sequence[str]) -> list[str]:
-        return [f"{robot.prefix}{signal}.{part}" for part in parts]
-
-    def own(port: str) -> OutputPort:
-        return ports.outputs[f"{robot.prefix}{port}"]
-
-    each_axis, motion = np.eye(len(robot.axes)), named("q", robot.axes) + named("v", robot.axes)
-    felt = [port for port in (f"{robot.prefix}felt_torque",) if port in ports.outputs]
-    poses = [signal for signal, port in POSE_SIGNALS.items() if f"{robot.prefix}{port}" in ports.outputs]
-    body = robot.root.body()
-    free = ports.config.mode == "dynamic" and body.is_floating_base_body() and robot.root.is_body_frame()
-
-    def pose(signal: str) -> Signals:
-        names = named(signal, XYZ_QUATERNION_NAMES)
-        if signal == "base" and free:
-            return _free_pose(ports, body, names)
-        return Signals(names, own(POSE_SIGNALS[signal]), np.eye(len(names)))
-
-    return [
-        Signals(named("q_ref", robot.axes), own("reference"), each_axis),
-        Signals(motion, ports.state, ports.plant.state_map(robot)),
-        Signals(named("tau", robot.axes), own("torque"), each_axis),
-        *(Signals(named("felt", robot.axes), own("felt_torque"), each_axis) for _ in felt),
-        *(pose(signal) for signal in poses),
-    ]
 
 
 class Sampler:
-    """Evaluate ports of a diagram at any time of a recorded run."""
+    """Evaluate ports of a diagram that holds a station at any time of a recorded run."""
 
     def __init__(
-        self, diagram: Diagram, plant: MultibodyPlant, history: History, *, held: Collection[OutputPort] = ()
+        self,
+        diagram: Diagram,
+        site: Site,
+        history: History,
+        *,
+        held: Collection[OutputPort] = (),
+        prepare: Callable[[], None] | None = None,
+        tolerant: bool = False,
     ) -> None:
         """Prepare to evaluate the ports of ``diagram`` at the states of ``history``.
 
-        Those of ``held`` keep over each step what an implicit scheme with frozen inputs applied in it: their value at
-        the state of its end, with the time of its start.
+        Args:
+            diagram: holds the station, and has the layout of the one that was stepped.
+            site: the station.
+            history: the recorded states.
+            held: ports that keep over each step what an implicit scheme with frozen inputs applied in it: their value
+                at the state of its end, with the time of its start.
+            prepare: called before anything is evaluated: gives the diagram the references of this run back.
+            tolerant: a port that cannot be evaluated is no number, as after a run in which a block failed.
         """
         self.diagram = diagram
-        self._plant = plant
-        self._held = held
+        self._site, self._held, self._prepare, self._tolerant = site, held, prepare, tolerant
+        self._plant = site.plant.plant
         self._context = diagram.CreateDefaultContext()
-        self._plant_slice = plant_slice(diagram, plant, self._context)
+        self._plant_slice = plant_slice(diagram, self._plant, self._context)
+        self._of_state = {site.outputs[name]: how for name, how in site.of_state.items()}
         self.history = history
 
     @property
@@ -152,44 +55,75 @@ class Sampler:
     @history.setter
     def history(self, history: History) -> None:
         self._history = history
-        self._rates = self._position_rates(history)
+        self.memo: dict[Any, Any] = {}
+        self.__dict__.pop("_rates", None)
 
-    def sample(self, ports: Sequence[OutputPort], times: Vector) -> list[Vector]:
-        """Return the values of ports at ``times`` (k,), for each port shape (k, size)."""
-        states = self._history.at(times, self._plant_slice, self._rates)
-        values = {port: np.empty((len(times), port.size())) for port in ports}
-        where, state_port = self._plant_slice, self._plant.get_state_output_port()
-        if where is not None and state_port in values:  # it hands on what was recorded
-            values[state_port] = states.continuous[:, where.start : where.velocities.stop]
-        evaluated = {port: rows for port, rows in values.items() if where is None or port != state_port}
-        self._evaluate({port: rows for port, rows in evaluated.items() if port not in self._held}, states)
-        held = {port: rows for port, rows in evaluated.items() if port in self._held}
-        if held:
-            self._evaluate(held, self._history.steps(times))
+    @property
+    def step_times(self) -> Vector:
+        """Ends of the accepted steps, shape (m,) [s]."""
+        return self._history.times
+
+    def sample(self, ports: Sequence[OutputPort], times: Vector) -> list[Any]:
+        """Return the values of ports at ``times`` (k,): for each an array (k, size), or a list of abstract values."""
+        held = [port for port in ports if port in self._held]
+        values = self.evaluate([port for port in ports if port not in self._held], self._at(times))
+        values |= self.evaluate(held, self._history.steps(times)) if held else {}
         return [values[port] for port in ports]
 
-    def _evaluate(self, values: dict[OutputPort, Vector], states: History) -> None:
-        """Fill in the rows of ports, one a state."""
-        targets = [(port, port.get_system().GetMyContextFromRoot(self._context), rows) for port, rows in values.items()]
-        for row in range(len(states.times)):
+    def evaluate(self, ports: Sequence[OutputPort], states: History) -> dict[OutputPort, Any]:
+        """Return the values of ports at states (k rows), as :meth:`sample` does."""
+        state_port, where = self._site.state, self._plant_slice
+        known: dict[OutputPort, Any] = {}
+        linear = [port for port in ports if port == state_port or port in self._of_state]
+        if linear and where is not None:  # the state was recorded
+            known[state_port] = states.continuous[:, where.start : where.velocities.stop]
+        wanted = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
+        known |= self._evaluated([port for port in wanted if port not in known], states)
+        known |= {port: self._of_state[port].of(known[state_port]) for port in linear if port != state_port}
+        return {port: known[port] for port in ports}
+
+    def _evaluated(self, ports: Sequence[OutputPort], states: History) -> dict[OutputPort, Any]:
+        if not ports:
+            return {}
+        if self._prepare is not None:
+            self._prepare()
+        count, values = len(states.times), dict[OutputPort, Any]()
+        for port in ports:
+            is_vector = port.get_data_type() == PortDataType.kVectorValued
+            values[port] = np.empty((count, port.size())) if is_vector else [None] * count
+        targets = [(port, port.get_system().GetMyContextFromRoot(self._context), values[port]) for port in ports]
+        for row in range(count):
             states.put(row, self._context)
             for port, context, rows in targets:
-                rows[row] = port.Eval(context)
+                rows[row] = self._value(port, context)
+        return values
 
-    def contexts(self, times: Vector) -> Iterator[Context]:
-        """Yield the diagram's context at times of the run (k,); the next one is the same, changed."""
-        states = self._history.at(times, self._plant_slice, self._rates)
-        for row in range(len(times)):
-            states.put(row, self._context)
-            yield self._context
+    def _value(self, port: OutputPort, context: Context) -> Any:
+        try:
+            return port.Eval(context)
+        except Exception:
+            if not self._tolerant:
+                raise
+            return np.nan
+
+    def contact_results(self, times: Vector) -> Iterator[ContactResults]:
+        """Yield the plant's contact results at times (k,) of the run."""
+        yield from self.sample([self._plant.get_contact_results_output_port()], times)[0]
 
     def context_at(self, time: float) -> Context:
         """Return the diagram's context at a time of the run; the next call changes it."""
-        return next(self.contexts(np.array([time])))
+        if self._prepare is not None:
+            self._prepare()
+        self._at(np.array([time])).put(0, self._context)
+        return self._context
 
-    def _position_rates(self, history: History) -> Vector | None:
-        """Return the time derivatives of the plant's positions at every recorded step."""
-        where, plant = self._plant_slice, self._plant
+    def _at(self, times: Vector) -> History:
+        return self._history.at(times, self._plant_slice, self._rates)
+
+    @cached_property
+    def _rates(self) -> Vector | None:
+        """The time derivatives of the plant's positions at every recorded step."""
+        where, plant, history = self._plant_slice, self._plant, self._history
         if where is None:
             return None
         velocities = history.continuous[:, where.velocities]
@@ -203,9 +137,15 @@ class Sampler:
         return rates
 
 
-def sampled(sampler: Sampler, ports: StationPorts, times: Vector) -> tuple[list[str], Vector]:
-    """Return the names of a station's signals, k of them, and their values at times of a run (m,), shape (m, k)."""
-    signals = signals_of(ports)
-    rows = sampler.sample([part.port for part in signals], times)
-    names = [name for part in signals for name in part.names]
-    return names, np.hstack([part.of(values) for part, values in zip(signals, rows, strict=True)])
+def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
+    """Return a station's signals at times of a run (m,): the values of their k columns, shape (m, k)."""
+    ports = list(dict.fromkeys(site.outputs[signal.output] for signal in site.signals if signal.output))
+    known = dict(zip(ports, sampler.sample(ports, times), strict=True))
+    columns = []
+    for signal in site.signals:
+        if signal.compute is not None:
+            columns.append(signal.compute(sampler, times))
+        else:
+            values = known[site.outputs[signal.output]]
+            columns.append(values if signal.adjust is None else signal.adjust(sampler, times, values))
+    return np.hstack(columns)

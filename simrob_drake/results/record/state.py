@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,9 +16,8 @@ from pydrake.systems.framework import Context, Diagram, System
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.parts.site import Site, StationPlant
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.plant import StationPlant
-from simrob_drake.stations.ports import StationPorts
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,11 @@ class JointState:
 
 @dataclass(frozen=True)
 class BlockState:
-    """Continuous state and discrete groups of one block."""
+    """Continuous state, discrete groups and abstract values of one block."""
 
     continuous: Vector
     discrete: tuple[Vector, ...]
+    abstract: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class State:
     blocks: dict[str, BlockState] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, diagram: Diagram, ports: StationPorts, context: Context) -> State:
+    def of(cls, diagram: Diagram, ports: Site, context: Context) -> State:
         """Return the state of a closed station.
 
         Args:
@@ -78,7 +79,7 @@ class State:
         plant, blocks = ports.plant.plant, {}
         for system in _with_memory(diagram, plant):
             own = system.GetMyContextFromRoot(context)
-            if own.num_continuous_states() or own.num_discrete_state_groups():
+            if own.num_continuous_states() or own.num_discrete_state_groups() or own.num_abstract_states():
                 blocks[system.get_name()] = _block_state(own)
         joints = {}
         if diagram.HasSubsystemNamed(plant.get_name()):
@@ -87,7 +88,7 @@ class State:
             joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in _joints(plant)}
         return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
 
-    def put(self, diagram: Diagram, ports: StationPorts, context: Context) -> None:
+    def put(self, diagram: Diagram, ports: Site, context: Context) -> None:
         """Set a context of another closed station to this state, as far as the two have joints and blocks in common.
 
         Raises:
@@ -117,8 +118,8 @@ class State:
         q, v = plant.GetPositions(context), plant.GetVelocities(context)
         for robot in station.robots.values():
             if robot.name in self.positions:
-                q[robot.places] = robot.signs * self.positions[robot.name]
-                v[robot.speeds] = robot.signs * self.velocities[robot.name]
+                q = robot.axis_map.spread_positions(self.positions[robot.name], q)
+                v = robot.axis_map.spread_velocities(self.velocities[robot.name], v)
         for name, places, speeds in _joints(plant):
             if name in self.joints:
                 self._check(name, self.joints[name].position, len(q[places]))
@@ -126,13 +127,16 @@ class State:
         return q, v
 
     def to_json(self) -> str:
-        """Return the state as a text that :meth:`from_json` reads back to the last bit."""
+        """Return the state as a text that :meth:`from_json` reads back to the last bit.
+
+        Abstract values that JSON does not know are left out: their blocks begin with those that they declare.
+        """
         return json.dumps(
             {
                 **{key: _lists(getattr(self, key)) for key in ("positions", "velocities", "references")},
                 "joints": {name: [s.position.tolist(), s.velocity.tolist()] for name, s in self.joints.items()},
                 "blocks": {
-                    name: [s.continuous.tolist(), [group.tolist() for group in s.discrete]]
+                    name: [s.continuous.tolist(), [group.tolist() for group in s.discrete], _json_values(s.abstract)]
                     for name, s in self.blocks.items()
                 },
             },
@@ -153,7 +157,7 @@ class State:
                 _arrays(content["velocities"]),
                 _arrays(content["references"]),
                 {name: JointState(np.array(q), np.array(v)) for name, (q, v) in content["joints"].items()},
-                {name: BlockState(np.array(x), tuple(map(np.array, z))) for name, (x, z) in content["blocks"].items()},
+                {name: _read_block(*kept) for name, kept in content["blocks"].items()},
             )
         except (ValueError, TypeError, KeyError, AttributeError) as problem:
             raise InvalidParameter("state", text, "the text of a state, as State.to_json() writes it") from problem
@@ -183,6 +187,9 @@ class State:
         for group, (values, size) in enumerate(zip(kept.discrete, sizes, strict=True)):
             self._check(system.get_name(), values, size)
             own.SetDiscreteState(group, values)
+        for index, value in enumerate(kept.abstract[: own.num_abstract_states()]):
+            if value is not None:
+                own.get_mutable_abstract_state(index).set_value(deepcopy(value))
 
     @staticmethod
     def _check(name: str, values: Vector | None, size: int) -> None:
@@ -213,8 +220,29 @@ def _joints(plant: MultibodyPlant) -> Iterator[tuple[str, slice, slice]]:
 def _block_state(context: Context) -> BlockState:
     has_continuous = context.num_continuous_states() > 0
     continuous = context.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0)
-    groups = range(context.num_discrete_state_groups())
-    return BlockState(continuous, tuple(context.get_discrete_state(group).value().copy() for group in groups))
+    discrete = tuple(
+        context.get_discrete_state(group).value().copy() for group in range(context.num_discrete_state_groups())
+    )
+    values = range(context.num_abstract_states())
+    return BlockState(
+        continuous, discrete, tuple(deepcopy(context.get_abstract_state(index).get_value()) for index in values)
+    )
+
+
+def _json_values(values: tuple[Any, ...]) -> list[Any]:
+    """Return abstract values, None for those that JSON does not know."""
+
+    def known(value: Any) -> bool:
+        try:
+            return bool(json.loads(json.dumps(value)) == value)
+        except (TypeError, ValueError):
+            return False
+
+    return [value if known(value) else None for value in values]
+
+
+def _read_block(continuous: list[float], discrete: list[list[float]], abstract: Sequence[Any] = ()) -> BlockState:
+    return BlockState(np.array(continuous), tuple(map(np.array, discrete)), tuple(abstract))
 
 
 def _lists(values: dict[str, Vector]) -> dict[str, list[float]]:

@@ -12,8 +12,6 @@ import numpy as np
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.results.record.locomotion import legged_robots, locomotion
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
-from simrob_drake.stations.sensor_config import Force
-from simrob_drake.stations.sensors import tangential_source
 
 
 def pose_vector(pose: Vector) -> list[float]:
@@ -47,7 +45,8 @@ def summary_of(run: RecordedRun) -> dict[str, Any]:
         },
         "peak": {"joint_torque": _peaks(run, "tau"), "force": _peak_forces(run)},
         "locomotion": _locomotion(run),
-        "sensors": {name: _sensor_note(run, name) for name in run.config.sensors},
+        "sensors": {name: run.notes[name] for name in run.config.sensors},
+        "units": run.units,
         "versions": {
             "simrob_drake": version("simrob-drake"),
             "drake": version("drake"),
@@ -66,17 +65,9 @@ def _locomotion(run: RecordedRun) -> dict[str, Any] | None:
 
 def _peak_forces(run: RecordedRun) -> dict[str, float]:
     """Return the largest size of every contact force [N] by sensor."""
-    sensors = [name for name, sensor in run.config.sensors.items() if sensor.kind == "force"]
-    return {name: float(np.linalg.norm(run.vector(f"force.{name}"), axis=1).max()) for name in sensors}
-
-
-def _sensor_note(run: RecordedRun, name: str) -> dict[str, str]:
-    """Return what a sensor is, and how it was computed."""
-    sensor = run.config.sensors[name]
-    note: dict[str, str] = {"kind": sensor.kind}
-    if isinstance(sensor, Force):
-        note["tangential"] = tangential_source(run.plant, run.config, sensor)
-    return note
+    felt = [signal for signal in run.signals if signal.role == "force" and set(signal.names) <= set(run.names)]
+    sizes = {signal.part: np.linalg.norm([run[name] for name in signal.names], axis=0) for signal in felt}
+    return {name: float(size.max()) for name, size in sizes.items()}
 
 
 def _columns(run: RecordedRun, signal: str) -> dict[str, Vector]:

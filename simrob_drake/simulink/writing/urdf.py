@@ -8,12 +8,11 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.tree import RotationalInertia
+from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf_shapes import text
+from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, place, set_inertia, text
 from simrob_drake.simulink.mechanics.bodies import Body
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
@@ -79,7 +78,7 @@ class UrdfWriter:
         for branch in tree.branches:
             self._branch(robot, branch)
         for freedom in tree.freedoms:
-            self._motor(robot.element, robot.axes[freedom])
+            add_motor(robot.element, robot.axes[freedom], drive=f"{robot.axes[freedom]}_drive")
         self._add_tools(robot)
         return robot
 
@@ -88,8 +87,8 @@ class UrdfWriter:
         parent = robot.links[branch.parent]
         origin = robot.frames[branch.parent].inverse() @ branch.in_parent
         robot.frames[branch.body] = branch.in_body
-        for place, freedom in enumerate(branch.freedoms):
-            last = place == len(branch.freedoms) - 1
+        for number, freedom in enumerate(branch.freedoms):
+            last = number == len(branch.freedoms) - 1
             robot.axes[freedom] = self._names.give(freedom.name)
             child = self._names.give(f"{robot.axes[freedom]}_link")
             self._joint(robot.element, robot.axes[freedom], freedom, branch.sign, (parent, child, origin))
@@ -98,7 +97,7 @@ class UrdfWriter:
                 robot.links[branch.body] = child
                 self._link(robot, link, branch.body, branch.in_body)
             else:
-                self._inertial(link, Weight(_TINY, np.zeros(3), np.eye(3) * _TINY))
+                set_inertia(link, mass=_TINY, moments=[_TINY] * 3, pose=RigidTransform())
             parent, origin = child, RigidTransform()
 
     def _joint(
@@ -106,11 +105,8 @@ class UrdfWriter:
     ) -> None:
         bounded = isfinite(freedom.lower) and isfinite(freedom.upper)
         kind = ("revolute" if bounded else "continuous") if freedom.turns else "prismatic"
-        joint = ET.SubElement(robot, "joint", name=name, type=kind)
         parent, child, origin = ends
-        ET.SubElement(joint, "parent", link=parent)
-        ET.SubElement(joint, "child", link=child)
-        _origin(joint, origin)
+        joint = add_joint(robot, name, parent=parent, child=child, pose=origin, kind=kind)
         ET.SubElement(joint, "axis", xyz=text((sign * freedom.axis).tolist()))
         limit = ET.SubElement(joint, "limit", effort=text([AMPLE]), velocity="1000")
         if kind != "continuous":
@@ -123,46 +119,32 @@ class UrdfWriter:
             self._report.add("dropped", name, "its only limit: a joint that turns has both or none here")
         ET.SubElement(joint, "dynamics", damping=text([freedom.damping]))
 
-    def _motor(self, robot: ET.Element, joint: str) -> None:
-        transmission = ET.SubElement(robot, "transmission", name=f"{joint}_drive")
-        ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
-        ET.SubElement(transmission, "joint", name=joint)
-        ET.SubElement(transmission, "actuator", name=joint)
-
     def _link(self, robot: RobotFile, link: ET.Element, body: Body, frame: RigidTransform) -> None:
         inverse = frame.inverse()
         weight = together([moved(solid.weight, inverse @ solid.pose) for solid in body.solids])
         robot.mass += weight.mass
         name = link.get("name", "")
         if weight.mass > 0:
-            self._inertial(link, self._possible(name, weight))
+            moments = self._possible(name, weight)
+            set_inertia(link, mass=weight.mass, moments=moments, pose=RigidTransform(weight.com))
         else:
             robot.weightless.append(name)
         for solid in body.solids:
             self._visual(link, solid, inverse @ solid.pose)
 
-    def _possible(self, name: str, weight: Weight) -> Weight:
-        """Return a weight that a real body can have: Simscape takes any inertia, Drake does not."""
+    def _possible(self, name: str, weight: Weight) -> Vector:
+        """Return moments, (3, 3), that a real body can have: Simscape takes any inertia, Drake does not."""
         moments, axes = np.linalg.eigh((weight.inertia + weight.inertia.T) / 2)
         least = weight.mass * 1e-8  # of a ball of a tenth of a millimetre
         allowed = np.maximum(moments, least)
         excess = allowed[2] - allowed[0] - allowed[1]
         if excess > -1e-12 * allowed[2]:
             allowed[:2] += max(excess, 0.0) / 2 + 1e-9 * allowed[2]
-        inertia = axes @ np.diag(allowed) @ axes.T if not np.allclose(allowed, moments, rtol=1e-7) else weight.inertia
-        if inertia is not weight.inertia:
-            told = ", ".join(f"{moment:.3g}" for moment in moments)
-            self._report.add("repaired", name, f"no body has the principal moments {told} kg m²: made possible")
-        return Weight(weight.mass, weight.com, inertia)
-
-    def _inertial(self, link: ET.Element, weight: Weight) -> None:
-        inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=text(weight.com.tolist()))
-        ET.SubElement(inertial, "mass", value=text([weight.mass]))
-        keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-        moments = {key: float(weight.inertia[place]) for key, place in keys.items()}
-        RotationalInertia(*moments.values())
-        ET.SubElement(inertial, "inertia", {key: f"{value:.15g}" for key, value in moments.items()})
+        if np.allclose(allowed, moments, rtol=1e-7):
+            return weight.inertia
+        told = ", ".join(f"{moment:.3g}" for moment in moments)
+        self._report.add("repaired", name, f"no body has the principal moments {told} kg m²: made possible")
+        return np.asarray(axes @ np.diag(allowed) @ axes.T)
 
     def _visual(self, link: ET.Element, solid: SolidBody, pose: RigidTransform) -> None:
         if not solid.visible or (solid.shape is None and solid.file is None):
@@ -171,10 +153,9 @@ class UrdfWriter:
         if geometry is None:
             return
         visual = ET.SubElement(link, "visual")
-        _origin(visual, pose)
+        place(visual, pose)
         ET.SubElement(visual, "geometry").append(geometry)
-        material = ET.SubElement(visual, "material", name=f"{link.get('name')}_{len(link)}")
-        ET.SubElement(material, "color", rgba=text(solid.colour))
+        add_colour(visual, f"{link.get('name')}_{len(link)}", solid.colour)
 
     def geometry(self, solid: SolidBody) -> ET.Element | None:
         """Return what a solid looks like; None where its mesh cannot be read."""
@@ -229,19 +210,6 @@ class UrdfWriter:
             if depth > outermost:
                 break
             name = self._names.give(node.path)
-            joint = ET.SubElement(robot.element, "joint", name=f"{name}_mount", type="fixed")
-            ET.SubElement(joint, "parent", link=link)
-            ET.SubElement(joint, "child", link=name)
-            _origin(joint, pose)
+            add_joint(robot.element, f"{name}_mount", parent=link, child=name, pose=pose)
             ET.SubElement(robot.element, "link", name=name)
             robot.tools[name] = name
-
-
-def _origin(element: ET.Element, pose: RigidTransform) -> None:
-    if not pose.IsExactlyIdentity():
-        rpy = RollPitchYaw(pose.rotation()).vector()
-        ET.SubElement(element, "origin", xyz=_exact(pose.translation()), rpy=_exact(rpy))
-
-
-def _exact(values: Vector) -> str:
-    return " ".join(f"{float(value):.17g}" for value in values)

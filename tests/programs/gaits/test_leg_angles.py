@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.interpolation import stacked
+from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.feet import facing_rotation, feet_of
-from simrob_drake.programs.gaits.leg_angles import ROWS, OutOfReach, foot_point, leg_angles
+from simrob_drake.programs.gaits.leg_angles import ROWS, OutOfReach, leg_angles
 from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.programs.gaits.walk import walk
 
 COUNT = 50
@@ -17,17 +18,14 @@ COUNT = 50
 def test_legs_there_and_back(name):
     skeleton, facing = skeleton_of(name), load_gaits(name).facing_deg
     rng = np.random.default_rng(3)
-    root = np.tile(facing_rotation(facing), (COUNT, 1, 1)), rng.uniform(-0.1, 0.1, (COUNT, 3))
+    root = stacked(rng.uniform(-0.1, 0.1, (COUNT, 3)), np.tile(facing_rotation(facing), (COUNT, 1, 1)))
     bent = np.array([40.0 if "knee" in axis else -20.0 if "hip_pitch" in axis else 0.0 for axis in skeleton.model.axes])
     for foot in feet_of(skeleton, facing):
         angles = np.deg2rad(bent + rng.uniform(-15, 15, (COUNT, len(bent))))
-        poses = skeleton.poses(root, angles)
-        body, rotation, _ = skeleton.frames[foot.link]
-        wanted = poses.rotation[body] @ rotation @ foot.upright.T, foot_point(skeleton, foot, poses)
-        found = leg_angles(skeleton, foot, wanted, root, np.tile(np.deg2rad(bent), (COUNT, 1)))
-        again = skeleton.poses(root, found)
+        wanted = foot.poses(angles, root)
+        found = leg_angles(skeleton.model, foot, wanted, root, np.tile(np.deg2rad(bent), (COUNT, 1)))
         asked = [row for row in ROWS[len(foot.axes)] if row < 3]
-        np.testing.assert_allclose(foot_point(skeleton, foot, again)[:, asked], wanted[1][:, asked], atol=2e-6)
+        np.testing.assert_allclose(foot.poses(found, root)[:, asked, 3], wanted[:, asked, 3], atol=1e-8)
         if len(foot.axes) == 6:  # nothing is free: the angles themselves come back
             np.testing.assert_allclose(found[:, foot.axes], angles[:, foot.axes], atol=1e-4)
 
@@ -37,10 +35,10 @@ def straight_down(beyond):
     skeleton = skeleton_of("yobotics")
     foot = feet_of(skeleton, 0.0)[0]
     length = 0.2115 + 0.23039 - 0.025  # thigh, shank, and up to the middle of the ball
-    goal = foot.home * [1, 1, 0] + [0, 0, -length - beyond]
-    one = np.eye(3)[np.newaxis]
+    goal = np.eye(4)[np.newaxis]
+    goal[:, :3, 3] = foot.home * [1, 1, 0] + [0, 0, -length - beyond]
     start = np.deg2rad(skeleton.model.axis_vector(skeleton.model.home_deg, "home"))[np.newaxis]
-    return leg_angles(skeleton, foot, (one, goal[np.newaxis]), (one, np.zeros((1, 3))), start, np.array([1.25]))
+    return leg_angles(skeleton.model, foot, goal, np.eye(4)[np.newaxis], start, np.array([1.25]))
 
 
 def test_a_leg_out_of_reach_says_which_when_and_by_how_much():
@@ -82,11 +80,11 @@ def test_a_leg_nearly_straight_is_in_reach():
 def test_a_joint_beyond_its_limit_is_named():
     skeleton = skeleton_of("yobotics")
     foot = feet_of(skeleton, 0.0)[0]
-    one = np.eye(3)[np.newaxis]
     start = np.deg2rad(skeleton.model.axis_vector(skeleton.model.home_deg, "home"))[np.newaxis]
-    goal = (foot.home + np.array([0.0, 0.28, 0.35]))[np.newaxis]
+    goal = np.eye(4)[np.newaxis]
+    goal[:, :3, 3] = foot.home + np.array([0.0, 0.28, 0.35])
     with pytest.raises(OutOfReach, match=r"rear_left_hip_roll would need .* beyond its limits"):
-        leg_angles(skeleton, foot, (one, goal), (one, np.zeros((1, 3))), start)
+        leg_angles(skeleton.model, foot, goal, np.eye(4)[np.newaxis], start)
 
 
 def test_a_robot_without_feet_cannot_walk():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.programs.gaits.lipm import com_from_zmp, zmp_from_com
+from simrob_drake.programs.gaits.lipm import com_from_zmp
 
 STEP, HEIGHT, GRAVITY = 0.002, 0.25, 9.80665
 RATE = np.sqrt(GRAVITY / HEIGHT)
@@ -14,7 +14,8 @@ TIMES = np.arange(0, 8, STEP)
 def test_it_has_the_zero_moment_point_that_was_asked_for():
     wanted = np.column_stack([0.1 * TIMES, 0.03 * np.sign(np.sin(8 * TIMES))])
     com = com_from_zmp(wanted, step=STEP, height=HEIGHT)
-    np.testing.assert_allclose(zmp_from_com(com, step=STEP, height=HEIGHT), wanted, atol=1e-9)
+    acceleration = (com[2:] - 2 * com[1:-1] + com[:-2]) / STEP**2
+    np.testing.assert_allclose(com[1:-1] - HEIGHT / GRAVITY * acceleration, wanted[1:-1], atol=1e-9)
 
 
 def test_it_answers_a_step_before_and_after_as_the_closed_form():

@@ -6,17 +6,18 @@ from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial import ConvexHull
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
-from simrob_drake.programs.gaits.feet import facing_rotation, feet_of
-from simrob_drake.programs.gaits.leg_angles import OutOfReach, foot_point
+from simrob_drake.kinematics.skeleton import skeleton_of
+from simrob_drake.programs.gaits.feet import facing_rotation, feet_of, rotations_about
+from simrob_drake.programs.gaits.leg_angles import OutOfReach
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.phases import SAMPLE, Phase, course
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_inside, three_legs, trot
 from simrob_drake.programs.gaits.rolling import rolled
-from simrob_drake.programs.gaits.skeleton import rotations_about, skeleton_of
 from simrob_drake.programs.gaits.walk import planned_walk, walk
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.standing import standing
 
 WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("zjudancer", "walk")]
@@ -25,15 +26,12 @@ WALKS = [("humanoid", "walk"), ("humanoid", "real_sole"), ("roid1", "walk"), ("z
 def feet_in_walking_direction(motion):
     """Return the feet, the place of each (m, 3) and its rotation from flat and ahead (m, 3, 3)."""
     skeleton, facing = skeleton_of(motion.model), load_gaits(motion.model).facing_deg
-    back = facing_rotation(facing)
-    root = back @ motion.root[0], motion.root[1] @ back.T
-    poses = skeleton.poses(root, motion.positions)
-    feet = feet_of(skeleton, facing, motion.feet)
-    places = {foot.name: foot_point(skeleton, foot, poses) - [0, 0, foot.over] for foot in feet}
-    flat = {
-        foot.name: poses.rotation[skeleton.frames[foot.link][0]] @ skeleton.frames[foot.link][1] @ foot.upright.T
-        for foot in feet
-    }
+    back = np.eye(4)
+    back[:3, :3] = facing_rotation(facing)
+    root, feet = back @ motion.root, feet_of(skeleton, facing, motion.feet)
+    poses = {foot.name: foot.poses(motion.positions, root) for foot in feet}
+    places = {foot.name: poses[foot.name][:, :3, 3] - [0, 0, foot.over] for foot in feet}
+    flat = {name: pose[:, :3, :3] for name, pose in poses.items()}
     return feet, places, flat, whole_body_zmp(skeleton, root, motion.positions, SAMPLE)
 
 
@@ -71,19 +69,19 @@ def test_the_zero_moment_point_is_where_it_was_asked_for(robot, name):
 
 def test_a_walk_goes_as_far_as_its_steps_say():
     motion = walk("roid1", 8, step_length=0.04, ramp_steps=0)
-    assert motion.root[1][-1, 0] == pytest.approx(7 * 0.04, abs=1e-3)  # the last step brings the feet together
-    assert motion.root[1][-1, 1] == pytest.approx(0, abs=1e-3)
+    assert motion.root[-1, 0, 3] == pytest.approx(7 * 0.04, abs=1e-3)  # the last step brings the feet together
+    assert motion.root[-1, 1, 3] == pytest.approx(0, abs=1e-3)
     assert np.abs(motion.velocities[[0, -1]]).max() == 0
 
 
 def test_a_turning_walk_turns():
     motion = walk("zjudancer", 10, "turn", turn_deg=6, ramp_steps=0)
-    heading = np.arctan2(motion.root[0][-1, 1, 0], motion.root[0][-1, 0, 0])
+    heading = np.arctan2(motion.root[-1, 1, 0], motion.root[-1, 0, 0])
     assert np.rad2deg(heading) == pytest.approx(9 * 6, abs=1e-6)
 
 
 def test_the_humanoid_walks_to_where_it_looks():
-    assert walk("humanoid", 6).root[1][-1, 1] < -0.2
+    assert walk("humanoid", 6).root[-1, 1, 3] < -0.2
 
 
 def test_feet_of_a_crawl_roll_and_its_zero_moment_point_stays_inside():
@@ -169,7 +167,7 @@ def test_changes_keep_the_other_figures():
 def test_a_walk_begins_in_balance_with_its_soles_on_the_floor(robot, name):
     motion = walk(robot, 4, name)
     config = motion.station()
-    plant = add_plant(DiagramBuilder(), config)
+    plant = add_plant(DiagramBuilder(), resolve(config))
     found = standing(plant, plant.robots["robot"])
     assert found.gap == pytest.approx(0, abs=1e-5)
     assert found.margin > 0.01

@@ -5,18 +5,18 @@ import pytest
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.paths import models_root
 from simrob_drake.programs.gaits.parameters import GAITS_FILE, Gaits, load_gaits
-from simrob_drake.programs.gaits.registry import KINDS, gaits_of
+from simrob_drake.programs.gaits.registry import SECTIONS, gaits_of
 
 ROBOTS = sorted(file.parent.name for file in models_root().glob(f"*/{GAITS_FILE}"))
 
 
 def test_every_section_of_gaits_has_a_planner():
-    assert set(KINDS) == set(Gaits.model_fields) - {"facing_deg"}
+    assert set(SECTIONS) == set(Gaits.model_fields) - {"facing_deg"}
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_names_are_told_apart(robot):
-    names = [name for section in KINDS for name in getattr(load_gaits(robot), section)]
+    names = [name for section in SECTIONS for name in getattr(load_gaits(robot), section)]
     assert len(names) == len(set(names))
     assert {*gaits_of(robot, steps=True), *gaits_of(robot, steps=False)} == set(names)
 

@@ -5,11 +5,11 @@ import pytest
 
 from simrob_drake import load_station
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.sequences import march, posing, standing_height
-from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.robots.catalog import load_robot
 
 ALL = [
@@ -53,10 +53,9 @@ def test_a_sequence_is_where_it_shall_be_when_it_shall_be():
 def test_the_soles_of_the_march_stay_flat():
     motion = march("humanoid", 4)
     skeleton = skeleton_of("humanoid")
-    poses = skeleton.poses(motion.root, motion.positions)
+    frames = skeleton.frames(motion.positions, motion.root)
     for foot in feet_of(skeleton, 0.0):
-        body, rotation, _ = skeleton.frames[foot.link]
-        tilt = np.arccos(np.clip((poses.rotation[body] @ rotation)[:, 2, 2], -1, 1))
+        tilt = np.arccos(np.clip(skeleton.link_poses(foot.link, frames)[:, 2, 2], -1, 1))
         assert np.rad2deg(tilt).max() < 1.01
 
 

@@ -6,8 +6,8 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
+from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.phases import SAMPLE
-from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.robots.parse import add_urdf
@@ -40,16 +40,13 @@ def test_frames_mass_and_inertia_are_those_of_drake(name):
     angles = rng.uniform(-1, 1, len(skeleton.model.axes))
     root = RigidTransform(RollPitchYaw(*rng.uniform(-1, 1, 3)), rng.uniform(-1, 1, 3))
     context = posed(plant, name, root, angles)
-    ours = (root.rotation().matrix()[np.newaxis], root.translation()[np.newaxis])
-    poses = skeleton.poses(ours, angles[np.newaxis])
-    for frame, (body, rotation, position) in skeleton.frames.items():
-        pose = plant.GetFrameByName(frame).CalcPoseInWorld(context)
-        at = poses.position[body, 0] + poses.rotation[body, 0] @ position
-        np.testing.assert_allclose(at, pose.translation(), atol=1e-12)
-        np.testing.assert_allclose(poses.rotation[body, 0] @ rotation, pose.rotation().matrix(), atol=1e-12)
+    frames = skeleton.frames(angles[np.newaxis], root.GetAsMatrix4())
+    for link in skeleton.links:
+        pose = plant.GetFrameByName(link).CalcPoseInWorld(context).GetAsMatrix4()
+        np.testing.assert_allclose(skeleton.link_poses(link, frames)[0], pose, atol=1e-12)
     com = plant.CalcCenterOfMassPositionInWorld(context)
     assert skeleton.mass == pytest.approx(plant.CalcTotalMass(context), rel=1e-12)
-    points = skeleton.mass_points(poses)[0]
+    points = skeleton.mass_points(frames)[0]
     np.testing.assert_allclose(np.average(points, axis=0, weights=skeleton.point_masses), com, atol=1e-12)
     second = np.einsum("k,kx,ky->xy", skeleton.point_masses, points, points)
     inertia = np.trace(second) * np.eye(3) - second
@@ -68,15 +65,15 @@ def test_the_zero_moment_point_is_that_of_inverse_dynamics():
     for row in range(60, len(motion.times) - 60, 37):
         states = []
         for sample in (row - 1, row, row + 1):
-            root = RigidTransform(motion.root[1][sample])  # this trunk does not turn
+            root = RigidTransform(motion.root[sample, :3, 3])  # this trunk does not turn
             context = posed(plant, name, root, motion.positions[sample])
             states.append(plant.GetPositions(context).copy())
-        context = posed(plant, name, RigidTransform(motion.root[1][row]), motion.positions[row])
+        context = posed(plant, name, RigidTransform(motion.root[row, :3, 3]), motion.positions[row])
         plant.SetVelocities(context, plant.MapQDotToVelocity(context, (states[2] - states[0]) / (2 * SAMPLE)))
         rates = plant.MapQDotToVelocity(context, (states[2] - 2 * states[1] + states[0]) / SAMPLE**2)
         forces = MultibodyForces(plant)
         plant.CalcForceElementsContribution(context, forces)
         wrench = plant.CalcInverseDynamics(context, rates, forces)[body.floating_velocities_start_in_v() :][:6]
-        moment = wrench[:3] + np.cross(motion.root[1][row], wrench[3:])
+        moment = wrench[:3] + np.cross(motion.root[row, :3, 3], wrench[3:])
         exact = np.array([-moment[1], moment[0]]) / wrench[5]
         np.testing.assert_allclose(ours[row], exact, atol=2e-4)  # differences of the second order

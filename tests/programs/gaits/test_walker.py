@@ -39,7 +39,7 @@ def copy(tmp_path: Path) -> Path:
 
 
 def way(motion: JointMotion) -> float:
-    return float(np.ptp(motion.root[1][:, :2], axis=0).max())
+    return float(np.ptp(motion.root[:, :2, 3], axis=0).max())
 
 
 def test_a_copy_of_a_robot_walks_with_its_own_legs_and_figures(copy: Path) -> None:

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from simrob_drake import simulate
+from simrob_drake import LeggedRobot, load_station, simulate
+from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.feet import feet_of
+from simrob_drake.programs.gaits.motion import MAX_STEP
 from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
-from simrob_drake.programs.gaits.skeleton import skeleton_of
 from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.results.record.locomotion import locomotion
 
@@ -18,7 +19,7 @@ def walked(motion, overrides=None):
 
 
 def planned_way(motion):
-    return float(np.linalg.norm(motion.root[1][-1, :2]))
+    return float(np.linalg.norm(motion.root[-1, :2, 3]))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +56,8 @@ def test_the_march_of_the_thesis_walks_with_its_gains():
     motion = march("humanoid", 4)
     config = motion.station()
     assert config.inputs == ()  # no reference velocity: the gains of the thesis as they are
-    assert (config.servo.kp, config.servo.kd) == (100, 100)
+    servo = config.servo_of("robot")
+    assert (servo.kp, servo.kd) == (100, 100)
     _, found = walked(motion)
     assert found.upright
     assert 0.12 < found.ahead < 0.25
@@ -64,7 +66,7 @@ def test_the_march_of_the_thesis_walks_with_its_gains():
 
 def test_a_turning_walk_turns_the_robot():
     motion = walk("zjudancer", 10, "turn")
-    planned = np.rad2deg(np.arctan2(motion.root[0][-1, 1, 0], motion.root[0][-1, 0, 0]))
+    planned = np.rad2deg(np.arctan2(motion.root[-1, 1, 0], motion.root[-1, 0, 0]))
     _, found = walked(motion)
     assert found.upright
     assert planned == pytest.approx(30)
@@ -98,3 +100,25 @@ def test_it_falls_forward_when_asked_to():
     assert not found.upright
     assert found.ahead > 0.2
     assert result.stopped_by == "fall"
+
+
+def test_what_the_station_of_a_motion_is_told_stays():
+    """Floor, servo, inputs and steps are the motion's, but for those that are given."""
+    motion = walk("roid1", 6)
+    config = motion.station()
+    entry = LeggedRobot("roid1_dynamic")
+    adapted = motion.adapted(entry.cell.config, "robot")
+    assert (adapted.floor, adapted.inputs, adapted.solver) == (config.floor, config.inputs, config.solver)
+    assert adapted.servo_of("robot") == config.servo_of("robot")
+    assert config.solver.max_step == MAX_STEP
+    given = {"servo": {"kp": 7.0}, "inputs": [], "floor.size": 1.5, "solver.max_step": 0.015}
+    told = motion.station(given)
+    assert (told.servo_of("robot").kp, told.inputs, told.floor.size) == (7.0, (), 1.5)
+    assert told.servo_of("robot").kd == config.servo_of("robot").kd
+    assert told.solver.max_step == 0.015
+    assert motion.station({"duration": 1.0}).duration == 1.0
+
+
+def test_a_kinematic_station_is_as_it_was():
+    config = load_station("humanoid_fixed", {"mode": "kinematic"})
+    assert posing("humanoid", "swim").adapted(config, "robot") is config

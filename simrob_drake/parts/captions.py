@@ -1,0 +1,71 @@
+"""What blocks of a station's picture say, and how figures and positions are told in words."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.units import with_units
+
+MANY = 8
+"""How many joints, or figures, are told each for itself."""
+
+_WIDTH = 26
+
+BlockRole = Literal["reference", "servo", "robot", "scene", "sensor", "own"]
+"""What a block is for, in the order of the signal flow; it makes the cluster and the colour in the picture."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A block of the picture.
+
+    Attributes:
+        key: systems of one key share the block.
+        role: what it is for.
+        label: its lines.
+        robot: whose it is; empty for what the robots share, and where there is one only.
+    """
+
+    key: str
+    role: BlockRole
+    label: str
+    robot: str = ""
+
+
+def wrapped(text: str) -> str:
+    """Break a text into lines that fit a block."""
+    return "\n".join(textwrap.wrap(text, _WIDTH, break_long_words=False))
+
+
+def short(text: str) -> bool:
+    """Tell whether a text fits a line of a block."""
+    return 0 < len(text) <= _WIDTH
+
+
+def figures(values: Vector) -> str:
+    """Return the common value of ``values`` (n,), all of them where there are few, or their range."""
+    shown = [f"{value:.4g}" for value in values]
+    if len(set(shown)) == 1:
+        return shown[0]
+    return ", ".join(shown) if len(shown) <= MANY else f"{values.min():.4g} to {values.max():.4g}"
+
+
+def limits_told(limits: Vector, units: list[str]) -> str:
+    """Return limits (n,) to both sides with their units: "±150 N·m"."""
+    return with_units(limits, units, lambda values: f"±{figures(values)}")
+
+
+def positions_told(values: AxisValues, model: RobotModel) -> str:
+    """Return positions as they are written in a station, with their units."""
+    if isinstance(values, dict):
+        if len(values) > MANY:
+            return f"given angles of {len(values)} axes"
+        pairs = np.array([f"{axis} {position:g}" for axis, position in values.items()])
+        return with_units(pairs, [model.unit_names[model.axis_index(axis)] for axis in values], ", ".join)
+    return with_units(model.axis_vector(values, "reference"), model.unit_names, figures)

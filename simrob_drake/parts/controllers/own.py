@@ -1,0 +1,205 @@
+"""A user's own block in a station: a LeafSystem whose ports are wired by their names."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
+
+from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.site import Site
+from simrob_drake.signals import Panel, Signal
+from simrob_drake.yaml_files import Strict
+
+
+class OwnController(Strict):
+    """A block of the user's own, from Python code that is run: only where that is allowed (`--allow-code`).
+
+    Inputs that are named as outputs of the station, or of another controller (`<controller>.<output>`), read those;
+    outputs that are named as its inputs (`reference`, `feedforward` ...) drive those in place of the station's own
+    sources. Other outputs are signals.
+    """
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    kind: Literal["own"]
+    class_: str = Field(alias="class", pattern=r"^[^:]+:[A-Za-z_][\w.]*$")
+    """The class, a LeafSystem of Drake: `module:Class`, or `path/to/file.py:Class`; paths start at the station's
+    file."""
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    """What its constructor takes."""
+
+    def block(self, key: str) -> LeafSystem:
+        """Import the class and make the block.
+
+        Raises:
+            InvalidParameter: it cannot be imported or made, or is no LeafSystem.
+        """
+        place, _, name = self.class_.partition(":")
+        try:
+            made: Any = _module(place)
+            for part in name.split("."):
+                made = getattr(made, part)
+        except Exception as problem:
+            expected = f"a class that can be imported ({problem})"
+            raise InvalidParameter(f"{key}.class", self.class_, expected) from problem
+        if not (isinstance(made, type) and issubclass(made, LeafSystem)):
+            raise InvalidParameter(f"{key}.class", self.class_, "a subclass of pydrake's LeafSystem")
+        try:
+            block: LeafSystem = made(**self.parameters)
+        except Exception as problem:
+            told = f"{type(problem).__name__}: {problem}"
+            raise InvalidParameter(f"{key}.parameters", str(self.parameters), f"what it takes ({told})") from problem
+        return block
+
+    @classmethod
+    def of(cls, block: LeafSystem) -> OwnController:
+        """Return the section that stands for a block that was given in Python.
+
+        What its constructor takes is known if the block has a mapping ``parameters``.
+        """
+        kind = type(block)
+        file = sys.modules[kind.__module__].__dict__.get("__file__")
+        place = kind.__module__ if kind.__module__ != "__main__" or file is None else str(Path(file).resolve())
+        parameters = getattr(block, "parameters", {})
+        return cls.model_validate(
+            {
+                "kind": "own",
+                "class": f"{place}:{kind.__qualname__.replace('<locals>.', '')}",
+                "parameters": dict(parameters) if isinstance(parameters, Mapping) else {},
+            }
+        )
+
+
+def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dict[str, LeafSystem]:
+    """Return blocks by name: their own, else that of their class in small letters.
+
+    Raises:
+        InvalidParameter: something that is no LeafSystem, two of one name, or a name that is not plain.
+    """
+    if isinstance(blocks, Mapping):
+        pairs = list(blocks.items())
+    elif isinstance(blocks, Sequence) and not isinstance(blocks, str):
+        pairs = [(_name_of(block), block) for block in blocks]
+    else:
+        expected = "a list of LeafSystems, or a mapping of names to them"
+        raise InvalidParameter("blocks", shortened(repr(blocks)), expected)
+    named: dict[str, LeafSystem] = {}
+    for name, block in pairs:
+        if not isinstance(block, LeafSystem):
+            raise InvalidParameter(f"blocks: {name}", shortened(repr(block)), "a LeafSystem of Drake")
+        if not (isinstance(name, str) and name.isidentifier()):
+            raise InvalidParameter("the name of a block", repr(name), "plain: letters, digits and _, no digit first")
+        if name in named:
+            raise InvalidParameter("blocks", f"two called {name}", "of different names: block.set_name(...)")
+        named[name] = block
+    return named
+
+
+def driven_inputs(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
+    """Return the names of the blocks' outputs, each with the block that has it.
+
+    Raises:
+        InvalidParameter: two blocks with an output of the same name that could drive an input of the station.
+    """
+    drivers: dict[str, str] = {}
+    for name, block in blocks.items():
+        for port in _outputs(block):
+            other = drivers.setdefault(port.get_name(), name)
+            if other != name and port.get_name().rpartition(".")[2] in DRIVABLE:
+                expected = f"driven by one block; {other} drives it, too"
+                raise InvalidParameter(f"the input {port.get_name()}", f"driven by {name}", expected)
+    return drivers
+
+
+DRIVABLE = ("reference", "reference_velocity", "reference_acceleration", "feedforward", "external_force")
+"""The inputs of a robot that blocks can drive."""
+
+
+def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
+    """Add blocks and wire them by the names of their ports.
+
+    Raises:
+        SimrobError: a port that fits nothing, or a block that is part of another diagram already.
+    """
+    driven_inputs(blocks)
+    site.blocks.update(blocks)
+    for name, block in blocks.items():
+        try:
+            builder.AddNamedSystem(f"controller.{name}", block)
+        except (RuntimeError, SystemExit) as problem:
+            told = f"the block {name} is part of a diagram already; make a new one for each run"
+            raise SimrobError(told) from problem
+        site.notes[name] = {"kind": type(block).__name__}
+        site.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
+        for port in _outputs(block):
+            _add_output(builder, site, name, block, port)
+    for name, block in blocks.items():
+        for index in range(block.num_input_ports()):
+            _read(builder, site, name, block.get_input_port(index))
+
+
+def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> None:
+    wanted = port.get_name()
+    if port.get_data_type() != PortDataType.kVectorValued:
+        expected = "a vector, as the outputs are that it can read"
+        raise InvalidParameter(f"the input {wanted} of the block {name}", "abstract", expected)
+    if wanted not in site.outputs:
+        raise UnknownName(f"output of the station for the input of the block {name} called", wanted, site.outputs)
+    source = site.outputs[wanted]
+    if source.size() != port.size():
+        sizes = f"of size {port.size()}", f"of size {source.size()}, as the station's output"
+        raise InvalidParameter(f"the input {wanted} of the block {name}", *sizes)
+    builder.Connect(source, port)
+
+
+def _add_output(builder: DiagramBuilder, site: Site, name: str, block: LeafSystem, port: OutputPort) -> None:
+    """Let an output drive the input of its name, or declare it as a signal."""
+    output = port.get_name()
+    if output in site.inputs:
+        target = site.inputs[output]
+        if target.size() != port.size():
+            sizes = f"of size {port.size()}", f"of size {target.size()}, as the station's input"
+            raise InvalidParameter(f"the output {output} of the block {name}", *sizes)
+        builder.Connect(port, target)
+        return
+    own, numbers = f"{name}.{output}", [str(index) for index in range(port.size())]
+    entries = next((robot.axes for robot in site.plant.robots.values() if len(robot.axes) == port.size()), numbers)
+    names = (own,) if port.size() == 1 else tuple(f"{own}.{entry}" for entry in entries)
+    unit = str(getattr(block, "units", {}).get(output, "1"))
+    panel = Panel(f"controller_{name}", f"the block '{name}'", output, f"{output} [{unit}]", names)
+    site.add(own, port, Signal(names, (unit,) * port.size(), "own", own, part=name, panel=panel))
+
+
+def _outputs(block: LeafSystem) -> list[OutputPort]:
+    ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
+    return [port for port in ports if port.get_data_type() == PortDataType.kVectorValued]
+
+
+def _name_of(block: Any) -> str:
+    own = block.get_name() if isinstance(block, LeafSystem) else ""
+    return own if own.isidentifier() else re.sub(r"(?<!^)(?=[A-Z])", "_", type(block).__name__).lower()
+
+
+def _module(place: str) -> Any:
+    """Return a module by its name, or by its file."""
+    if not place.endswith(".py"):
+        return importlib.import_module(place)
+    file = Path(place)
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no file {file}")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None  # a .py file has one
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[file.stem] = module
+    spec.loader.exec_module(module)
+    return module

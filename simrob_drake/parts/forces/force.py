@@ -1,0 +1,70 @@
+"""What the kinds of force share: where they act, and the blocks that apply them."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.multibody.tree import Frame
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+
+from simrob_drake.blocks.external_force import add_external_force
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import Site, Surroundings, named
+from simrob_drake.parts.targets import frame_names, frame_of
+from simrob_drake.signals import Signal, sensor_panel
+from simrob_drake.yaml_files import Strict
+
+
+class ForceSection(Strict):
+    """A section of ``forces``: a force on a body over time.
+
+    A kind has its key ``kind``, its ``edges``, and the methods ``source()``, which gives a block whose first output is
+    the force, and ``caption()``, which tells it in words.
+    """
+
+    at: str | None = None
+    """Where it acts: a robot (at the centre of mass of its root link, along that link's axes), or a tool, link or piece
+    (at its origin, along its axes). The only robot unless given: its tool, or its root link if it floats."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that forces count in the station, and that there is what it acts on."""
+        if station.mode == "kinematic":
+            raise InvalidParameter(key, "a force in a kinematic station", "left out: it knows no forces")
+        known = [*station.robots, *(name for name in frame_names(station) if name != "world")]
+        if self.at is not None and self.at not in known:
+            raise UnknownName(f"robot, tool, link or piece for {key}.at", self.at, known)
+        self._place_name(key, station)
+
+    def _place_name(self, key: str, station: Surroundings) -> str:
+        if self.at is not None:
+            return self.at
+        robot = station.robots[named(None, list(station.robots), key=f"{key}.at")]
+        return robot.name if robot.floats or not robot.tcp else f"{robot.prefix}{robot.tcp}"
+
+
+def add_force(
+    builder: DiagramBuilder, site: Site, name: str, section: ForceSection, source: LeafSystem, told: str
+) -> None:
+    """Apply a force (3) [N] that a source gives, and that is ``told`` in words; ``applied_force.<name>`` shows it.
+
+    The ports of the blocks that apply it are gathered in the site, for the plant.
+    """
+    place = section._place_name(f"forces.{name}", site.station)
+    frame, point = _place(site, place)
+    force = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
+    block = add_external_force(builder, site.plant.plant, frame, name=f"force.{name}", point=point)
+    builder.Connect(force, block.get_command_input_port())
+    site.draw(f"force.{name}", "robot", f"Force '{name}'\nat {place}")
+    site.draw(f"force.{name}.source", "reference", f"Force '{name}'\n{told}")
+    site.spatial_forces.append(block.get_spatial_forces_output_port())
+    output, names = f"applied_force.{name}", tuple(f"applied_force.{name}.{axis}" for axis in "xyz")
+    panel = sensor_panel(f"applied force '{name}' at {place}, in its axes", "force", names, ["N"])
+    site.add(output, force, Signal(names, ("N",) * 3, "applied", output, part=name, panel=panel))
+
+
+def _place(site: Site, place: str) -> tuple[Frame, Vector]:
+    """Return the frame in which a force is given, and the point (3,) [m] in it where it acts."""
+    if place in site.plant.robots:
+        root = site.plant.robots[place].root
+        return root, np.asarray(root.GetFixedPoseInBodyFrame().inverse() @ root.body().default_com())
+    return frame_of(site.plant, place), np.zeros(3)

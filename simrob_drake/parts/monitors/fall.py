@@ -1,0 +1,68 @@
+"""A robot, or a free piece, that falls."""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from simrob_drake.blocks.monitor import Condition
+from simrob_drake.frames import Vector
+from simrob_drake.parts.monitors.of_poses import PoseMonitorSection
+from simrob_drake.parts.site import Surroundings
+from simrob_drake.quantities import Positive
+
+
+class Fall(PoseMonitorSection):
+    """End the run when a robot's base, or a free piece, is too low or leans too far."""
+
+    kind: Literal["fall"]
+    height: Positive | None = None
+    """Height of its origin below which it has fallen [m]."""
+    tilt_deg: Positive | None = None
+    """Angle from how it stood at the start beyond which it has fallen."""
+
+    @model_validator(mode="after")
+    def _some_bound(self) -> Fall:
+        if self.height is None and self.tilt_deg is None:
+            raise ValueError("a fall needs a bound: height or tilt_deg")
+        return self
+
+    def condition(self, name: str, station: Surroundings) -> Condition:
+        """Return what ends a run; its excess is the larger part of a bound by which it is exceeded."""
+        who, watched, start = self.watched_pose(name, station, "base_pose")
+        tilt = None if self.tilt_deg is None else math.radians(self.tilt_deg)
+        up: list[float] = (start.rotation().inverse() @ np.array([0.0, 0.0, 1.0])).tolist()
+
+        def parts(pose: Vector) -> tuple[float, float]:
+            """Return the parts by which height and tilt exceed their bounds, -1 for a bound that is not given."""
+            _, _, z, *quaternion = pose.tolist()
+            low = -1.0 if self.height is None else 1 - z / self.height
+            return low, -1.0 if tilt is None else _lean(up, *quaternion) / tilt - 1
+
+        def excess(pose: Vector) -> float:
+            found = parts(pose)
+            return max(found) if all(map(math.isfinite, found)) else math.inf
+
+        def why(pose: Vector) -> str:
+            low, leaning = parts(pose)
+            if not (math.isfinite(low) and math.isfinite(leaning)):
+                return f"{who} is nowhere"
+            if tilt is None or low >= leaning:
+                return f"{who} fell: its height is below {self.height:g} m"
+            return f"{who} fell: it leans by more than {self.tilt_deg:g} deg"
+
+        return Condition(watched, excess, why)
+
+
+def _lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
+    """Return the angle between a body's direction ``up`` and the world's [rad].
+
+    Of plain numbers, because a run asks after every step.
+    """
+    vertical = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
+    upward = sum(map(operator.mul, vertical, up))
+    return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward

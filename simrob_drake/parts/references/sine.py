@@ -1,0 +1,41 @@
+"""Swing about the initial posture."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from simrob_drake.blocks.references import SineCourse
+from simrob_drake.frames import Vector
+from simrob_drake.parts.captions import positions_told
+from simrob_drake.parts.references.reference import Reference
+from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.quantities import Positive
+from simrob_drake.robots.catalog import AxisValues, RobotModel
+
+
+class SineWave(Reference):
+    """Swing about the initial posture."""
+
+    kind: Literal["sine"]
+    amplitude_deg: AxisValues = 10.0
+    """Largest distance from the middle, per axis."""
+    frequency: Positive = 0.5
+    """Swings a second [Hz]."""
+    phase_deg: AxisValues = 0.0
+    """Angle at the start, per axis; 0 starts in the middle."""
+
+    def course(self, robot: ResolvedRobot, start: Vector) -> SineCourse:
+        """Return the swing about ``start`` (n,) [rad or m]."""
+        model = robot.model
+        return SineCourse(
+            centre=start,
+            amplitude=model.user_units * model.axis_vector(self.amplitude_deg, "reference.amplitude_deg"),
+            frequency=self.frequency,
+            phase=np.deg2rad(model.axis_vector(self.phase_deg, "reference.phase_deg")),
+        )
+
+    def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
+        return f"sine ±{positions_told(self.amplitude_deg, model)}, {self.frequency:g} Hz"

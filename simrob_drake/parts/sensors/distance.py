@@ -1,0 +1,50 @@
+"""Signed distance between two things."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake.blocks.distance_sensor import DistanceSensor
+from simrob_drake.parts.sensors.sensor import Sensor, check_contact, sampled, sensor_label
+from simrob_drake.parts.site import Site, Surroundings
+from simrob_drake.parts.targets import check_body, shapes_of
+from simrob_drake.quantities import Positive
+from simrob_drake.signals import Signal, sensor_panel
+
+
+class Distance(Sensor):
+    """Signed distance between two things [m]; negative: how deep they are in each other."""
+
+    kind: Literal["distance"]
+    body: str
+    """A robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
+    other: str = "floor"
+    """The same, or `floor`."""
+    rate: Positive | None = None
+    """Samples a second that a loop or a monitor gets [Hz]; it may always look unless given."""
+
+    @property
+    def stepped(self) -> bool:
+        """Whether it takes samples."""
+        return self.rate is not None
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that both things exist, and that the plant has shapes."""
+        check_body(station, f"{key}.body", self.body)
+        check_body(station, f"{key}.other", self.other)
+        if station.mode == "dynamic":
+            check_contact(key, "a distance sensor", station)
+
+    def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
+        """Add ``distance.<sensor>`` (1) [m]."""
+        body, other = (shapes_of(site.plant, site.station, target) for target in (self.body, self.other))
+        scene_graph = site.plant.scene_graph
+        block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
+        builder.AddNamedSystem(f"sensor.{name}", block)
+        site.draw(f"sensor.{name}", "sensor", sensor_label("Distance sensor", name, self.rate))
+        builder.Connect(scene_graph.get_query_output_port(), block.get_input_port())
+        port, output = sampled(builder, f"sensor.{name}.hold", block.get_output_port(), self.rate), f"distance.{name}"
+        panel = sensor_panel(f"distance '{name}'", "distance", [output], ["m"])
+        site.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))

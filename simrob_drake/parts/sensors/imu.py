@@ -1,0 +1,186 @@
+r"""An inertial measurement unit: accelerometer, gyroscope and attitude, at a frame of a station.
+
+The accelerometer gives the mean specific force over a sample time T,
+
+.. math:: f_k = \bar R^\top \left( \frac{v_k - v_{k-1}}{T} - g \right) + b_a + n_k ,
+
+with the velocity v of the frame's origin and the orientation :math:`\bar R` midway between the two samples. So it needs
+no accelerations, which depend on a solver's scheme, and holds what an impact does within a sample. The gyroscope gives
+:math:`R_k^\top \omega_k + b_g + n_k`, the attitude the true orientation.
+"""
+
+from __future__ import annotations
+
+import weakref
+from functools import partial
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, DiscreteValues, OutputPort
+
+from simrob_drake.blocks.block import Block
+from simrob_drake.frames import Vector, transform_from_xyz_quaternion, xyz_quaternion_from_transform
+from simrob_drake.lifetime import weakly
+from simrob_drake.parts.sensors.sensor import Sensor, axis_names, replayed, sensor_label
+from simrob_drake.parts.site import Site, Surroundings
+from simrob_drake.parts.targets import check_frame, frame_of
+from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.signals import Panel, Recorded, Signal
+
+_PARTS = {
+    "specific_force": (slice(0, 3), ("x", "y", "z"), "m/s²"),
+    "angular_velocity": (slice(3, 6), ("x", "y", "z"), "rad/s"),
+    "orientation": (slice(6, 10), ("qw", "qx", "qy", "qz"), "1"),
+}
+_WHOLE = slice(0, 10)
+_NO_SAMPLE = np.array([0.0, 0, 0, 0, 0, 0, 1, 0, 0, 0])
+
+
+class Imu(Sensor):
+    """Specific force, angular velocity and orientation of a frame, in its axes, as an inertial measurement unit tells.
+
+    At rest the specific force is 9.80665 m/s² upward, in free fall zero: the mean over a sample.
+    """
+
+    kind: Literal["imu"]
+    frame: str | None = None
+    """A link or a tool of a robot, or a piece (its TCP); the root link of the only robot unless given."""
+    rate: Positive = 200.0
+    """Samples a second [Hz]."""
+    seed: int = Field(default=0, ge=0)
+    """Of noise and biases: the same seed, the same figures."""
+    accelerometer_noise: NotNegative = 0.0
+    """Standard deviation of a sample of each axis [m/s²]."""
+    gyroscope_noise: NotNegative = 0.0
+    """Likewise [rad/s]."""
+    accelerometer_bias: NotNegative = 0.0
+    """Standard deviation of the constant error of each axis, drawn from the seed [m/s²]."""
+    gyroscope_bias: NotNegative = 0.0
+    """Likewise [rad/s]."""
+    in_loop: bool = False
+    """Sample while stepping, so that blocks can read it; otherwise it is computed after the run and costs nothing."""
+
+    @property
+    def stepped(self) -> bool:
+        """Whether it samples while stepping."""
+        return self.in_loop
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the frame exists."""
+        check_frame(station, f"{key}.frame", self._frame_name(station, key))
+
+    def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
+        """Add ``specific_force.<sensor>`` (3) [m/s²], ``angular_velocity`` (3) [rad/s] and ``orientation`` (4)."""
+        frame = self._frame_name(site.station, f"sensors.{name}")
+        block = InertialUnit(
+            plant=site.plant.plant,
+            frame=frame_of(site.plant, frame),
+            period=1 / self.rate,
+            seed=self.seed,
+            noise=(self.accelerometer_noise, self.gyroscope_noise),
+            bias=(self.accelerometer_bias, self.gyroscope_bias),
+        )
+        if self.in_loop:
+            builder.AddNamedSystem(f"sensor.{name}", block)
+            site.draw(f"sensor.{name}", "sensor", sensor_label("IMU", name))
+            builder.Connect(site.state, block.GetInputPort("state"))
+        site.notes[name] = {"kind": self.kind, "frame": frame}
+        for part, (columns, axes, unit) in _PARTS.items():
+            names, output = axis_names(part, name, axes), f"{part}.{name}"
+            quantity = part.replace("_", " ")
+            panel = Panel(f"imu_{name}", f"the IMU '{name}'", quantity, f"{quantity} [{unit}]", names)
+            compute = None if self.in_loop else partial(_computed, block=block, state=site.state, columns=columns)
+            read, units = output if self.in_loop else "", (unit,) * len(names)
+            signal = Signal(names, units, "inertial", read, compute=compute, part=name, panel=panel)
+            if self.in_loop:
+                site.add(output, block.GetOutputPort(part), signal)
+            else:
+                site.signals.append(signal)
+
+    def _frame_name(self, station: Surroundings, key: str) -> str:
+        if self.frame is not None:
+            return self.frame
+        robot = station.robot(None, f"{key}.frame")
+        return f"{robot.prefix}{robot.model.root}"
+
+
+class InertialUnit(Block):
+    """Sample what an inertial measurement unit at a frame tells.
+
+    The first sample has none before it, and takes the velocity as constant.
+
+    Ports:
+        in  ``state`` (nq + nv): positions and velocities of the whole plant.
+        out ``specific_force`` (3) [m/s²], ``angular_velocity`` (3) [rad/s], both in the frame's axes;
+        ``orientation`` (4): of the frame in the world, qw qx qy qz; ``sample`` (10): all three.
+    """
+
+    def __init__(
+        self,
+        *,
+        plant: MultibodyPlant,
+        frame: Frame,
+        period: float,
+        seed: int = 0,
+        noise: tuple[float, float] = (0.0, 0.0),
+        bias: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Make the block.
+
+        Args:
+            plant: finalized; it need not be part of the diagram.
+            frame: of the plant.
+            period: T, between samples [s].
+            seed: of noise and biases.
+            noise: standard deviations of a sample of the accelerometer [m/s²] and the gyroscope [rad/s].
+            bias: standard deviations of their constant errors, likewise.
+        """
+        super().__init__()
+        self._plant, self._frame, self._period = weakref.proxy(plant), frame.index(), period
+        self._gravity = plant.gravity_field().gravity_vector()
+        self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
+        self._seed, self._noise = seed, np.repeat(noise, 3)
+        self._bias = np.repeat(bias, 3) * self._drawn(0)
+        self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
+        unknown = np.concatenate([_NO_SAMPLE, np.zeros(4)])
+        self._memory = self.DeclareDiscreteState(unknown)  # sample, velocity of the origin, number of samples
+        ports = {"sample": _WHOLE, **{part: columns for part, (columns, *_) in _PARTS.items()}}
+        for name, columns in ports.items():
+            calc = partial(weakly(self._calc), columns)
+            self.DeclareVectorOutputPort(name, len(_NO_SAMPLE[columns]), calc, {self.xd_ticket()})
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _drawn(self, number: int) -> Vector:
+        """Return six figures of the standard normal distribution; a generator each, so that none remembers."""
+        return np.random.default_rng([self._seed, number]).standard_normal(6)
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        memory = context.get_discrete_state(self._memory).value()
+        before, last, count = memory[6:10], memory[10:13], int(memory[13])
+        plant, scratch = self._plant, self._scratch
+        plant.SetPositionsAndVelocities(scratch, self._state.Eval(context))
+        frame = plant.get_frame(self._frame)
+        pose, motion = frame.CalcPoseInWorld(scratch), frame.CalcSpatialVelocityInWorld(scratch)
+        velocity, orientation = motion.translational(), xyz_quaternion_from_transform(pose)[3:]
+        if count == 0:
+            before, last = orientation, velocity
+        middle = before + np.copysign(1.0, before @ orientation) * orientation
+        to_frame = transform_from_xyz_quaternion([0, 0, 0, *middle]).rotation().inverse()
+        force = to_frame @ ((velocity - last) / self._period - self._gravity)
+        rates = pose.rotation().inverse() @ motion.rotational()
+        measured = np.concatenate([force, rates]) + self._bias + self._noise * self._drawn(count + 1)
+        discrete.set_value(self._memory, np.concatenate([measured, orientation, velocity, [count + 1]]))
+
+    def _calc(self, columns: slice, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._memory).value()[columns])
+
+
+def _computed(recorded: Recorded, times: Vector, *, block: InertialUnit, state: OutputPort, columns: slice) -> Vector:
+    """Return columns of the samples of a run that is over; they are computed once."""
+    key = (block, times.tobytes())
+    if key not in recorded.memo:
+        recorded.memo[key] = replayed(recorded, times, block=block, inputs={"state": state}, output="sample")
+    return np.asarray(recorded.memo[key][:, columns])

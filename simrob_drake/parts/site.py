@@ -1,0 +1,279 @@
+"""A station as its parts see it: what it is made of, resolved once, and the plant and ports that it is built of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+
+from simrob_drake.blocks.monitor import Trigger
+from simrob_drake.blocks.servo import ServoGains
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.parts.captions import BlockRole, Drawn
+from simrob_drake.quantities import Pose
+from simrob_drake.robots.axis_map import AxisMap
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.feet import FootContact
+from simrob_drake.robots.pieces import TCP, PieceModel
+from simrob_drake.signals import Signal
+
+WORLD = "world"
+
+
+def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
+    """Return a name that stands for one of ``known``; the only one need not be named.
+
+    Raises:
+        UnknownName: no such one.
+        InvalidParameter: none named, and there is not just one.
+    """
+    if name is None:
+        if len(known) != 1:
+            raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else f"a {kind}, and there is none")
+        return known[0]
+    if name not in known:
+        raise UnknownName(kind, name, known)
+    return name
+
+
+@dataclass(frozen=True)
+class ResolvedRobot:
+    """A robot of a station, with all that its section and its own files say.
+
+    Attributes:
+        name, prefix: its key in the station, and what stands before the names of its ports.
+        model: what it is.
+        base: pose of its root link in the world; where it begins if it floats.
+        floats: whether its root link is held by nothing.
+        gains: of its servos.
+        initial: where its axes are at the start, shape (n,) [rad or m].
+        carried: the pieces that it carries, each after what it hangs on.
+        tool_frames: by tool or carried piece the name of its frame in the plant.
+        tcp: the tool in use; empty without any.
+        tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
+        feet: what it stands on; None without.
+    """
+
+    name: str
+    prefix: str
+    model: RobotModel
+    base: RigidTransform
+    floats: bool
+    gains: ServoGains
+    initial: Vector
+    carried: tuple[str, ...]
+    tool_frames: Mapping[str, str]
+    tcp: str
+    tcp_offset: Pose | None
+    feet: FootContact | None
+
+    @property
+    def axes(self) -> list[str]:
+        """The names of the axes, in order."""
+        return list(self.model.axes)
+
+    @property
+    def tool_names(self) -> list[str]:
+        """The names of the tools, of carried pieces and, with an offset, of the tool centre point itself."""
+        return [*self.tool_frames, *([TCP] if self.tcp and self.tcp_offset is not None else [])]
+
+
+@dataclass(frozen=True)
+class ResolvedPiece:
+    """A piece of a station, with all its figures.
+
+    Attributes:
+        name: its key in the station.
+        model: what it is.
+        parent: what it hangs on: ``world``, a robot or another piece.
+        carrier: the robot that carries it, directly or through other pieces, or ``world``.
+        mount: the name of the frame of the plant that it hangs on; empty for the world.
+        pose: in that frame; in the world where it is free.
+        free: moved by gravity and contact alone.
+    """
+
+    name: str
+    model: PieceModel
+    parent: str
+    carrier: str
+    mount: str
+    pose: RigidTransform
+    free: bool
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a part may know of its station before anything is built.
+
+    Attributes:
+        mode: ``dynamic`` or ``kinematic``.
+        scheme: of the solver, such as ``cenic``.
+        has_contact, has_floor: whether it has these sections.
+        robots: by name.
+        pieces: by name, each after what it hangs on.
+        sensors: their sections by name.
+    """
+
+    mode: Literal["dynamic", "kinematic"]
+    scheme: str
+    has_contact: bool
+    has_floor: bool
+    robots: Mapping[str, ResolvedRobot]
+    pieces: Mapping[str, ResolvedPiece]
+    sensors: Mapping[str, Any]
+
+    @property
+    def free_pieces(self) -> list[str]:
+        """The names of the pieces that nothing holds."""
+        return [name for name, piece in self.pieces.items() if piece.free]
+
+    def robot(self, name: str | None, key: str) -> ResolvedRobot:
+        """Return a robot by its name; the only one need not be named.
+
+        Raises:
+            SimrobError: no such robot, or none named and there is not just one; the message names the key.
+        """
+        return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
+
+
+@dataclass(frozen=True)
+class StationRobot(ResolvedRobot):
+    """A robot in the plant of a station.
+
+    Attributes of :class:`ResolvedRobot`, and:
+        plant: that it is in.
+        instance: its model instance there.
+        joints: of the axes, in order.
+        root: the frame of its root link.
+        tools: frames of tools and carried pieces by name; ``tcp`` is the one in use.
+    """
+
+    plant: MultibodyPlant
+    instance: ModelInstanceIndex
+    joints: list[Joint]
+    root: Frame
+    tools: dict[str, Frame]
+
+    @cached_property
+    def axis_map(self) -> AxisMap:
+        """Between its axes and the vectors of the plant, which is finalized."""
+        return AxisMap.of_joints(self.plant, self.joints, [axis.sign for axis in self.model.axes.values()])
+
+
+@dataclass(frozen=True)
+class StationPlant:
+    """The plant of a station and where its robots are in it.
+
+    Attributes:
+        plant: finalized.
+        scene_graph: with which it is registered.
+        robots: by name.
+        free_pieces: the bodies of the pieces that nothing holds, by name.
+    """
+
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    robots: dict[str, StationRobot]
+    free_pieces: dict[str, RigidBody] = field(default_factory=dict)
+
+    def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
+        """Let a plant that stands outside of the diagram pose its geometry.
+
+        Returns:
+            the port for its positions (nq), or ``of_state`` for positions and velocities (nq + nv).
+        """
+        poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
+        builder.AddNamedSystem("geometry_poses", poses)
+        source_id = self.plant.get_source_id()
+        assert source_id is not None  # add_plant registers the plant
+        builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(source_id))
+        return poses.get_input_port()
+
+
+@dataclass(frozen=True)
+class FromState:
+    """How the state of the whole plant gives an output at once: ``finish(state @ matrix.T)``, shape (m, size)."""
+
+    matrix: Vector
+    finish: Callable[[Vector], Vector] | None = None
+
+    def of(self, states: Vector) -> Vector:
+        """Return the output of states (m, nq + nv)."""
+        values = np.asarray(states @ self.matrix.T)
+        return values if self.finish is None else self.finish(values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """A station under construction: its plant, and the ports that its parts add and read.
+
+    Names carry the prefix ``<robot>.`` where there are several robots.
+
+    Attributes:
+        station: what it is made of.
+        plant: its multibody plant, scene graph and robots.
+        state: positions and velocities of the whole plant, size nq + nv.
+        inputs: input ports by name: ``reference`` (n) and what the station lists under ``inputs``.
+        outputs: output ports by name: ``position``, ``velocity``, ``torque`` (n), ``base_pose``, ``tcp_pose`` (7),
+            ``piece_pose.<piece>`` (7), ``piece_velocity.<piece>`` (6), ``force.<sensor>`` (3) ...
+        of_state: how the plant's state gives an output without its port, by the output's name.
+        signals: what the outputs are, in the order of the columns of a result.
+        monitors: when they end a run, by name; their conditions watch the outputs.
+        notes: how a part was made, in words, by its name.
+        edges: times at which a run must end a step: corners of references, edges of pushes [s].
+        spatial_forces: what acts on the plant from outside, to be gathered into its port.
+        drawn: by the name of a system, or the part of it before a dot, the block of the picture that it belongs to;
+            None for wiring.
+        blocks: controllers and others of the user's own, by name.
+    """
+
+    station: Surroundings
+    plant: StationPlant
+    state: OutputPort
+    inputs: dict[str, InputPort] = field(default_factory=dict)
+    outputs: dict[str, OutputPort] = field(default_factory=dict)
+    of_state: dict[str, FromState] = field(default_factory=dict)
+    signals: list[Signal] = field(default_factory=list)
+    monitors: dict[str, Trigger] = field(default_factory=dict)
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)
+    edges: list[float] = field(default_factory=list)
+    spatial_forces: list[OutputPort] = field(default_factory=list)
+    drawn: dict[str, Drawn | None] = field(default_factory=dict)
+    blocks: dict[str, LeafSystem] = field(default_factory=dict)
+
+    def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
+        """Add an output with what it is."""
+        self.outputs[output] = port
+        self.signals.extend(signals)
+        if of_state is not None:
+            self.of_state[output] = of_state
+
+    def draw(self, name: str, role: BlockRole, label: str, robot: StationRobot | None = None, *, key: str = "") -> None:
+        """Say in which block of the picture a system stands, with those whose names begin with its name and a dot.
+
+        Args:
+            name: of the system.
+            role: of the block.
+            label: its lines.
+            robot: whose it is.
+            key: of the block, where several systems share it; the system's name unless given.
+        """
+        self.drawn[name] = Drawn(key or name, role, label, robot.name if robot is not None and robot.prefix else "")
+
+    def draw_nothing(self, *names: str) -> None:
+        """Say that systems are wiring, part of the arrows of the picture."""
+        self.drawn.update(dict.fromkeys(names))
+
+    def robot(self, name: str | None) -> StationRobot:
+        """Return a robot by its name, or the only one."""
+        return self.plant.robots[named(name, list(self.plant.robots))]

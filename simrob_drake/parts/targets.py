@@ -1,0 +1,131 @@
+"""What parts can be fixed to: bodies, shapes and frames of a station, by the names that its file knows.
+
+Collision shapes are told apart by their names, ``<owner>::<model>::<name>``: a piece's are called ``<piece>.<shape>``,
+and their owner is the piece, or the robot that carries it. The floor has no owner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pydrake.geometry import GeometryId, Role, SceneGraphInspector
+from pydrake.multibody.tree import Frame, ModelInstanceIndex, RigidBody
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
+
+FLOOR = "floor"
+"""The whole name of the floor's shape."""
+
+
+def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
+    """Return the name that a shape has in its own file; those of pieces begin with the piece's name and a dot."""
+    name: str = inspector.GetName(shape)
+    return name.rsplit("::", 1)[-1]
+
+
+def piece_of_shape(station: Surroundings, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
+    """Return the piece that a shape belongs to; None for one of a robot's own, and the floor's."""
+    owner = inspector.GetName(shape).partition("::")[0]
+    piece, dot, _ = own_name(inspector, shape).partition(".")
+    found = station.pieces.get(piece) if dot else None
+    return piece if found is not None and owner in (piece, found.carrier) else None
+
+
+def body_names(station: Surroundings) -> list[str]:
+    """Return what a force or a distance can be measured at: robots, links, pieces, shapes of pieces, the floor."""
+    pieces = [
+        name
+        for piece in station.pieces.values()
+        for name in (piece.name, *(f"{piece.name}.{shape}" for shape in piece.model.shape_names))
+    ]
+    return [*station.robots, *_link_names(station), *pieces, *([FLOOR] if station.has_floor else [])]
+
+
+def frame_names(station: Surroundings) -> list[str]:
+    """Return in whose axes a vector can be given: the world, robots' links and tools, and pieces (their TCP)."""
+    tools = [f"{robot.prefix}{tool}" for robot in station.robots.values() for tool in robot.model.tools]
+    return [WORLD, *_link_names(station), *tools, *station.pieces]
+
+
+def check_body(station: Surroundings, key: str, name: str) -> None:
+    """Check that a body or shape of a sensor exists.
+
+    Raises:
+        UnknownName: with the nearest known name.
+    """
+    if name == FLOOR and not station.has_floor:
+        raise InvalidParameter(key, name, "something that the station has; it has no floor: section")
+    if name not in body_names(station):
+        raise UnknownName(f"body or shape for {key}", name, body_names(station))
+
+
+def check_frame(station: Surroundings, key: str, name: str) -> None:
+    """Check that a frame exists.
+
+    Raises:
+        UnknownName: with the nearest known name.
+    """
+    if name not in frame_names(station):
+        raise UnknownName(f"frame for {key}", name, frame_names(station))
+
+
+def shapes_of(plant: StationPlant, station: Surroundings, name: str) -> list[GeometryId]:
+    """Return the collision shapes of a body.
+
+    Raises:
+        InvalidParameter: it has none.
+    """
+    found = list(_candidates(plant, station, name))
+    if not found:
+        raise InvalidParameter("sensor", f"at {name}", "a body with shapes that collide")
+    return found
+
+
+def frame_of(plant: StationPlant, name: str) -> Frame:
+    """Return a frame by one of :func:`frame_names`."""
+    if name == WORLD:
+        return plant.plant.world_frame()
+    for robot in plant.robots.values():
+        own = name.removeprefix(robot.prefix)
+        if own in robot.tools and name.startswith(robot.prefix):
+            return robot.tools[own]
+        if name.startswith(robot.prefix) and plant.plant.HasFrameNamed(own, robot.instance):
+            return plant.plant.GetFrameByName(own, robot.instance)
+    return plant.plant.GetFrameByName(f"{name}_tcp")
+
+
+def _candidates(plant: StationPlant, station: Surroundings, name: str) -> Iterator[GeometryId]:
+    inspector, piece = plant.scene_graph.model_inspector(), name.partition(".")[0]
+    for shape in inspector.GetAllGeometryIds(Role.kProximity):
+        if name == FLOOR:
+            meant = inspector.GetName(shape) == FLOOR
+        elif piece in station.pieces:
+            own = own_name(inspector, shape)
+            meant = piece_of_shape(station, inspector, shape) == piece and f"{own}.".startswith(f"{name}.")
+        else:
+            meant = _is_robots(plant, plant.plant.GetBodyFromFrameId(inspector.GetFrameId(shape)), name)
+        if meant:
+            yield shape
+
+
+def _is_robots(plant: StationPlant, body: RigidBody, name: str) -> bool:
+    """Tell whether a body is part of the robot, or of the link of a robot, that is called ``name``."""
+    for robot in plant.robots.values():
+        if body.model_instance() == robot.instance:
+            return name == robot.name or _is_link(plant, robot.instance, name.removeprefix(robot.prefix), body)
+    return False
+
+
+def _is_link(plant: StationPlant, instance: ModelInstanceIndex, link: str, body: RigidBody) -> bool:
+    """Tell whether a link is a body, or has been made part of it."""
+    own = plant.plant
+    return own.HasFrameNamed(link, instance) and bool(own.GetFrameByName(link, instance).body().index() == body.index())
+
+
+def _link_names(station: Surroundings) -> list[str]:
+    return [
+        f"{robot.prefix}{link.get('name')}"
+        for robot in station.robots.values()
+        for link in robot.model.element.iterfind("link")
+    ]

@@ -1,0 +1,133 @@
+"""A program of a legged robot in stages that run one after the other.
+
+Moves of joints that follow each other are one run, each walk and act is one, and pieces change hands between runs. All
+of a program is checked before the first stage runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from itertools import groupby
+
+from simrob_drake.blocks.references import sequence
+from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.legged_gait import perform, planned_gait
+from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.model import StationModel
+from simrob_drake.programs.moves import ActMove, AnyMove, AttachMove, JointMove, ReleaseMove, WalkMove
+from simrob_drake.programs.pieces import reparented
+from simrob_drake.programs.postures import move_name, postures_of, targets_on
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulation import Reference
+from simrob_drake.stations.config import StationConfig
+
+Stage = Callable[[LeggedGeometry], SimulationResult | None]
+"""A part of a program, checked and ready, that a robot does from where it is; None of one that takes no time."""
+
+
+def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationConfig, file: str = "") -> list[Stage]:
+    """Cut a program into stages, after checking all of it.
+
+    Args:
+        robot: who does it.
+        moves: of the program.
+        station: as it is when the program begins.
+        file: that the program stands in, for messages.
+
+    Raises:
+        SimrobError: what the robot cannot do; names the move.
+    """
+    stages: list[Stage] = []
+    for of_joints, group in groupby(enumerate(moves), lambda entry: isinstance(entry[1], JointMove)):
+        numbered = list(group)
+        if of_joints:
+            stages.append(partial(_move_joints, moves=[move for _, move in numbered]))
+        for number, move in numbered:
+            name = move_name(number, len(moves), file)
+            if isinstance(move, JointMove):
+                targets_on(robot.model, move.target_deg, name, move.duration)
+                continue
+            with _naming(name if len(moves) > 1 or file else ""):
+                if isinstance(move, AttachMove | ReleaseMove):
+                    station = handed_over(StationModel(station), robot.name, move)
+                    stages.append(partial(_hand_over, move=move))
+                else:
+                    stages.append(partial(perform, motion=_planned(robot, move)))
+    return stages
+
+
+def _planned(robot: LeggedGeometry, move: WalkMove | ActMove) -> JointMotion:
+    if isinstance(move, ActMove):
+        return planned_gait(robot, move.act.name, move.act.model_extra or {})
+    walk = move.walk
+    return planned_gait(robot, walk.gait, walk.model_extra or {}, steps=walk.steps, amplitude=walk.amplitude)
+
+
+def _move_joints(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> SimulationResult:
+    reference, duration = joint_reference(robot, moves)
+    return robot.cell.follow({robot.name: reference}, duration)
+
+
+def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove) -> None:
+    robot.cell.change(handed_over(robot.cell.model, robot.name, move))
+
+
+def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Reference, float]:
+    """Return the reference that moves of joints are from where a robot is, and its duration [s].
+
+    Raises:
+        InvalidParameter: no move, or one that is no move of joints.
+        SimrobError: what the robot cannot do; names the move.
+    """
+    check_some(moves)
+    joint_moves = [move for move in moves if isinstance(move, JointMove)]
+    for number, move in enumerate(moves):
+        if not isinstance(move, JointMove):
+            kind = next(iter(type(move).model_fields))
+            raise InvalidParameter(f"move {number}", kind, "a move of joints, to be run with other robots'")
+    times, postures = postures_of(robot.model, joint_moves, robot.reference)
+    if robot.cell.config.mode == "dynamic":
+        return (times, postures), float(times[-1])
+    return sequence(postures[0], times[1:].tolist(), list(postures[1:])), float(times[-1])
+
+
+def handed_over(model: StationModel, robot: str, move: AttachMove | ReleaseMove) -> StationConfig:
+    """Return the station in which a robot has taken a piece or let go of it.
+
+    Raises:
+        UnknownName: no such piece, tool or parent.
+    """
+    if isinstance(move, AttachMove):
+        piece, tool, pose = move.attach.piece, move.attach.tool, move.attach.pose
+        own = model.robots[robot]
+        if tool is not None and tool not in own.tools:
+            raise UnknownName(f"tool of {own.model.name}", tool, own.tools)
+        if tool in model.config.pieces:
+            return reparented(model, piece, tool, pose=pose)
+        return reparented(model, piece, robot, frame=tool, pose=pose)
+    return reparented(model, move.release.piece, move.release.parent)
+
+
+def check_some(moves: Sequence[AnyMove]) -> None:
+    """Check that a program to be run does something that takes time.
+
+    Raises:
+        InvalidParameter: it does not.
+    """
+    if all(isinstance(move, (AttachMove, ReleaseMove)) for move in moves):
+        state = "without a move that takes time" if moves else "empty"
+        raise InvalidParameter("the program", state, "one with moves: add_move() stores them")
+
+
+@contextmanager
+def _naming(move: str) -> Iterator[None]:
+    """Put the name of a move before what goes wrong with it."""
+    try:
+        yield
+    except SimrobError as problem:
+        if move:
+            problem.args = (f"{move}: {problem}",)
+        raise

@@ -1,0 +1,276 @@
+"""A station that goes on where its last run left it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import PoseLike, Vector, as_transform
+from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.programs.checks import look_times
+from simrob_drake.programs.collisions import check_collisions
+from simrob_drake.programs.model import StationModel
+from simrob_drake.programs.pieces import reparented
+from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.tape import Take, Tape
+from simrob_drake.programs.targets import HasTool, WorkObject
+from simrob_drake.programs.trajectories import Stretch, rest, trajectory
+from simrob_drake.results.animation.live import LiveView
+from simrob_drake.results.record.state import State
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulation import Reference, Runner
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.station import StationLike, config_of
+
+GOES_ON = ("completed", "monitor")
+"""Endings of a run after which the next one begins where it ended."""
+_SAME_PLACE = 1e-9
+"""How far from the robot's reference a plan may begin [rad or m]."""
+
+
+class OngoingStation:
+    """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
+
+    A move that cannot be done raises an error before anything moves, and leaves the station as it was; so does a run
+    that diverges or is interrupted, whose result still tells what happened.
+
+    Attributes:
+        config: the station, with its pieces where they hang now.
+        state: where it is; None before the first run.
+        tape: what was recorded.
+        progress: show a bar on a terminal while it runs; off at first.
+    """
+
+    def __init__(self, station: StationLike, overrides: dict[str, Any] | None = None) -> None:
+        """Take a station.
+
+        Args:
+            station: a name of :func:`simrob_drake.station_names`, a YAML file, a configuration, or a built station.
+            overrides: what to change in it, as :func:`simrob_drake.load_station` takes it; for names and files.
+
+        Raises:
+            SimrobError: as :func:`simrob_drake.load_station`.
+        """
+        if overrides and isinstance(station, (str, Path)):
+            self.config = load_station(station, overrides)
+        elif overrides:
+            raise InvalidParameter("overrides", overrides, "left out with a configuration")
+        else:
+            self.config = config_of(station)
+        self.state = State.at_start_of(self.config)
+        self.tape = Tape()
+        self.progress = False
+        self._window: LiveView | None = None
+        self._model = StationModel(self.config)
+
+    def __repr__(self) -> str:
+        """Say in one line what stands in it."""
+        robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
+        pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
+        return f"<{type(self).__name__} {self.config.name}, {self.config.mode}: {robots}{pieces}>"
+
+    def position(self, robot: str) -> Vector:
+        """Return where a robot's axes are, shape (n,) [rad or m]."""
+        return (self.robot(robot).initial if self.state is None else self.state.positions[robot]).copy()
+
+    def velocity(self, robot: str) -> Vector:
+        """Return how fast a robot's axes move, shape (n,) [rad/s or m/s]."""
+        return np.zeros_like(self.robot(robot).initial) if self.state is None else self.state.velocities[robot].copy()
+
+    def reference(self, robot: str) -> Vector:
+        """Return where a robot's axes should be, and its next move begins, shape (n,) [rad or m]."""
+        return (self.robot(robot).initial if self.state is None else self.state.references[robot]).copy()
+
+    @property
+    def model(self) -> StationModel:
+        """The station's plant, where it is and in the postures that it has now."""
+        self._model.place_robots({robot: self.position(robot) for robot in self.config.robots})
+        self._model.place_bases(self.state)
+        return self._model
+
+    def robot(self, name: str) -> StationRobot:
+        """Return what a robot is in the station's plant."""
+        return self._model.robots[name]
+
+    def frame(self, wobj: WorkObject) -> RigidTransform:
+        """Return the pose of a work object in the world.
+
+        Args:
+            wobj: None or "world"; a piece's name (its tool centre point), or one of its frames as ``piece.frame``; a
+                robot's name or an :class:`Arm` (its tool centre point now); or a pose in any form.
+
+        Raises:
+            UnknownName: no such piece, frame or robot.
+            InvalidParameter: something that is no pose.
+        """
+        if wobj is None or (isinstance(wobj, str) and wobj == WORLD):
+            return RigidTransform()
+        if isinstance(wobj, HasTool):
+            return wobj.tool_pose()
+        if not isinstance(wobj, str):
+            return as_transform(wobj)
+        model, (name, *frame) = self.model, wobj.split(".", 1)
+        if name in model.robots and not frame:
+            robot = model.robots[name]
+            return model.pose(robot.tools[robot.tcp] if robot.tcp else robot.root)
+        if name not in self.config.pieces:
+            raise UnknownName("work object", name, [WORLD, *self.config.pieces, *self.config.robots])
+        return model.pose(model.piece_frame(name, *frame))
+
+    def run(self, *plans: Plan, duration: float | None = None) -> SimulationResult:
+        """Run planned moves at the same time, while the other robots hold their places.
+
+        Args:
+            plans: of different robots, such as ``left.plan.move_l(...)``; none just lets the time pass.
+            duration: of the run [s]; until the last move ends unless given.
+
+        Returns:
+            the run; unless it diverged or was interrupted, the next one begins where it ended.
+        """
+        if len({plan.robot for plan in plans}) < len(plans):
+            raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
+        if not plans and duration is None:
+            raise InvalidParameter(
+                "plans", "empty", "some, such as arm.plan.move_l(...), or go with a duration to wait"
+            )
+        end = max(plan.duration for plan in plans) if duration is None else duration
+        if not (np.isfinite(end) and end > 0):
+            raise InvalidParameter("duration", end, "a positive time [s]")
+        for plan in plans:
+            if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
+                raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
+        own = {plan.robot: plan.stretches for plan in plans}
+        stretches = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
+        take = Take(self.config, self.state, stretches, end)
+        result = self.follow({robot: trajectory(motion) for robot, motion in stretches.items()}, end)
+        if result.ending in GOES_ON:
+            self.tape.keep(take)
+        return result
+
+    def follow(self, references: Mapping[str, Reference], duration: float) -> SimulationResult:
+        """Run references as :func:`simrob_drake.simulate` takes them, while the other robots hold their places.
+
+        Args:
+            references: by robot; that nothing jumps where they begin is up to whoever gives them.
+            duration: of the run [s].
+
+        Returns:
+            the run; unless it diverged or was interrupted, the next one begins where it ended.
+        """
+        still = [robot for robot in self.config.robots if robot not in references]
+        held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
+        result = self._runner.run(
+            reference={**held, **references},
+            duration=duration,
+            start=self.state,
+            progress=self.progress,
+            on_step=self._window.on_step if self._window else None,
+        )
+        if result.ending in GOES_ON:
+            self.state = result.final_state
+        if self._window:
+            self._window.add_paths(result)
+        return result
+
+    def wait(self, duration: float) -> SimulationResult:
+        """Let time pass [s] while all robots hold their places; on a dynamic station they settle."""
+        return self.run(duration=duration)
+
+    def attach(
+        self, piece: str, parent: str = WORLD, *, frame: str | None = None, pose: PoseLike | None = None
+    ) -> None:
+        """Let a piece hang on something else (SimRob's PegarEn); it keeps its place in the world, to rounding.
+
+        The robot that takes it uses its tool centre point from then on, and on a dynamic station feels its weight;
+        one that gives it away goes back to the tool that carried it. Velocities stay as they are.
+
+        Args:
+            piece: which; what hangs on it comes along.
+            parent: ``world``, a robot (its flange), or a piece (its tool centre point).
+            frame: a frame of the parent piece, instead of its tool centre point; or a tool of the robot, instead of the
+                first.
+            pose: the piece's pose in the parent's frame, to put it there.
+
+        Raises:
+            UnknownName: no such piece, parent or frame.
+            InvalidParameter: the piece itself as its parent, or one that hangs on it.
+        """
+        self.change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+
+    def change(self, config: StationConfig) -> None:
+        """Go on with a changed station, such as other gains, from the state that this one is in.
+
+        Raises:
+            InvalidParameter: a station with other robots.
+        """
+        if list(config.robots) != list(self.config.robots):
+            raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
+        model = StationModel(config)  # if it cannot be built, all stays as it was
+        self.config, self._model = config, model
+        for made in ("_collision_model", "_runner"):
+            self.__dict__.pop(made, None)
+        if self._window:
+            self._window.draw(config, self._shown_state())
+
+    def check_collisions(self, plan: Plan) -> None:
+        """Check that a planned move runs into nothing, the other robots where they are.
+
+        Raises:
+            PathCollision: names the first offending point.
+        """
+        model = self._collision_model
+        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        times = look_times(plan.duration, plan.points * len(plan.arrivals))
+        check_collisions(model, {plan.robot: plan.postures(times)}, times, plan.named)
+
+    def show(self) -> str:
+        """Open a browser window, in which everything from now on is shown at the pace of the clock.
+
+        Returns:
+            its address, on this computer only.
+        """
+        if self._window is None:
+            self._window = LiveView(self.config, self._shown_state())
+        return self._window.url
+
+    def draw(self, postures: dict[str, Vector]) -> None:
+        """Show robots in postures (n,) in the window, without moving them."""
+        self.show()
+        assert self._window is not None
+        now = self._shown_state()
+        self._window.draw(self.config, State({**now.positions, **postures}, now.velocities, now.references))
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def _shown_state(self) -> State:
+        def of_all(figure: Callable[[str], Vector]) -> dict[str, Vector]:
+            return {robot: figure(robot) for robot in self.config.robots}
+
+        return self.state or State(of_all(self.position), of_all(self.velocity), of_all(self.reference))
+
+    @cached_property
+    def _runner(self) -> Runner:
+        return Runner(self.config)
+
+    @cached_property
+    def _collision_model(self) -> StationModel:
+        return StationModel(self.config, collision=True)
+
+
+def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[Stretch, ...]:
+    """Return motions with a rest behind them, so that they last until ``end`` [s]."""
+    begin = float(stretches[-1].times[-1]) if stretches else 0.0
+    if begin >= end:
+        return stretches
+    return (*stretches, rest(stretches[-1].postures[-1] if stretches else posture, begin, end))

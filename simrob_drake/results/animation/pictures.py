@@ -1,0 +1,234 @@
+"""A run's motion in pictures, rendered without display or browser: a strip of frames and a video."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.sensors import CameraInfo
+
+from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.folders import writing
+from simrob_drake.frames import Vector
+from simrob_drake.results.animation.camera import (
+    FIELD_OF_VIEW,
+    Camera,
+    Way,
+    aspect_of,
+    camera_on,
+    frame_times,
+    side,
+    walked_way,
+)
+from simrob_drake.results.animation.floor_grid import with_floor_under
+from simrob_drake.results.animation.scene import RENDERER, Scene
+from simrob_drake.results.record.run import RecordedRun
+
+Image = npt.NDArray[np.uint8]
+
+_DPI = 100
+_GAP = 6  # pixels between frames
+_CAPTION = 0.1  # height of the line under the frames, as a part of theirs
+_WIDEST = 5.8  # width of a strip, in heights of a frame
+_VIDEO_SIZE = 960, 540  # pixels; even, as H.264 needs them
+_BACKGROUND = np.array([0.98, 0.98, 0.98])
+_ASPECTS = 0.6, 1.6  # narrowest and widest picture
+_SHADOW_MAP = 1024  # pixels a side
+
+
+def film_strip(result: RecordedRun, *, frames: int = 7, height: int = 360) -> bytes:
+    """Return frames at even times, side by side, with the time under each, as PNG.
+
+    The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
+    every 0.1 m.
+
+    Args:
+        result: the run.
+        frames: how many, from the start to the end of the run.
+        height: of a frame [pixels].
+
+    Raises:
+        InvalidParameter: fewer than two frames, or a height of less than 16 pixels.
+    """
+    if frames < 2:
+        raise InvalidParameter("frames", frames, "at least 2")
+    if height < 16:
+        raise InvalidParameter("height", height, "at least 16 [pixels]")
+    times = np.linspace(0.0, result.stop_time, frames)
+    studio = Studio(result, height=height, oversampling=2)
+    strip = BytesIO()
+    _strip(list(studio.images(times)), _captions(times, studio.way)).savefig(strip, dpi=_DPI, format="png")
+    return strip.getvalue()
+
+
+def save_film_strip(result: RecordedRun, file: Path, *, frames: int = 7, height: int = 360) -> Path:
+    """Write a :func:`film_strip` to a file, ``.png``, and return that.
+
+    Raises:
+        InvalidParameter: as there.
+        OutputError: the file cannot be written.
+    """
+    strip = film_strip(result, frames=frames, height=height)
+    with writing(file):
+        file.write_bytes(strip)
+    return file
+
+
+def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30.0) -> Path:
+    """Write the motion of a run as a video at the pace of the clock (H.264 in ``.mp4``).
+
+    Args:
+        result: the run.
+        file: where to, ``.mp4``.
+        frames_per_second: positive [1/s].
+
+    Returns:
+        the file.
+
+    Raises:
+        InvalidParameter: the rate is not positive.
+        SimrobError: the package that writes videos is not installed.
+        OutputError: the file cannot be written.
+    """
+    write_frames = frame_writer()
+    width, height = _VIDEO_SIZE
+    times = frame_times(result.stop_time, frames_per_second)
+    if not file.parent.is_dir():
+        raise OutputError(f"{file} cannot be written: there is no folder {file.parent}")
+    encoding = {"quality": 8, "macro_block_size": 2, "output_params": ["-preset", "veryfast"]}
+    writer = write_frames(str(file), _VIDEO_SIZE, fps=frames_per_second, **encoding)
+    with writing(file), closing(writer):
+        writer.send(None)
+        for image in Studio(result, height=height, width=width).images(times):
+            writer.send(np.ascontiguousarray(image))
+    return file
+
+
+def frame_writer() -> Callable[..., Any]:
+    """Return imageio-ffmpeg's ``write_frames``; to be called before long work whose end is a video.
+
+    Raises:
+        SimrobError: the package is not installed.
+    """
+    try:
+        import imageio_ffmpeg
+    except ImportError as problem:
+        raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
+    writer: Callable[..., Any] = imageio_ffmpeg.write_frames
+    return writer
+
+
+def _captions(times: Vector, way: Way | None) -> list[str]:
+    """Return what stands under the frames: the time, and how far from its start a robot is that walks."""
+    if way is None:
+        return [f"{time:.2f} s" for time in times]
+    distances = np.linalg.norm(way(times) - way(times[:1]), axis=1)
+    return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
+
+
+def _strip(images: list[Image], captions: list[str]) -> Figure:
+    """Put images side by side with captions, in as many rows as keep them large where they are wide."""
+    height, width = images[0].shape[:2]
+    below = max(round(_CAPTION * height), 14)
+    columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
+    rows = -(-len(images) // columns)
+    total = columns * (width + _GAP) - _GAP, rows * (height + below)
+    figure = Figure(figsize=(total[0] / _DPI, total[1] / _DPI), dpi=_DPI)
+    for number, (image, text) in enumerate(zip(images, captions, strict=True)):
+        left, bottom = number % columns * (width + _GAP), (rows - 1 - number // columns) * (height + below)
+        figure.figimage(image, left, bottom + below)
+        middle = (left + width / 2) / total[0], (bottom + below / 2) / total[1]
+        figure.text(*middle, text, ha="center", va="center", fontsize=0.6 * below * 72 / _DPI, color="0.25")
+    return figure
+
+
+class Studio:
+    """A station before a camera that has the whole motion of a run in its picture.
+
+    It stands still, but for a robot that walks: beside that it goes, and lines on the floor show the way.
+
+    Attributes:
+        way: of the camera; None where it stands still.
+    """
+
+    def __init__(self, result: RecordedRun, *, height: int, width: int | None = None, oversampling: int = 1) -> None:
+        """Set the camera up.
+
+        Args:
+            result: the run.
+            height: of the images [pixels].
+            width: of the images [pixels]; chosen to suit the motion unless given.
+            oversampling: pixels a side that are rendered for one of the image: more make smoother edges.
+
+        Raises:
+            InvalidModel: a robot that cannot be built.
+        """
+        self._result = result
+        self.way = walked_way(result)
+        engine = MakeRenderEngineVtk(_engine_params())
+        gone = None if self.way is None else self.way(result.times)
+        config = result.config if gone is None else with_floor_under(result.config, gone)
+        self._scene = Scene(config, engine=engine, way=gone)
+        azimuth = side(self._scene.station)
+        points = self._scene.extents_of_run(result, self.way)
+        width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))
+        self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
+        self._shape = height, oversampling, width, oversampling, 3
+        distance = float(np.linalg.norm(self._camera.target - self._camera.eye))
+        self._lens = _render_camera(width * oversampling, height * oversampling, distance)
+
+    def images(self, times: Vector) -> Iterator[Image]:
+        """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
+        ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
+        for positions, way in zip(self._result.positions_at(times), ways, strict=True):
+            self._scene.place(positions)
+            query, pose = self._scene.query(), _pose(self._camera.moved(way))
+            rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), pose)
+            colours = rendered.data[:, :, :3].reshape(self._shape)
+            yield colours.mean(axis=(1, 3)).astype(np.uint8) if self._shape[1] > 1 else colours[:, 0, :, 0].copy()
+
+
+def _engine_params() -> RenderEngineVtkParams:
+    """Return the light of a studio.
+
+    Only the lamp straight above casts shadows: they show what is over what on the floor, and steep faces, where shadow
+    maps are speckled, get nothing of its light. The lamps by the camera are points far away, which cast none.
+    """
+    lights = [
+        LightParameter(type="directional", frame="world", direction=[0.0, 0.0, -1.0], intensity=0.4),
+        LightParameter(type="point", frame="camera", position=[-10.0, -10.0, -30.0], intensity=0.95),
+        LightParameter(type="point", frame="camera", position=[27.0, -3.0, -15.0], intensity=0.35),
+    ]
+    return RenderEngineVtkParams(
+        default_clear_color=_BACKGROUND, lights=lights, cast_shadows=True, shadow_map_size=_SHADOW_MAP
+    )
+
+
+def _render_camera(width: int, height: int, distance: float) -> ColorRenderCamera:
+    info = CameraInfo(width=width, height=height, fov_y=FIELD_OF_VIEW)
+    return ColorRenderCamera(
+        RenderCameraCore(RENDERER, info, ClippingRange(distance / 20, distance * 20), RigidTransform())
+    )
+
+
+def _pose(camera: Camera) -> RigidTransform:
+    """Return the pose of a camera body: z forward, x right and y down in the picture."""
+    forward = (camera.target - camera.eye) / np.linalg.norm(camera.target - camera.eye)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    return RigidTransform(RotationMatrix(np.column_stack([right, np.cross(forward, right), forward])), camera.eye)

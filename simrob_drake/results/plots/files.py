@@ -1,0 +1,69 @@
+"""The plots of a run as files: joints, tool, a base that is free, and what pieces, sensors and blocks tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from simrob_drake.folders import writing
+from simrob_drake.parts.site import StationRobot
+from simrob_drake.results.plots.base_plot import base_figure
+from simrob_drake.results.plots.grid import grid_figure, is_dense
+from simrob_drake.results.plots.joint_plots import position_stacks, tcp_stacks, torque_stacks
+from simrob_drake.results.plots.panel_plots import panel_figures
+from simrob_drake.results.record.locomotion import legged_robots
+from simrob_drake.results.record.run import RecordedRun
+
+_DPI = 110
+_LONG = 10.0  # a run of more than so many seconds whose curves run together is shown a second time, in part
+_DETAIL = 3.0  # seconds of that part
+
+
+def save_plots(result: RecordedRun, folder: Path) -> list[Path]:
+    """Write the plots of a run as PNG files: ``position.png``, ``torque.png`` and, with a tool, ``tcp.png``.
+
+    Robots that walk have ``base.png`` too. With several robots each has its own, ``<robot>_position.png`` and so on.
+    Where a long run moves to and fro all the time, ``position_detail.png`` and ``torque_detail.png`` show three seconds
+    of its middle. Free pieces have ``piece_<piece>.png``, and what was measured stands in ``sensors.png``.
+
+    Args:
+        result: the run.
+        folder: where to; it is made where it does not exist.
+
+    Returns:
+        the files.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    written = []
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, figure in _figures(result):
+            written.append(folder / f"{name}.png")
+            figure.savefig(written[-1], dpi=_DPI)
+    return written
+
+
+def _figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
+    for robot in result.plant.robots.values():
+        for name, figure in _robot_figures(result, robot, "" if result.config.only_robot else f", {robot.name}"):
+            yield f"{robot.prefix.replace('.', '_')}{name}", figure
+    yield from panel_figures(result)
+
+
+def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iterator[tuple[str, Figure]]:
+    for name, stacks_of in {"position": position_stacks, "torque": torque_stacks}.items():
+        title, stacks = f"joint {name}s{whose}", stacks_of(result, robot)
+        yield name, grid_figure(result, title, stacks)
+        if result.stop_time > _LONG and is_dense(curve for stack in stacks for curve in stack.plots[0].curves):
+            begin = (result.stop_time - _DETAIL) / 2
+            part = begin, begin + _DETAIL
+            yield f"{name}_detail", grid_figure(result, f"{title}, {part[0]:.2f} to {part[1]:.2f} s", stacks, span=part)
+    if robot.tcp:
+        title = f"position of the tool '{robot.tcp}' in the world{whose}"
+        yield "tcp", grid_figure(result, title, tcp_stacks(result, robot))
+    if robot.name in legged_robots(result):
+        yield "base", base_figure(result, robot, f"way of the base{whose}")

@@ -1,0 +1,104 @@
+"""Plots of a robot's joints, right and left ones of a name together, and of its tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationRobot
+from simrob_drake.results.plots.grid import COLOURS, RED, Curve, Plot, Stack
+from simrob_drake.results.record.run import RecordedRun
+
+_VALUE, _REFERENCE, _, _ERROR = COLOURS[:4]
+_SIDES = {"right": ("#4f9bd9", 1.5), "left": ("#35721b", 0.8), "middle": ("0.35", 1.0)}
+"""Colours and weights of lines, so that both sides are seen where they are equal."""
+_DASHED = 0.75  # weight of dashed lines
+_NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one further away would flatten the curve
+_QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
+_ERROR_HEIGHT = 0.65  # inches
+
+
+@dataclass(frozen=True)
+class SideGroup:
+    """An axis, or the right and the left one of a name.
+
+    Attributes:
+        name: without the sides, if both are there.
+        places: in the robot's axes, by side; an axis alone has the side "middle" where others have two, else "".
+    """
+
+    name: str
+    places: dict[str, int]
+
+    @property
+    def first(self) -> int:
+        """The place of one of the axes, which have their unit in common."""
+        return next(iter(self.places.values()))
+
+    def curves(self, values: Vector, label: str, colour: str) -> list[Curve]:
+        """Return the curves of the group's columns in values (m, n); label and colour hold where there are no sides."""
+        return [
+            Curve(values[:, place], side or label, *_SIDES.get(side, (colour, 1.0)))
+            for side, place in self.places.items()
+        ]
+
+
+def side_groups(robot: StationRobot) -> list[SideGroup]:
+    """Return a robot's axes in their order, right and left ones together at the place of the first."""
+    axes, units = robot.axes, robot.model.unit_names
+    sides = ("right", "left")
+    groups = []
+    for place, axis in enumerate(axes):
+        words = axis.split("_")
+        names = {side: "_".join(side if word in sides else word for word in words) for side in sides}
+        places = {side: axes.index(name) for side, name in names.items() if name in axes}
+        if len(set(places.values())) < 2 or len({units[at] for at in places.values()}) > 1:
+            groups.append(SideGroup(axis, {"": place}))
+        elif place == min(places.values()):
+            groups.append(SideGroup("_".join(word for word in words if word not in sides), places))
+    if all(len(group.places) == 1 for group in groups):
+        return groups
+    return [replace(group, places={"middle": group.places[""]}) if "" in group.places else group for group in groups]
+
+
+def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
+    """Return each axis with its reference and, where there can be one, the error below."""
+    wanted, reached = (result.axes(signal, robot.name) / robot.model.user_units for signal in ("q_ref", "q"))
+    with np.errstate(invalid="ignore"):  # a diverging run may end with infinite positions
+        error = wanted - reached
+    stacks = []
+    for group in side_groups(robot):
+        unit = robot.model.unit_names[group.first]
+        curves = group.curves(reached, "position", _VALUE)
+        curves += [Curve(wanted[:, place], "reference", _REFERENCE, _DASHED, "--") for place in group.places.values()]
+        plots = [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves)]
+        if result.config.mode == "dynamic":
+            errors = group.curves(error, "error: reference - position", _ERROR)
+            plots.append(Plot(f"error [{unit}]", errors, _ERROR_HEIGHT))
+        stacks.append(Stack(group.name, plots))
+    return stacks
+
+
+def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
+    """Return the torque of each axis, with its limit."""
+    torques, limits = result.axes("tau", robot.name), robot.gains.torque_limit
+    stacks = []
+    for group in side_groups(robot):
+        unit, places = robot.model.effort_units[group.first], list(group.places.values())
+        curves = group.curves(torques, "torque", _VALUE)
+        own = np.unique(limits[places])
+        for bound in (*own, *-own):
+            if _NEAR * (np.sign(bound) * torques[:, places]).max() >= abs(bound):
+                curves.append(Curve(np.full(len(torques), bound), "torque limit", RED, _DASHED, "--"))
+        said = " / ".join(f"±{limit:g} {unit}" if np.isfinite(limit) else "none" for limit in own)
+        note = f"limit {said}" if np.isfinite(own).any() else "no limit"
+        stacks.append(Stack(group.name, [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves, note=note)]))
+    return stacks
+
+
+def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
+    """Return x, y and z of the tool centre point."""
+    places = zip("xyz", result.pose("tcp", robot.name).T, strict=False)
+    return [Stack(x, [Plot("position [m]", [Curve(way, "tool centre point", _VALUE)])]) for x, way in places]

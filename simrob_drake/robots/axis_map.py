@@ -1,0 +1,125 @@
+"""Between the axes of a robot, in their order and sense, and the joints of a plant that holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint, ModelInstanceIndex
+from pydrake.systems.framework import Context
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+
+
+@dataclass(frozen=True, eq=False)
+class AxisMap:
+    """Where the n axes of a robot stand among the nq positions and nv velocities of a plant, and their senses.
+
+    It holds numbers alone, so it keeps no plant alive. All methods take leading dimensions, as of samples in time: they
+    act on the last one.
+
+    Attributes:
+        position_places: of the axes among the plant's positions, shape (n,).
+        velocity_places: of the axes among the plant's velocities and generalized forces, shape (n,).
+        signs: 1.0 or -1.0, shape (n,): the sense of each axis against that of its joint.
+        num_positions, num_velocities: nq and nv of the plant.
+    """
+
+    position_places: np.ndarray[tuple[int], np.dtype[np.intp]]
+    velocity_places: np.ndarray[tuple[int], np.dtype[np.intp]]
+    signs: Vector
+    num_positions: int
+    num_velocities: int
+
+    @classmethod
+    def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> AxisMap:
+        """Return the map of one-axis joints of a finalized plant, in axis order.
+
+        Args:
+            plant: finalized.
+            joints: one an axis.
+            signs: 1 or -1 for each, shape (n,); all 1 unless given.
+
+        Raises:
+            InvalidParameter: signs that are not one a joint.
+        """
+        senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
+        if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():
+            raise InvalidParameter("signs", signs, f"{len(joints)} numbers 1 or -1, one a joint")
+        return cls(
+            position_places=np.array([joint.position_start() for joint in joints], dtype=np.intp),
+            velocity_places=np.array([joint.velocity_start() for joint in joints], dtype=np.intp),
+            signs=senses,
+            num_positions=plant.num_positions(),
+            num_velocities=plant.num_velocities(),
+        )
+
+    def positions(self, plant_positions: Vector) -> Vector:
+        """Return the axes' entries (..., n) of the plant's positions (..., nq)."""
+        return np.asarray(self.signs * plant_positions[..., self.position_places])
+
+    def velocities(self, plant_velocities: Vector) -> Vector:
+        """Return the axes' entries (..., n) of the plant's velocities or accelerations (..., nv).
+
+        So it does for the columns of a Jacobian (m, nv).
+        """
+        return np.asarray(self.signs * plant_velocities[..., self.velocity_places])
+
+    def efforts(self, plant_efforts: Vector) -> Vector:
+        """Return the axes' entries (..., n) of the plant's generalized forces or momenta (..., nv)."""
+        return self.velocities(plant_efforts)
+
+    def spread_positions(self, axes: Vector | float, onto: Vector) -> Vector:
+        """Return the plant's positions ``onto`` (..., nq) with those of the axes (..., n) put in."""
+        spread = np.array(onto)
+        spread[..., self.position_places] = self.signs * axes
+        return spread
+
+    def spread_velocities(self, axes: Vector | float, onto: Vector | None = None) -> Vector:
+        """Return velocities ``onto`` (..., nv) of the plant, zero unless given, with the axes' (..., n) put in."""
+        leading = np.shape(axes)[:-1]
+        spread = np.zeros((*leading, self.num_velocities)) if onto is None else np.array(onto)
+        spread[..., self.velocity_places] = self.signs * axes
+        return spread
+
+    def spread_efforts(self, axes: Vector | float, onto: Vector | None = None) -> Vector:
+        """Return generalized forces (..., nv) of the plant, as :meth:`spread_velocities` does."""
+        return self.spread_velocities(axes, onto)
+
+    def set_positions(self, plant: MultibodyPlant, context: Context, axes: Vector) -> None:
+        """Put the axes to positions (n,) [rad or m] in a context of the plant; the other joints stay."""
+        plant.SetPositions(context, self.spread_positions(axes, plant.GetPositions(context)))
+
+    @property
+    def position_matrix(self) -> Vector:
+        """The matrix (n, nq) that :meth:`positions` multiplies with."""
+        return self._matrix(self.position_places, self.num_positions)
+
+    @property
+    def velocity_matrix(self) -> Vector:
+        """The matrix (n, nv) that :meth:`velocities` and :meth:`efforts` multiply with."""
+        return self._matrix(self.velocity_places, self.num_velocities)
+
+    @property
+    def state_matrix(self) -> Vector:
+        """The matrix (2n, nq + nv) from the plant's state to positions and velocities of the axes."""
+        count = len(self.signs)
+        matrix = np.zeros((2 * count, self.num_positions + self.num_velocities))
+        matrix[:count, : self.num_positions] = self.position_matrix
+        matrix[count:, self.num_positions :] = self.velocity_matrix
+        return matrix
+
+    def actuation_matrix(self, plant: MultibodyPlant, instance: ModelInstanceIndex) -> Vector:
+        """Return the matrix (nu, n) from efforts of the axes to the actuators of a model instance of the plant."""
+        actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)]
+        columns = [actuator.input_start() for actuator in actuators]
+        return np.asarray((self.velocity_matrix @ plant.MakeActuationMatrix()[:, columns]).T)
+
+    def _matrix(self, places: np.ndarray[tuple[int], np.dtype[np.intp]], columns: int) -> Vector:
+        matrix = np.zeros((len(places), columns))
+        matrix[np.arange(len(places)), places] = self.signs
+        return matrix

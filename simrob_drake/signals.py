@@ -1,0 +1,82 @@
+"""What the outputs of a station are: columns with units and roles, and the plots that show them.
+
+Whoever makes an output declares it once; tables, plots, block pictures and summaries only read the declarations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+from simrob_drake.frames import Vector
+
+Role = Literal[
+    "reference", "motion", "effort", "pose", "force", "moment", "applied", "estimate", "distance", "inertial", "own"
+]
+"""What a signal is: what a robot is asked, how it moves, what drives it, where it is, what is felt or applied."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What one plot panel of declared signals shows.
+
+    Attributes:
+        figure: the file it belongs to, without suffix: ``sensors``, ``piece_ball`` ...
+        heading: of the figure.
+        title: of the panel.
+        label: of its upright axis, with the unit.
+        columns: of the result.
+    """
+
+    figure: str
+    heading: str
+    title: str
+    label: str
+    columns: tuple[str, ...]
+
+
+class Recorded(Protocol):
+    """A run that is over, as parts look at it: its recorded states, and any port evaluated at them."""
+
+    @property
+    def step_times(self) -> Vector:
+        """Ends of the accepted steps, shape (m,) [s]."""
+
+    @property
+    def memo(self) -> dict[Any, Any]:
+        """What parts worked out of this run, for each other."""
+
+    def sample(self, ports: Sequence[Any], times: Vector) -> list[Any]:
+        """Return the values of ports at times (k,) [s]: arrays (k, size), or lists of abstract values."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Columns of a result.
+
+    Attributes:
+        names: of the k columns.
+        units: of each of them, shape (k,): ``rad``, ``N·m``, ``1`` ...
+        role: what they are.
+        output: the station's output port that gives them; empty where they are computed.
+        compute: gives them of a run at times (m,), shape (m, k), where no port does.
+        adjust: changes what the port gave, of a run at times (m,), shape (m, k) to (m, k).
+        part: the sensor, piece or block that declares them; empty for the robots' own.
+        panel: title and label of their own plot panel, with figure and heading; None where plots of robots show them.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    role: Role
+    output: str = ""
+    compute: Callable[[Recorded, Vector], Vector] | None = None
+    adjust: Callable[[Recorded, Vector, Vector], Vector] | None = None
+    part: str = ""
+    panel: Panel | None = None
+
+
+def sensor_panel(title: str, quantity: str, names: Sequence[str], units: Sequence[str]) -> Panel:
+    """Return the panel of a sensor's columns in the figure ``sensors``: "force [N]" on its upright axis."""
+    unit = ", ".join(dict.fromkeys(units))
+    return Panel("sensors", "sensors", title, f"{quantity} [{unit}]", tuple(names))

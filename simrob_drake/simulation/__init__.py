@@ -1,0 +1,6 @@
+"""Run stations: build their diagrams, step them, and make results of what was recorded."""
+
+from simrob_drake.simulation.runner import Runner, simulate, simulate_diagram
+from simrob_drake.simulation.wanted import Reference
+
+__all__ = ["Reference", "Runner", "simulate", "simulate_diagram"]

@@ -1,0 +1,109 @@
+"""The diagrams of a station: built when they are needed, and used again for other references and pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+from pydrake.systems.framework import LeafSystem
+
+from simrob_drake.blocks.references import Course, SineCourse, corner_times
+from simrob_drake.parts.controllers.own import DRIVABLE, driven_inputs
+from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.stations.closed import ClosedStation, closed_station
+from simrob_drake.stations.resolve import ResolvedStation
+
+
+class StationDiagrams:
+    """The diagrams of a station of given robots, pieces, parts and places of forces.
+
+    Several, because what nothing reads still costs a solver time: one with everything, in which signals are evaluated
+    after a run, and leaner ones to be stepped, without monitors, without sensors that only report and, under ``cenic``,
+    without the forces of pushes while nothing pushes. A user's own block stands in one diagram only, so with any there
+    is just the first. All have the same states in the same order.
+    """
+
+    def __init__(
+        self, station: ResolvedStation, courses: Mapping[str, Course], blocks: Mapping[str, LeafSystem]
+    ) -> None:
+        """Prepare the diagrams; they are built when they are needed.
+
+        Args:
+            station: resolved.
+            courses: what each robot is asked.
+            blocks: the station's controllers and other blocks of the user's own, by name.
+        """
+        self._station, self._blocks = station, blocks
+        self.courses, self.forces = dict(courses), dict(station.config.forces)
+
+    def fits(self, courses: Mapping[str, Course]) -> bool:
+        """Tell whether these references can be played: those that are sines stay as they are."""
+        return all(_same_kind(self.courses[robot], course) for robot, course in courses.items())
+
+    def play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
+        """Let all diagrams give other references, and other pushes at the same places."""
+        self.courses, self.forces = dict(courses), dict(forces)
+        for name in ("whole", "_lean", "_unpushed"):
+            if name in self.__dict__:
+                self.__dict__[name].play(courses, forces)
+
+    @property
+    def edges(self) -> list[float]:
+        """Times at which a step must end: corners of references, edges of pushes [s]."""
+        driven = driven_inputs(self._blocks)
+        robots = self._station.robots.values()
+        asked = [self.courses[robot.name] for robot in robots if f"{robot.prefix}reference" not in driven]
+        corners = {time for course in asked for time in corner_times(course)}
+        return sorted(corners | {edge for force in self.forces.values() for edge in force.edges})
+
+    def stepped(self, time: float) -> ClosedStation:
+        """Return the diagram to be stepped from a time on [s], up to the next edge."""
+        if self._blocks:
+            return self.whole
+        pushes = [force for force in self.forces.values() if isinstance(force, Push)]
+        only_pushes = self._station.scheme == "cenic" and pushes and len(pushes) == len(self.forces)
+        if only_pushes and not any(push.edges[0] <= time < push.edges[1] for push in pushes):
+            return self._unpushed
+        return self._lean
+
+    @cached_property
+    def whole(self) -> ClosedStation:
+        """The diagram with everything but monitors."""
+        return self._built(sensors=list(self._station.sensors))
+
+    @cached_property
+    def _lean(self) -> ClosedStation:
+        """The diagram without sensors that only report."""
+        return self.whole if len(self._stepped_sensors) == len(self._station.sensors) else self._built()
+
+    @cached_property
+    def _unpushed(self) -> ClosedStation:
+        """The diagram without forces, too."""
+        return self._built(forces=False)
+
+    @property
+    def _stepped_sensors(self) -> list[str]:
+        return [name for name, sensor in self._station.sensors.items() if sensor.stepped]
+
+    def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> ClosedStation:
+        kept = self._stepped_sensors if sensors is None else sensors
+        leave = {"forces": forces, "monitors": False}
+        return closed_station(self._station, self.courses, sensors=kept, blocks=self._blocks, **leave)
+
+
+def needed_inputs(blocks: Mapping[str, LeafSystem]) -> list[str]:
+    """Return the inputs of robots that blocks drive, and that a station has only where they are asked for."""
+    names = {output.rpartition(".")[2] for output in driven_inputs(blocks)}
+    return [name for name in DRIVABLE if name in names and name not in ("reference", "reference_acceleration")]
+
+
+def _same_kind(old: Course, new: Course) -> bool:
+    if isinstance(old, SineCourse) or isinstance(new, SineCourse):
+        return (
+            isinstance(old, SineCourse)
+            and isinstance(new, SineCourse)
+            and old.frequency == new.frequency
+            and all(np.array_equal(getattr(old, key), getattr(new, key)) for key in ("centre", "amplitude", "phase"))
+        )
+    return True

@@ -1,0 +1,177 @@
+"""Step a station from edge to edge, and tell how a run ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from traceback import walk_tb
+
+from pydrake.systems.analysis import Simulator, SimulatorStatus
+from pydrake.systems.framework import Context, LeafSystem
+
+from simrob_drake.results.record.history import History, Recorder
+from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
+from simrob_drake.results.record.watch import Watch
+from simrob_drake.stations.checks import likely_cause
+from simrob_drake.stations.closed import ClosedStation
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.solve import apply_solver
+
+_ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended, who ended it and why."""
+
+    ending: Ending
+    stopped_by: str | None
+    message: str
+
+
+class Stepper:
+    """Steps a station over stretches of time between which its diagram may change; all have the same states.
+
+    A run is cut at nothing but the edges: a solver's steps end where a call to advance ends, so other pieces would
+    change the result.
+
+    Attributes:
+        built: the diagram that is stepped now.
+    """
+
+    def __init__(
+        self,
+        config: StationConfig,
+        diagram_at: Callable[[float], ClosedStation],
+        edges: list[float],
+        *,
+        blocks: Mapping[str, LeafSystem],
+    ) -> None:
+        """Prepare to step.
+
+        Args:
+            config: the station.
+            diagram_at: the diagram to be stepped from a time on [s].
+            edges: times at which a step must end, in their order [s].
+            blocks: of the user's own, by name.
+        """
+        self._config, self._diagram_at, self._blocks = config, diagram_at, blocks
+        self._edges = [edge for edge in edges if 0 < edge < config.duration] + [config.duration]
+        self.built = diagram_at(0.0)
+        used = {id(built): built for built in map(diagram_at, [0.0, *self._edges[:-1]])}
+        self._simulators = {key: self._simulator(built) for key, built in used.items()}
+
+    @property
+    def simulator(self) -> Simulator:
+        """That of the diagram that is stepped now."""
+        return self._simulators[id(self.built)]
+
+    def run(self, recorder: Recorder, watch: Watch) -> Outcome:
+        """Step to the end, or until something ends the run."""
+        try:
+            status = self._advanced(recorder)
+        except KeyboardInterrupt:
+            return interrupted(recorder)
+        except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
+            if recorder.failure is not None:
+                raise
+            recorder.look()
+            return self._stopped(watch) or self._failed(recorder, problem) or self._diverged(recorder, problem)
+        recorder.look()
+        stopped = self._stopped(watch)
+        if stopped is not None:
+            return stopped
+        if not recorder.is_sane():
+            return self._diverged(recorder, RuntimeError("a state ran away to infinity"))
+        if status.reason() == _ENDED:
+            return Outcome("monitor", status.system().get_name().removeprefix("monitor."), status.message())
+        return Outcome("completed", None, f"ran to its end at {self._config.duration:g} s")
+
+    def step(self, history: History, time: float) -> History:
+        """Return the state at ``time`` [s], stepped anew from the last recorded one before it.
+
+        Raises:
+            RuntimeError: a state ran away on the way.
+        """
+        before = int((history.times < time).sum()) - 1
+        simulator = self._simulator(self._diagram_at(float(history.times[before])))
+        history.put(before, simulator.get_mutable_context())
+        recorder = Recorder(simulator)
+        simulator.AdvanceTo(time)
+        if not recorder.is_sane():
+            raise RuntimeError("a state ran away between two recorded ones")
+        return recorder.history().last()
+
+    def _advanced(self, recorder: Recorder) -> SimulatorStatus:
+        status = self.simulator.Initialize()
+        for edge in self._edges:
+            if status.reason() == _ENDED:
+                break
+            self._change_diagram(recorder)
+            status = self.simulator.AdvanceTo(edge)
+        return status
+
+    def _change_diagram(self, recorder: Recorder) -> None:
+        """Go on with the diagram of this stretch, in the state that was reached."""
+        context = self.simulator.get_context()
+        built = self._diagram_at(context.get_time())
+        if built is self.built:
+            return
+        self.built = built
+        _copy_state(context, self.simulator.get_mutable_context())
+        integrator = self.simulator.get_mutable_integrator()
+        if not integrator.get_fixed_step_mode():
+            integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
+        self.simulator.Initialize()
+        recorder.attach(self.simulator)
+
+    def _simulator(self, built: ClosedStation) -> Simulator:
+        simulator = Simulator(built.diagram)
+        apply_solver(simulator, self._config)
+        return simulator
+
+    def _stopped(self, watch: Watch) -> Outcome | None:
+        return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
+
+    def _failed(self, recorder: Recorder, problem: BaseException) -> Outcome | None:
+        """Return how a block of the user's own ended the run by an exception; None if none of them did."""
+        for frame, line in reversed(list(walk_tb(problem.__traceback__))):
+            for name, block in self._blocks.items():
+                if frame.f_locals.get("self") is block:
+                    where = self._failing_port(block, type(problem)) or frame.f_code.co_name
+                    told = f"{type(problem).__name__}: {problem} (line {line})"
+                    return Outcome("failed", name, f"the block {name} failed at {_time(recorder)} in {where}: {told}")
+        return None
+
+    def _failing_port(self, block: LeafSystem, kind: type[BaseException]) -> str:
+        context = block.GetMyContextFromRoot(self.simulator.get_context())
+        for index in range(block.num_output_ports()):
+            port = block.get_output_port(index)
+            try:
+                port.Eval(context)
+            except kind:
+                return f"its output {port.get_name()}"
+        return ""
+
+    def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
+        first_sentence = " ".join(str(problem).split()).split(". ")[0].rstrip(".")
+        cause = likely_cause(self._config, self.built.ports.plant)
+        return Outcome("diverged", DIVERGED, f"diverged at {_time(recorder)}: {first_sentence}; {cause}")
+
+
+def interrupted(recorder: Recorder) -> Outcome:
+    """Return the outcome of a run that its user interrupted."""
+    return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
+
+
+def _copy_state(source: Context, target: Context) -> None:
+    """Copy time and state between contexts of the same layout."""
+    target.SetTime(source.get_time())
+    if source.num_continuous_states():
+        target.SetContinuousState(source.get_continuous_state_vector().CopyToVector())
+    for group in range(source.num_discrete_state_groups()):
+        target.SetDiscreteState(group, source.get_discrete_state(group).value())
+
+
+def _time(recorder: Recorder) -> str:
+    return f"{recorder.history().end:.4g} s"

@@ -1,0 +1,87 @@
+"""What the blocks of robots say in a station's picture: plant, servos, joint stops."""
+
+from __future__ import annotations
+
+from simrob_drake.parts.captions import MANY, figures, limits_told, short, wrapped
+from simrob_drake.parts.site import StationRobot
+from simrob_drake.stations.ports import StationPorts
+
+
+def draw_plant(ports: StationPorts) -> None:
+    """Draw the plant with its robots, pieces and the servos inside of its actuators, stops and scene."""
+    config, robots = ports.config, list(ports.plant.robots.values())
+    told = [_robot_text(robot) for robot in robots]
+    if config.mode == "kinematic":
+        ports.draw("inverse_dynamics", "robot", "\n".join(["Inverse dynamics", *told]))
+        ports.draw("geometry_poses", "robot", "Geometry poses")
+    else:
+        pieces = [wrapped(f"with {', '.join(config.pieces)}")] if config.pieces else []
+        servos = [line for robot in robots for line in _actuators_text(ports, robot)]
+        inside = ["", "PD in its actuators:", *servos] if servos else []
+        ports.draw("plant", "robot", "\n".join(["Plant", *told, *pieces, *inside]))
+        if not config.solver.holds_joint_limits:
+            _draw_stops(ports, robots)
+    ports.draw("scene_graph", "scene", "Scene graph\nall geometry")
+
+
+def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
+    """Draw servos as they are made: a row for each joint, or one for all; of many the middle ones share a block."""
+    axes, prefix, efforts = robot.axes, robot.prefix, robot.model.effort_units
+    if ports.config.solver.scheme == "cenic":  # one block saturates for all
+        ports.draw(f"{prefix}torque", "servo", f"Saturation\n{limits_told(robot.gains.torque_limit, efforts)}", robot)
+    if not per_joint:
+        _draw_servo(ports, robot, "servo", list(range(len(axes))), f"{len(axes)} joints")
+        return
+    between = axes[1:-1] if len(axes) > MANY else []
+    for index, axis in enumerate(axes):
+        if axis in between:
+            label = f"⋮\n{len(between)} joints,\n{between[0]} to {between[-1]}"
+            for part in ("pd", "saturation", "integrator", "integral_clip"):
+                ports.draw(f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more")
+        else:
+            _draw_servo(ports, robot, axis, [index], axis)
+
+
+def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
+    """Draw the integral part of a group of joints."""
+    gains, units = robot.gains, [robot.model.effort_units[index] for index in group]
+    label = f"{who}: I\nki {figures(gains.ki[group])}, {limits_told(gains.integral_limit[group], units)}"
+    for part in ("integrator", "integral_clip"):
+        ports.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
+
+
+def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
+    gains, units = robot.gains, [robot.model.effort_units[index] for index in group]
+    name = f"{robot.prefix}{row}"
+    ports.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {figures(gains.kp[group])}, kd {figures(gains.kd[group])}", robot)
+    ports.draw(f"{name}.saturation", "servo", f"Saturation\n{limits_told(gains.torque_limit[group], units)}", robot)
+    if (gains.ki[group] > 0).any():
+        draw_integral(ports, robot, row, group, who)
+
+
+def _draw_stops(ports: StationPorts, robots: list[StationRobot]) -> None:
+    stops = ports.config.joint_stops
+    units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
+    springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
+    dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
+    ports.draw("stops", "robot", f"Joint stops\n{stops.stiffness:g} {springs}\n{stops.damping:g} {dampers}")
+
+
+def _robot_text(robot: StationRobot) -> str:
+    """Return a robot's name, where there are several, its kind, and its size."""
+    kind = robot.model.description.split(",")[0]
+    kind = kind if short(kind) else robot.model.name
+    title = f"{robot.name}: {kind}" if robot.prefix else kind
+    return wrapped(f"{title}, {len(robot.axes)} axes")
+
+
+def _actuators_text(ports: StationPorts, robot: StationRobot) -> list[str]:
+    """Return a line for each actuator of a robot that holds a servo of its own; of many the first and the last."""
+    if ports.config.servo_of(robot.name).realization != "implicit":
+        return []
+    figures_of = zip(robot.axes, robot.gains.kp, robot.gains.kd, robot.gains.torque_limit, strict=True)
+    lines = [
+        f"{robot.prefix}{axis}: kp {kp:.4g}, kd {kd:.4g}, ±{limit:.4g} {unit}"
+        for (axis, kp, kd, limit), unit in zip(figures_of, robot.model.effort_units, strict=True)
+    ]
+    return lines if len(lines) <= MANY else [lines[0], "⋮", lines[-1]]

@@ -1,0 +1,248 @@
+"""A station's configuration with the robots and pieces behind its names: read once, and checked as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from simrob_drake.blocks.servo import ServoGains
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
+from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.pieces import TCP, PieceModel
+from simrob_drake.stations.config import RobotConfig, ServoConfig, StationConfig
+from simrob_drake.stations.piece_sources import piece_of
+from simrob_drake.stations.tools import flange, tool_in_use
+from simrob_drake.yaml_files import YAML_SUFFIXES
+
+
+@dataclass(frozen=True)
+class ResolvedStation(Surroundings):
+    """A station, resolved.
+
+    Attributes of :class:`Surroundings`, and:
+        config: its configuration.
+    """
+
+    config: StationConfig
+
+
+def resolve(config: StationConfig) -> ResolvedStation:
+    """Read the robots and pieces of a station.
+
+    Raises:
+        SimrobError: a name that stands for nothing, or a figure that does not fit; the message names the key.
+    """
+    models = {name: _robot_model(entry) for name, entry in config.robots.items()}
+    pieces = {piece.name: piece for piece in _pieces(config, models)}
+    for name in config.pieces:
+        if name in config.robots or name == WORLD:
+            raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
+    robots = {name: _robot(config, name, model, pieces) for name, model in models.items()}
+    return ResolvedStation(
+        mode=config.mode,
+        scheme=config.solver.scheme if config.mode == "dynamic" else "",
+        has_contact=config.contact is not None,
+        has_floor=config.floor is not None,
+        robots=robots,
+        pieces=pieces,
+        sensors=config.sensors,
+        config=config,
+    )
+
+
+def check_parts(station: ResolvedStation) -> None:
+    """Check that a station can do what it is asked: that something moves, and that its parts find what they name.
+
+    Raises:
+        SimrobError: the first thing that cannot be; the message names the key, and what would be right.
+    """
+    config = station.config
+    _check_movers(config)
+    for name, sensor in config.sensors.items():
+        sensor.check(f"sensors.{name}", station)
+    for name, monitor in config.monitors.items():
+        monitor.check(name, station)
+        monitor.condition(name, station)
+    for name, force in config.forces.items():
+        force.check(f"forces.{name}", station)
+
+
+def _robot_model(entry: RobotConfig) -> RobotModel:
+    if entry.urdf is not None:
+        from simrob_drake.importer.cache import robot_from_file  # few stations need the importer
+
+        return robot_from_file(entry.urdf, entry.import_options)
+    model = str(entry.model)
+    return load_robot_file(Path(model)) if model.endswith(YAML_SUFFIXES) else load_robot(model)
+
+
+def _robot(config: StationConfig, name: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece]) -> ResolvedRobot:
+    entry = config.robots[name]
+    _check_axes(config, name, model)
+    if model.feet is None and entry.feet is not None:
+        raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
+    carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
+    frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
+    tcp = tool_in_use(model.tools, carried, entry.tcp)
+    if tcp and tcp not in frames:
+        raise UnknownName(f"tool of {name}", tcp, frames)
+    return ResolvedRobot(
+        name=name,
+        prefix=config.prefix(name),
+        model=model,
+        base=transform_from_pose(entry.base),
+        floats=config.mode == "dynamic" and model.base == "floating",
+        gains=servo_gains(model, config.servo_of(name)),
+        initial=_initial_position(entry, name, model),
+        carried=carried,
+        tool_frames=frames,
+        tcp=tcp,
+        tcp_offset=entry.tcp_offset,
+        feet=model.feet.kind(entry.feet) if model.feet else None,
+    )
+
+
+def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
+    """Return the figures of a robot's servos: the station's, else the robot's own, else the URDF's efforts."""
+    efforts = robot.efforts
+
+    def figures(key: str) -> Vector:
+        own = getattr(robot.servo, key, None)
+        base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
+        given = getattr(servo, key)
+        return base if given is None else robot.axis_vector(given, f"servo.{key}", base)
+
+    limit = efforts if servo.torque_limit is None else robot.axis_vector(servo.torque_limit, "torque_limit", efforts)
+    integral = (
+        limit if servo.integral_limit is None else robot.axis_vector(servo.integral_limit, "integral_limit", limit)
+    )
+    return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, integral)
+
+
+def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
+    """Return where a robot's axes start, shape (n,) [rad or m].
+
+    Raises:
+        InvalidParameter: a start outside the joint limits.
+    """
+    position = model.user_units * model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg")
+    lower, upper = model.axis_limits
+    for index, axis in enumerate(model.axes):
+        if not lower[index] <= position[index] <= upper[index]:
+            low, high, value = np.array([lower[index], upper[index], position[index]]) / model.user_units[index]
+            limits = f"within {low:.5g} to {high:.5g} {model.unit_names[index]}"
+            raise InvalidParameter(f"initial_deg of {axis}", f"{value:.5g}", limits)
+    return position
+
+
+def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
+    """Check that the axes exist that servos and reference of a robot name."""
+    servo, reference = config.servo_of(robot), config.reference_of(robot)
+    values: dict[str, AxisValues | None] = {
+        **{f"servo.{key}": getattr(servo, key) for key in ("kp", "ki", "kd", "torque_limit", "integral_limit")},
+        **{f"reference.{key}": value for key, value in reference.axis_values().items()},
+    }
+    for key, value in values.items():
+        if value is not None:
+            model.axis_vector(value, key)
+
+
+def _check_movers(config: StationConfig) -> None:
+    """Check that something in the station moves, and by means that its mode has."""
+    free = config.free_pieces
+    if not (config.robots or free):
+        expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
+        raise InvalidParameter("robots", "empty", expected)
+    if free and config.mode == "kinematic":
+        raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
+
+
+def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:
+    """Yield the pieces, each after what it hangs on.
+
+    Raises:
+        UnknownName: a parent that is no robot, no piece and not the world, or a frame that it does not have.
+        InvalidParameter: pieces that hang on each other in a circle, or a free one without mass.
+    """
+    carriers, models = carriers_of(config), dict[str, PieceModel]()
+    for piece, carrier in carriers.items():
+        entry, parent = config.pieces[piece], _parent(config, piece)
+        model = models[piece] = piece_of(entry, piece)
+        if entry.free and not (model.mass > 0 and min(model.inertia) > 0):
+            expected = "a piece with mass and inertia: gravity and contact move it"
+            raise InvalidParameter(f"pieces.{piece}.free", True, expected)
+        yield ResolvedPiece(
+            name=piece,
+            model=model,
+            parent=parent,
+            carrier=carrier,
+            mount=_mount(f"pieces.{piece}.frame", entry.frame, parent, robots, models),
+            pose=transform_from_pose(entry.pose),
+            free=entry.free,
+        )
+
+
+def carriers_of(config: StationConfig) -> dict[str, str]:
+    """Return which robot carries each piece, directly or through others, or ``world``: each after what it hangs on.
+
+    Raises:
+        UnknownName: a parent that is no robot, no piece and not the world.
+        InvalidParameter: pieces that hang on each other in a circle.
+    """
+    parents = {piece: _parent(config, piece) for piece in config.pieces}
+    carriers: dict[str, str] = {}
+    for piece in _outward(config, parents):
+        carriers[piece] = carriers.get(parents[piece], parents[piece])
+    return carriers
+
+
+def _parent(config: StationConfig, piece: str) -> str:
+    """Return what a piece hangs on: ``world``, a robot's name or another piece's name."""
+    entry = config.pieces[piece]
+    parent = entry.parent or (WORLD if entry.free or not config.robots else config.only_robot)
+    if parent is None:
+        raise InvalidParameter(f"pieces.{piece}.parent", None, f"one of world, {', '.join(config.robots)}, or a piece")
+    return parent
+
+
+def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
+    """Return the names of the pieces, each after what it hangs on."""
+    for piece, parent in parents.items():
+        known = [WORLD, *config.robots, *config.pieces]
+        if parent not in known:
+            raise UnknownName(f"parent for pieces.{piece}", parent, [name for name in known if name != piece])
+    ordered: list[str] = []
+    while len(ordered) < len(parents):
+        ready = [p for p in parents if p not in ordered and (parents[p] not in parents or parents[p] in ordered)]
+        if not ready:
+            rest = next(piece for piece in parents if piece not in ordered)
+            raise InvalidParameter(f"pieces.{rest}.parent", parents[rest], "no piece that hangs on this one")
+        ordered += ready
+    return ordered
+
+
+def _mount(
+    key: str, frame: str | None, parent: str, robots: Mapping[str, RobotModel], pieces: Mapping[str, PieceModel]
+) -> str:
+    """Return the name of the frame of the plant that a piece hangs on; empty for the world.
+
+    On a robot that is one of its own tools, the first unless named, or its root; on a piece one of its frames.
+    """
+    if parent in robots:
+        tools = robots[parent].tools
+        if frame is not None and frame not in tools:
+            raise UnknownName(f"tool of {parent} for {key}", frame, tools)
+        return flange(tools, robots[parent].root, frame)
+    if parent == WORLD:
+        if frame is not None:
+            raise InvalidParameter(key, frame, "left out: it hangs on the world, which has no frames")
+        return ""
+    known = pieces[parent].frame_poses
+    if frame is not None and frame not in known:
+        raise UnknownName(f"frame of {parent}", frame, known)
+    return f"{parent}_{frame or TCP}"

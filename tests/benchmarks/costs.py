@@ -1,0 +1,61 @@
+"""What a station's parts cost while it is stepped, and what a runner saves: ``python -m tests.benchmarks.costs``.
+
+The humanoid stands for 3 s (``cenic``, servos in the actuators): solver and plant are then at their cheapest, so what
+comes on top shows most.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from simrob_drake import Runner, load_station, simulate
+from tests.benchmarks.turns import in_turn
+
+PARTS = {
+    "feedforward": {"inputs": ["feedforward"]},
+    "reference_velocity": {"inputs": ["reference_velocity"]},
+    "ki 1e-9, the same motion": {"servo.ki": 1e-9},
+    "ki 10": {"servo.ki": 10},
+    "a fall monitor": {"monitors": {"fall": {"height": 0.2}}},
+    "a push of 0.1 s, 0.1 N": {"forces": {"push": {"start": 1.0, "force": [0.1, 0, 0]}}},
+}
+RUNS, SHORT = 100, 0.5  # s
+
+
+def costs() -> Table:
+    """Stepping time with each part against that without."""
+    table = Table("part of humanoid_dynamic", "ratio of stepping time", title="what parts cost, standing for 3 s")
+    runners = {"": Runner(load_station("humanoid_dynamic", {"duration": 3.0}))}
+    runners |= {
+        name: Runner(load_station("humanoid_dynamic", {"duration": 3.0, **part})) for name, part in PARTS.items()
+    }
+    times = in_turn({name: lambda runner=runner: runner.run().stepping_time for name, runner in runners.items()}, 25)
+    for name in PARTS:
+        table.add_row(name, f"{np.median(times[name] / times['']):.3f}")
+    return table
+
+
+def runner() -> Table:
+    """Runs of 0.5 s through a runner against as many calls of simulate()."""
+    config = load_station("humanoid_dynamic", {"duration": SHORT})
+    began = perf_counter()
+    for _ in range(RUNS):
+        simulate(config, progress=False)
+    anew, once = perf_counter() - began, perf_counter()
+    own = Runner(config)
+    for _ in range(RUNS):
+        own.run()
+    table = Table(f"{RUNS} runs of {SHORT:g} s", "s", "ratio")
+    table.add_row("simulate()", f"{anew:.2f}", "")
+    table.add_row("a runner", f"{perf_counter() - once:.2f}", f"{anew / (perf_counter() - once):.1f}")
+    return table
+
+
+if __name__ == "__main__":
+    console = Console(markup=False)
+    console.print(costs())
+    console.print(runner())

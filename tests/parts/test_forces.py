@@ -1,0 +1,98 @@
+"""Forces of a station: a body gets their impulse, whatever the solver's steps, and what can't act is refused."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import SimrobError
+from simrob_drake.results.result import SimulationResult
+
+MASS = 0.9048  # kg, of the ball
+FREE = {"gravity": 0, "pieces.ball.pose": [0, 0, 1, 0, 0, 0]}
+
+
+def ball(forces: dict[str, Any], scheme: str = "cenic", *, until: float = 1.0, step: float = 0.1) -> SimulationResult:
+    """Push a free ball without weight, with steps as long as the pushes."""
+    overrides = {
+        **FREE,
+        "solver.max_step": step,
+        "solver.scheme": scheme,
+        "forces": {name: {"at": "ball", **f} for name, f in forces.items()},
+    }
+    return simulate(load_station("bouncing_ball", overrides), duration=until, progress=False)
+
+
+def velocity(result: SimulationResult) -> np.ndarray:
+    return np.array([result[f"piece.ball.v{axis}"][-1] for axis in "xyz"])
+
+
+@pytest.mark.parametrize("scheme", ["cenic", "radau3", "runge_kutta3"])
+def test_the_impulse_of_a_push_arrives(scheme: str) -> None:
+    force = np.array([3.0, -10.0, 1.0])
+    result = ball({"push": {"start": 0.213, "duration": 0.1, "force": force.tolist()}}, scheme)
+    # Schemes with a stage at a step's end find the force gone there; their error control keeps that to a thousandth.
+    np.testing.assert_allclose(velocity(result), force * 0.1 / MASS, rtol=2e-3)
+
+
+def test_pushes_add_up_where_they_overlap() -> None:
+    pushes = {
+        "one": {"kind": "push", "start": 0, "duration": 0.2, "force": [1, 0, 0]},
+        "two": {"kind": "push", "start": 0.1, "duration": 0.5, "force": [0, 4, 0]},
+    }
+    np.testing.assert_allclose(velocity(ball(pushes)), np.array([0.2, 2.0, 0.0]) / MASS, atol=2e-4)
+
+
+def test_before_a_push_nothing_moves() -> None:
+    pushed = ball({"push": {"start": 0.5, "force": [1, 1, 1]}}, until=0.5)
+    np.testing.assert_array_equal(velocity(pushed), np.zeros(3))
+
+
+def test_a_sine_swings_as_its_integral_says() -> None:
+    r"""From rest, :math:`m v = a (1 - \cos\omega t) / \omega`."""
+    result = ball({"sine": {"amplitude": [0, 2, 0], "frequency": 1.5}}, "radau3", step=0.01)
+    omega = 2 * np.pi * 1.5
+    expected = 2 * (1 - np.cos(omega * result.times)) / omega / MASS
+    np.testing.assert_allclose(result["piece.ball.vy"], expected, atol=1e-5)
+    np.testing.assert_allclose(result["applied_force.sine.y"], 2 * np.sin(omega * result.times), atol=1e-12)
+    assert result.units["applied_force.sine.y"] == "N"
+
+
+def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_unless_told() -> None:
+    push = {"start": 0, "duration": 0.05, "force": [0, -30, 0]}
+    at_rest, untold, told, elsewhere = (
+        simulate(load_station("humanoid_dynamic", {"forces": forces}), duration=0.05, progress=False)
+        for forces in ({}, {"push": push}, {"push": {**push, "at": "robot"}}, {"push": {**push, "at": "head"}})
+    )
+    assert untold["base.y"][-1] < at_rest["base.y"][-1] - 1e-3
+    np.testing.assert_array_equal(untold.values, told.values)
+    assert np.abs(elsewhere["base.y"][-1] - untold["base.y"][-1]) > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("figures", "message"),
+    [
+        ({"kind": "push", "start": -0.1, "force": [1, 1, 1]}, r"forces\.f\.start: .*greater than or equal to 0"),
+        ({"kind": "push", "duration": 0, "force": [1, 1, 1]}, r"forces\.f\.duration: .*greater than 0"),
+        ({"kind": "push", "force": [1, 1]}, r"forces\.f\.force: "),
+        ({"kind": "push", "force": [1, 2, float("nan")]}, r"forces\.f\.force: .*finite"),
+        ({"kind": "sine", "amplitude": [1, 2, 3], "frequency": 0}, r"forces\.f\.frequency: .*greater than 0"),
+        ({"kind": "shove", "force": [1, 1, 1]}, r"forces\.f\.kind: there is no 'shove'.*push, sine"),
+        ({"kind": "push", "at": "tool1", "force": [1, 1, 1]}, r"for forces\.f\.at 'tool1'; did you mean 'tool0'"),
+    ],
+)
+def test_figures_that_make_no_force_are_refused(figures: dict[str, Any], message: str) -> None:
+    with pytest.raises(SimrobError, match=message):
+        load_station("irb120_dynamic", {"forces.f": figures})
+
+
+def test_of_several_robots_one_is_named() -> None:
+    with pytest.raises(SimrobError, match=r"forces\.push\.at is None; it must be one of left, right"):
+        load_station("two_irb120", {"forces.push": {"force": [1, 0, 0]}})
+
+
+@pytest.mark.parametrize(("key", "value"), [("external_force", {"kind": "sine"}), ("robot.pushes", [{"start": 1}])])
+def test_keys_that_moved_say_where(key: str, value: Any) -> None:
+    with pytest.raises(SimrobError, match=f"{key}.*is now .*forces: "):
+        load_station("irb120_dynamic", {key: value})

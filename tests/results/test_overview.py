@@ -1,0 +1,53 @@
+"""A run at a glance, in a shell and in a notebook."""
+
+import base64
+import re
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from simrob_drake import load_station, simulate
+from simrob_drake.results.overview import table_of
+
+
+@pytest.fixture(scope="module")
+def result():
+    return simulate(load_station("irb120_dynamic"), duration=0.3, progress=False)
+
+
+def test_a_shell_shows_three_lines(result):
+    lines = repr(result).splitlines()
+    assert lines[0] == "irb120_dynamic: ran to its end at 0.3 s"
+    assert lines[1].startswith(f"31 samples to 0.3 s, {len(result.step_times) - 1} steps, ")
+    assert lines[2].startswith(f"{len(result.names)} columns: q_ref.joint_1, q_ref.joint_2")
+    assert len(lines) == 3
+    assert max(map(len, lines)) <= 100
+
+
+def test_a_notebook_shows_the_film_strip_and_where_the_joints_ended(result):
+    page = result._repr_html_()
+    (strip,) = re.findall(r"base64,([A-Za-z0-9+/=]+)", page)
+    assert imread(BytesIO(base64.b64decode(strip))).shape[0] > 360
+    rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", page)][1:]
+    assert [row[0] for row in rows] == [f"joint_{number}" for number in range(1, 7)]
+    ends = [float(row[2]) for row in rows]
+    np.testing.assert_allclose(ends, np.rad2deg(result.axes("q")[-1]), atol=5e-4)
+    peaks = [abs(float(row[5])) for row in rows]
+    np.testing.assert_allclose(peaks, np.abs(result.axes("tau")).max(axis=0), atol=5e-4)
+
+
+def test_a_message_is_no_markup(result):
+    page = replace(result, message="<script>alert(1)</script> & more")._repr_html_()
+    assert "<script>" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; more" in page
+
+
+def test_without_robots_the_pieces_are_told():
+    ball = simulate(load_station("bouncing_ball"), duration=0.1, progress=False)
+    (_, row) = table_of(ball)
+    assert row[0] == "ball"
+    assert float(row[3]) == pytest.approx(ball["piece.ball.z"][-1], abs=5e-5)
+    assert float(row[4]) == pytest.approx(abs(ball["piece.ball.vz"][-1]), abs=5e-5)

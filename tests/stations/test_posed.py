@@ -1,0 +1,38 @@
+"""A station that is put into configurations: its frames and shapes follow."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import load_station
+from simrob_drake.kinematics import Chain
+from simrob_drake.stations.posed import PosedStation
+
+
+@pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
+def test_shapes_follow_the_robot(mode: str) -> None:
+    posed = PosedStation(load_station(f"irb120_{mode}"))
+    q = np.array([0.3, -0.2, 0.4, 0.1, 0.7, -0.5])
+    robot = posed.station.robots["robot"]
+    posed.place_robots({"robot": q})
+    body = robot.tools[robot.tcp].body()
+    shown = posed.query().GetPoseInWorld(posed.plant.GetBodyFrameIdOrThrow(body.index()))
+    chain = Chain.of_plant(posed.plant, joints=robot.joints, base=posed.plant.world_frame(), tool=body.body_frame())
+    np.testing.assert_allclose(shown.GetAsMatrix4(), chain.forward(q)[0], atol=1e-12)
+    posed.place(posed.initial)
+    np.testing.assert_allclose(robot.signs * posed.initial[robot.places], robot.initial, atol=1e-15)
+    again = posed.query().GetPoseInWorld(posed.plant.GetBodyFrameIdOrThrow(body.index()))
+    np.testing.assert_allclose(again.GetAsMatrix4(), chain.forward(robot.initial)[0], atol=1e-12)
+
+
+def test_robots_that_are_not_placed_stay() -> None:
+    posed = PosedStation(load_station("two_irb120"))
+    one, other = posed.station.robots.values()
+    posed.place_robots({one.name: one.initial + 0.1})
+    posed.place_robots({other.name: other.initial - 0.1})
+    for robot, wanted in ((one, one.initial + 0.1), (other, other.initial - 0.1)):
+        frame = robot.tools[robot.tcp].body()
+        chain = Chain.of_plant(
+            posed.plant, joints=robot.joints, base=posed.plant.world_frame(), tool=frame.body_frame()
+        )
+        shown = posed.query().GetPoseInWorld(posed.plant.GetBodyFrameIdOrThrow(frame.index()))
+        np.testing.assert_allclose(shown.GetAsMatrix4(), chain.forward(wanted)[0], atol=1e-12)

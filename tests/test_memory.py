@@ -1,0 +1,40 @@
+"""Many runs in one process: nothing of them stays, and memory does not grow."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+MEASURE = """
+import gc, json, resource, sys
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Diagram, LeafSystem
+from simrob_drake import load_station, simulate
+
+def peak():  # of the memory of this process [MB]
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+
+config = load_station(sys.argv[1], {"duration": 0.2})
+for _ in range(10):
+    result = simulate(config, progress=False)  # kept, as below: the last run's diagrams live beside the next one's
+before = peak()
+for _ in range(30):
+    result = simulate(config, progress=False)
+grown = peak() - before
+if result.contacts_at:
+    list(result.contacts_at(result.times[:2]))
+del result
+gc.collect()
+kinds = (Diagram, LeafSystem, MultibodyPlant)
+alive = [type(each).__name__ for each in gc.get_objects() if issubclass(type(each), kinds)]
+print(json.dumps({"grown": grown, "alive": alive}))
+"""
+
+
+@pytest.mark.parametrize("station", ["irb120_dynamic", "humanoid_dynamic", "irb120_force_stop"])
+def test_runs_leave_nothing_behind(station: str) -> None:
+    done = subprocess.run([sys.executable, "-c", MEASURE, station], check=True, capture_output=True, text=True)
+    found = json.loads(done.stdout)
+    assert found["alive"] == []
+    assert found["grown"] < 30 * 0.1  # MB
