@@ -169,7 +169,7 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
         if node.kind == "Transform Sensor":
             report.add("read", node.path, "Transform Sensor: see base.*, tcp.* and the tool frames of the signals")
         elif node.kind == "External Force and Torque":
-            report.add("dropped", node.path, "External Force and Torque: give it with external_force, at the tool")
+            report.add("read", node.path, "its force is the port external_force, at this frame; a torque has no port")
         elif node.kind in ("Internal Force", "Planar Contact Force", "Inverse Square Law Force"):
             report.add("dropped", node.path, f"{node.kind}: no station has one")
         elif "Variable Mass" in node.block.kind:

@@ -6,7 +6,7 @@ import trimesh
 from pydrake.math import RotationMatrix
 from slx_files import BRICK, INERTIA, REVOLUTE, TRANSFORM, WORLD, Level, write_model
 
-from simrob_drake import load_station, simulate
+from simrob_drake import build_station, load_station, simulate
 from simrob_drake.errors import InvalidModel
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.simulink.importing import import_simulink
@@ -244,7 +244,7 @@ def test_bodies_joined_at_frames_of_solids(tmp_path):
     np.testing.assert_allclose(to_joint.multiply(places["Other"]), [4, 0, 0], atol=1e-12)
 
 
-def mechanism(tmp_path):
+def mechanism():
     """Return the level of two bars on hinges in a row, and its blocks."""
     level = Level()
     blocks = {"world": level.block(WORLD, "World")}
@@ -280,7 +280,7 @@ def test_a_joint_the_other_way_round_turns_the_other_way(tmp_path):
 
 
 def test_loops_are_refused_by_name(tmp_path):
-    level, blocks = mechanism(tmp_path)
+    level, blocks = mechanism()
     closing = level.block(REVOLUTE, "Closing")
     level.connect(f"{blocks['world']}#rconn:1", f"{closing}#lconn:1")
     level.connect(blocks["end"], f"{closing}#rconn:1")
@@ -289,7 +289,7 @@ def test_loops_are_refused_by_name(tmp_path):
 
 
 def test_rigid_loops_must_fit(tmp_path):
-    level, _ = mechanism(tmp_path)
+    level, _ = mechanism()
     wrong = level.block(TRANSFORM, "Wrong", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0.1 0]")
     level.connect("4#lconn:1", f"{wrong}#lconn:1")
     level.connect("4#rconn:1", f"{wrong}#rconn:1")
@@ -362,7 +362,18 @@ def test_a_joint_of_three_freedoms_is_three_joints(tmp_path):
     ],
 )
 def test_what_has_no_likeness_is_refused(tmp_path, kind, told):
-    level, _ = mechanism(tmp_path)
+    level, _ = mechanism()
     level.block(kind, "Strange")
     with pytest.raises(InvalidModel, match=f"Strange.*{told}"):
         import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+
+
+def test_an_external_force_is_a_port_at_its_frame(tmp_path):
+    level, blocks = mechanism()
+    push = level.block("sm_lib/Forces and\nTorques/External Force\nand Torque", "Push", EnableForceZ="on")
+    level.connect(blocks["end"], f"{push}#rconn:1")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    config = load_station(station)
+    assert config.inputs == ("external_force",)
+    assert config.robots["robot"].tcp == "Push"
+    assert "external_force" in build_station(config).ports.inputs

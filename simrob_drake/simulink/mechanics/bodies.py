@@ -28,7 +28,7 @@ class Body:
     Attributes:
         frames: pose of each of its physical nodes in the first one.
         solids: with their poses there.
-        marks: Reference Frame blocks by node, with their poses.
+        marks: Reference Frames, and where external forces act, with their poses.
         grounded: whether it is the world.
     """
 
@@ -71,6 +71,8 @@ class Bodies:
     roots: set[Place]
 
 
+PUSH = "External Force and Torque"
+_MARKS = ("Reference Frame", PUSH)
 _GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", "Point Cloud", "Grid Surface", "Spline", "Line Segment"}
 """Curves and surfaces: their frame is the left port."""
 
@@ -137,7 +139,7 @@ class _Frames:
             self.joints.append((read_joint(node), *self._ends(node)))
         elif node.kind in SOLIDS:
             self._take_solid(node)
-        elif node.kind in ("World Frame", "Reference Frame") or node.kind in _GEOMETRY_ONLY:
+        elif node.kind in ("World Frame", *_MARKS) or node.kind in _GEOMETRY_ONLY:
             self.attached.append((node, frame_place(self._network, node)))
 
     def _ends(self, node: Node) -> tuple[Place, Place]:
@@ -200,5 +202,5 @@ def _attach(attached: list[tuple[Node, Place]], bodies: Bodies, meshes: MeshFile
                 body.solids.append(replace(read_solid(node, meshes), pose=pose))
             except InvalidModel as problem:
                 node.findings.report.add("refused", node.path, str(problem).rpartition(f"{node.path}: ")[2])
-        elif node.kind == "Reference Frame":
+        elif node.kind in _MARKS:
             body.marks.append((node, pose))

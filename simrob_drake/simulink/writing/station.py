@@ -154,6 +154,8 @@ class StationWriter:
         if self._touching.ends and not kinematic:
             content |= contact_sections(self._touching, self._files, self._model, self._gravity, self._names)
         content["gravity"] = self._gravity
+        if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
+            content["inputs"] = ["external_force"]
         content |= {} if kinematic else self._dynamics(robots)
         content["duration"] = duration
         return content
@@ -194,6 +196,8 @@ class StationWriter:
         (folder / ROBOT_FILE).write_text(text, encoding="utf-8")
         start = {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
         entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
+        if robot.pushed:
+            entry["tcp"] = robot.pushed
         base = self._turn @ robot.tree.base
         if not base.IsNearlyIdentity(1e-12):
             entry["base"] = pose_list(base)
@@ -201,6 +205,8 @@ class StationWriter:
         if degrees:
             entry["initial_deg"] = degrees
         laws = {freedom: self._law(freedom) for freedom in robot.axes}
+        for freedom, law in laws.items():
+            self._tell(name, robot.axes[freedom], freedom, law, kinematic=kinematic)
         if not kinematic:
             entry["servo"] = _servo(robot, laws)
         wanted = {freedom: law.wanted for freedom, law in laws.items()}
@@ -233,6 +239,13 @@ class StationWriter:
                 "dropped", freedom.name, "torque that no position commands; give it with inputs: [feedforward]"
             )
         return law
+
+    def _tell(self, robot: str, axis: str, freedom: Freedom, law: Law, *, kinematic: bool) -> None:
+        """Report what a joint became."""
+        gains = {"kp": law.kp, "ki": law.ki, "kd": law.kd, "limit": law.limit if isfinite(law.limit) else 0.0}
+        told = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
+        drive = "moved as its reference" if kinematic else f"servo {told}" if told else "no servo"
+        self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
         """Return where a joint stands among the model's inputs; joints without one keep their order behind."""

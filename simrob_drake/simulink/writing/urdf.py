@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.frames import Vector
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, place, set_inertia, text
-from simrob_drake.simulink.mechanics.bodies import Body
+from simrob_drake.simulink.mechanics.bodies import PUSH, Body
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
 from simrob_drake.simulink.mechanics.shapes import Mesh, Weight
@@ -39,6 +39,7 @@ class RobotFile:
         links: names of its links by body.
         frames: pose of each link's frame in its body's first frame.
         tools: names of frames on it.
+        pushed: the tool at which an external force acts; empty without.
         weightless: links that move and have no mass.
         mass: of all that moves [kg].
     """
@@ -49,6 +50,7 @@ class RobotFile:
     links: dict[Body, str] = field(default_factory=dict)
     frames: dict[Body, RigidTransform] = field(default_factory=dict)
     tools: dict[str, str] = field(default_factory=dict)
+    pushed: str = ""
     weightless: list[str] = field(default_factory=list)
     mass: float = 0.0
 
@@ -205,11 +207,13 @@ class UrdfWriter:
             if not body.grounded
             for node, pose in body.marks
         ]
-        outermost = min((depth for depth, *_ in found), default=0)
+        outermost = min((depth for depth, _, node, *_ in found if node.kind != PUSH), default=0)
         for depth, _, node, pose, link in sorted(found, key=lambda entry: entry[:2]):
-            if depth > outermost:
-                break
+            if depth > outermost and node.kind != PUSH:
+                continue
             name = self._names.give(node.path)
             add_joint(robot.element, f"{name}_mount", parent=link, child=name, pose=pose)
             ET.SubElement(robot.element, "link", name=name)
             robot.tools[name] = name
+            if node.kind == PUSH:
+                robot.pushed = robot.pushed or name
