@@ -224,3 +224,64 @@ def test_the_units_of_converters_count(tmp_path):
             archive.writestr(part, content.replace('<P Name="Unit">inherit</P>', '<P Name="Unit">kg</P>', 1))
     with pytest.raises(InvalidModel, match=r"q out: Unit: the unit kg does not fit"):
         read_simulink(file)
+
+
+def test_buses_by_the_names_of_their_lines(tmp_path):
+    plant = Plant()
+    bus = plant.chain("BusCreator", "bus", plant.positions[1], plant.speeds[1], plant.positions[0], Inputs="3")
+    plant.lines = [line.replace(f'"Src">{plant.speeds[1]}<', f'"Name">speed</P><P Name="Src">{plant.speeds[1]}<')
+                   for line in plant.lines]  # fmt: skip
+    picked = plant.block("BusSelector", "pick", OutputSignals="speed,signal3")
+    plant.wire(bus, f"{picked}#in:1")
+    plant.drive(
+        plant.chain("Gain", "a", f"{picked}#out:2", Gain="-5"), plant.chain("Gain", "b", f"{picked}#out:1", Gain="-7")
+    )
+    laws, _ = plant.laws(tmp_path)
+    assert (laws["A"].kp, laws["A"].kd, laws["B"].kp, laws["B"].kd) == (5, 0, 0, 7)
+
+
+def test_physical_signals_are_followed_without_converters(tmp_path):
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block(
+        REVOLUTE, "J", SensePosition="on", TorqueActuationMode="InputTorque"
+    )  # fmt: skip
+    rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
+    rest = level.block("fl_lib/Physical Signals/Sources/PS Constant", "rest", constant="0.5")
+    error = level.block("fl_lib/Physical Signals/Functions/PS Subtract", "error")
+    gain = level.block("fl_lib/Physical Signals/Functions/PS Gain", "gain", gain="8")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+    level.connect(f"{rest}#rconn:1", f"{error}#lconn:1")
+    level.connect(f"{joint}#rconn:2", f"{error}#lconn:2")
+    level.connect(f"{error}#rconn:1", f"{gain}#lconn:1")
+    level.connect(f"{gain}#rconn:1", f"{joint}#lconn:2")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    config = load_station(station)
+    assert config.servo.kp == 8
+    assert config.reference.target_deg == {"J": pytest.approx(np.rad2deg(0.5))}
+
+
+@pytest.mark.parametrize(("choice", "refused"), [("two", False), ("", True)])
+def test_variants(tmp_path, choice, refused):
+    """A variant subsystem takes the choice that is named; one that only MATLAB knows is refused."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    inner = Level(first=20)
+    for label, mass in (("one", 1), ("two", 2)):
+        part = Level(first=mass * 100)
+        rod = part.block(INERTIA, "Rod", Mass=mass, MomentsOfInertia="[1 1 1]")
+        port = part.block("PMIOPort", "F", Side="Left")
+        joint = part.block(REVOLUTE, "J")
+        part.connect(f"{port}#rconn:1", f"{joint}#lconn:1")
+        part.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+        inner.block("SubSystem", label, VariantControl=label, inner=part.xml())
+    inner.block("PMIOPort", "F", Side="Left")
+    parts = level.block("SubSystem", "Choice", Variant="on", LabelModeActiveChoice=choice, inner=inner.xml())
+    level.connect(f"{world}#rconn:1", f"{parts}#lconn:1")
+    file = write_model(tmp_path / "a.slx", level)
+    if refused:
+        with pytest.raises(InvalidModel, match="Choice: is a variant whose choice only MATLAB knows"):
+            import_simulink(file, tmp_path / "out")
+        return
+    (robot,) = import_simulink(file, tmp_path / "out").files.robots.values()
+    assert robot.mass == 2

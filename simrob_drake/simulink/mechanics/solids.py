@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
+from simrob_drake.importer.report import ImportReport
 from simrob_drake.simulink.mechanics import shapes
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
 from simrob_drake.simulink.mechanics.shapes import NOTHING, Shape, Weight
@@ -36,6 +37,10 @@ _OLD_SHAPES = {
 }
 SOLIDS = {*_SHAPES, "File Solid", "Solid", "Inertia", "Graphic"}
 """The blocks that are read here."""
+
+
+_POINT = 1e-8
+"""m²: a mass without extent turns as a ball of 0.16 mm."""
 
 
 @dataclass(frozen=True)
@@ -163,3 +168,17 @@ def together(weights: list[Weight]) -> Weight:
         arm: Vector = weight.com - com
         inertia = inertia + weight.inertia + weight.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     return Weight(mass, com, inertia)
+
+
+def possible_moments(name: str, weight: Weight, report: ImportReport) -> Vector:
+    """Return moments, (3, 3), that a real body can have: Simscape takes any inertia, Drake does not."""
+    moments, axes = np.linalg.eigh((weight.inertia + weight.inertia.T) / 2)
+    allowed = np.maximum(moments, weight.mass * _POINT)
+    excess = allowed[2] - allowed[0] - allowed[1]
+    if excess > -1e-12 * allowed[2]:
+        allowed[:2] += max(excess, 0.0) / 2 + 1e-9 * allowed[2]
+    if np.allclose(allowed, moments, rtol=1e-7, atol=0.0):
+        return weight.inertia
+    told = ", ".join(f"{moment:.3g}" for moment in moments)
+    report.add("repaired", name, f"no body has the principal moments {told} kg m²: made possible")
+    return np.asarray(axes @ np.diag(allowed) @ axes.T)

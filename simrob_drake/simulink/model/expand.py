@@ -71,12 +71,14 @@ class _Expansion:
         for sid, block in parent.system.blocks.items():
             if block.commented == "on":
                 continue
-            node = self._node(parent, block)
-            parent.children[sid] = node
+            parent.children[sid] = self._node(parent, block)
+        if parent.is_on("Variant"):
+            _drop_the_others(parent)
+        for node in parent.children.values():
             self._expanded.nodes.append(node)
             if len(self._expanded.nodes) > MOST_BLOCKS:
                 raise parent.refusal(f"the model has more than {MOST_BLOCKS} blocks with its libraries")
-            if node.system is not None and block.commented != "through":
+            if node.system is not None and node.block.commented != "through":
                 self.fill(node, depth + 1)
 
     def _node(self, parent: Node, block: Block) -> Node:
@@ -149,6 +151,14 @@ def _reader(parameter: MaskParameter, text: str, outer: Workspace) -> Callable[[
             raise UndefinedVariable(parameter.name, f"its value {text[:40]} {problem}") from problem
 
     return read
+
+
+def _drop_the_others(variant: Node) -> None:
+    """Leave the active choice alone in a variant subsystem, with the ports around it."""
+    choice = chosen_variant(variant)
+    for sid, child in list(variant.children.items()):
+        if child.system is not None and child is not choice:
+            del variant.children[sid]
 
 
 def chosen_variant(node: Node) -> Node | None:

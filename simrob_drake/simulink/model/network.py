@@ -51,6 +51,14 @@ class Network:
             here = following
         raise node.refusal("its signal goes round through tags without a source")
 
+    def signal_name(self, node: Node, number: int) -> str:
+        """Return the name of the line at an input, or of the block it comes from; empty where there is none."""
+        feed = self._feeds.get((id(node), "in", number))
+        if feed is None or node.parent is None or node.parent.system is None:
+            return ""
+        source, output = feed
+        return node.parent.system.signals.get(Port(source.block.sid, "out", output), source.block.name)
+
     def _before(self, node: Node, output: int) -> tuple[Node, int] | None:
         """Go one step up a signal where a block only hands it on."""
         if node.block.commented == "through":

@@ -108,6 +108,9 @@ def _add_line(system: System, element: Element) -> None:
     sources = [port for role, port in ends if role == "Src"]
     if sources:
         system.wires.append((sources[0], [port for role, port in ends if role == "Dst"]))
+        name = _parameters(element).get("Name", "")
+        if name:
+            system.signals[sources[0]] = one_line(name)
 
 
 def _port(text: str) -> Port:

@@ -80,11 +80,13 @@ class System:
     Attributes:
         blocks: by identifier.
         wires: signal lines, from an ``out`` port to the ports it feeds.
+        signals: names of lines, by the ports they come from.
         nets: physical lines: ports that are one node.
     """
 
     blocks: dict[str, Block] = field(default_factory=dict)
     wires: list[tuple[Port, list[Port]]] = field(default_factory=list)
+    signals: dict[Port, str] = field(default_factory=dict)
     nets: list[list[Port]] = field(default_factory=list)
 
 

@@ -34,6 +34,9 @@ class Term:
 Form = dict[Term, float]
 """A sum of terms with their factors."""
 
+Signal = list[Form]
+"""A vector signal, a form for each element."""
+
 ONE = Term("one")
 
 
@@ -63,3 +66,33 @@ class Limits:
     lower: float
     upper: float
     inner: Any
+
+
+def scaled(signal: Signal, factor_: float) -> Signal:
+    """Return a signal times a number."""
+    return [added((factor_, form)) for form in signal]
+
+
+def same_size(node: Node, signals: list[Signal]) -> list[Signal]:
+    """Spread scalars over vectors.
+
+    Raises:
+        InvalidModel: vectors of different lengths.
+    """
+    size = max(len(signal) for signal in signals)
+    if any(len(signal) not in (1, size) for signal in signals):
+        lengths = ", ".join(str(len(signal)) for signal in signals)
+        raise node.refusal(f"its inputs have {lengths} elements; they must be equally long, or scalars")
+    return [spread(signal, size) for signal in signals]
+
+
+def spread(signal: Signal, size: int) -> Signal:
+    """Let a scalar stand for all elements; one of the model's inputs of unknown width grows to the width asked for."""
+    if len(signal) == size or len(signal) != 1:
+        return signal
+    terms = list(signal[0].items())
+    if len(terms) == 1 and terms[0][0].kind == "input" and isinstance(terms[0][0].of, Node):
+        inport = terms[0][0].of
+        if inport.text("PortDimensions", "-1") in ("-1", ""):
+            return [{Term("input", inport, index): terms[0][1]} for index in range(size)]
+    return signal * size

@@ -5,18 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 from pydrake.math import RigidTransform
 
-from simrob_drake.frames import pose_from_transform
+from simrob_drake.frames import Vector, pose_from_transform
 from simrob_drake.robots.pieces import PIECE_FILE
 from simrob_drake.simulink.mechanics.shapes import Weight
-from simrob_drake.simulink.mechanics.solids import SolidBody, moved, together
+from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.writing.urdf import UrdfWriter
-
-_POINT = 1e-6  # m²: a mass without extent turns as a ball of 1.6 mm
 
 
 def write_piece(
@@ -41,17 +38,14 @@ def write_piece(
         return False
     content: dict[str, Any] = {"description": f"{name}, of a Simulink model"}
     if weighs and weight.mass > 0:
-        content |= _figures(weight)
+        content |= _figures(weight, possible_moments(name, weight, solids[0].node.findings.report))
     content["shapes"] = shapes
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
     (folder / PIECE_FILE).write_text(text, encoding="utf-8")
     return True
 
 
-def _figures(weight: Weight) -> dict[str, Any]:
-    inertia = weight.inertia
-    if np.abs(inertia).max() < _POINT * weight.mass:
-        inertia = np.eye(3) * _POINT * weight.mass
+def _figures(weight: Weight, inertia: Vector) -> dict[str, Any]:
     products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     moments = [*inertia.diagonal(), *(products if any(abs(p) > 1e-15 for p in products) else [])]
     return {

@@ -16,8 +16,8 @@ from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, 
 from simrob_drake.simulink.mechanics.bodies import PUSH, Body
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
-from simrob_drake.simulink.mechanics.shapes import Mesh, Weight
-from simrob_drake.simulink.mechanics.solids import SolidBody, moved, together
+from simrob_drake.simulink.mechanics.shapes import Mesh
+from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
 from simrob_drake.simulink.mechanics.trees import Branch, Tree
 from simrob_drake.simulink.writing.names import Names
 
@@ -127,26 +127,12 @@ class UrdfWriter:
         robot.mass += weight.mass
         name = link.get("name", "")
         if weight.mass > 0:
-            moments = self._possible(name, weight)
+            moments = possible_moments(name, weight, self._report)
             set_inertia(link, mass=weight.mass, moments=moments, pose=RigidTransform(weight.com))
         else:
             robot.weightless.append(name)
         for solid in body.solids:
             self._visual(link, solid, inverse @ solid.pose)
-
-    def _possible(self, name: str, weight: Weight) -> Vector:
-        """Return moments, (3, 3), that a real body can have: Simscape takes any inertia, Drake does not."""
-        moments, axes = np.linalg.eigh((weight.inertia + weight.inertia.T) / 2)
-        least = weight.mass * 1e-8  # of a ball of a tenth of a millimetre
-        allowed = np.maximum(moments, least)
-        excess = allowed[2] - allowed[0] - allowed[1]
-        if excess > -1e-12 * allowed[2]:
-            allowed[:2] += max(excess, 0.0) / 2 + 1e-9 * allowed[2]
-        if np.allclose(allowed, moments, rtol=1e-7):
-            return weight.inertia
-        told = ", ".join(f"{moment:.3g}" for moment in moments)
-        self._report.add("repaired", name, f"no body has the principal moments {told} kg m²: made possible")
-        return np.asarray(axes @ np.diag(allowed) @ axes.T)
 
     def _visual(self, link: ET.Element, solid: SolidBody, pose: RigidTransform) -> None:
         if not solid.visible or (solid.shape is None and solid.file is None):
