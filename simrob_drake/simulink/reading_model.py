@@ -12,6 +12,7 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.simulink.mechanics.bodies import Bodies, Body, read_bodies
+from simrob_drake.simulink.mechanics.closures import can_close, close
 from simrob_drake.simulink.mechanics.contacts import Contact, read_contacts
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
@@ -92,6 +93,7 @@ def read_simulink(
     network = Network(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies)
+    _close_loops(trees)
     contacts = read_contacts(network)
     joints = [link.joint for link in bodies.links]
     tracer = Tracer(network, joints, contacts)
@@ -102,6 +104,16 @@ def read_simulink(
         path, expanded, network, bodies, world, trees, contacts, laws, stopping, tracer.opened,
         _gravity(expanded), _duration(expanded), report,
     )  # fmt: skip
+
+
+def _close_loops(trees: list[Tree]) -> None:
+    """Cut the loops that can be cut, and refuse the others by name."""
+    for tree in trees:
+        refused = [(link.joint.node, why) for link in tree.closures if (why := can_close(link))]
+        for node, why in refused:
+            node.findings.report.add("refused", node.path, why)
+        if tree.closures and not refused:
+            close(tree, tree.closures)
 
 
 def undefined_variables(model: SimulinkModel) -> InvalidModel | None:

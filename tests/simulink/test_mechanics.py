@@ -10,6 +10,7 @@ from simrob_drake import build_station, load_station, simulate
 from simrob_drake.errors import InvalidModel
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.mechanics.closures import body_poses, common_points
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
 from simrob_drake.simulink.mechanics.solids import moved, read_solid, together
 from simrob_drake.simulink.mechanics.transforms import rigid_transform
@@ -279,12 +280,75 @@ def test_a_joint_the_other_way_round_turns_the_other_way(tmp_path):
     np.testing.assert_allclose(result.pose("tcp")[0, :3], [np.cos(angle), np.sin(angle), 0], atol=1e-12)
 
 
-def test_loops_are_refused_by_name(tmp_path):
-    level, blocks = mechanism()
-    closing = level.block(REVOLUTE, "Closing")
-    level.connect(f"{blocks['world']}#rconn:1", f"{closing}#lconn:1")
-    level.connect(blocks["end"], f"{closing}#rconn:1")
-    with pytest.raises(InvalidModel, match="closes a loop of joints"):
+def four_bar(closing=REVOLUTE, **parameters):
+    """Three bars of 1 m between hinges 1.2 m apart, the last hinge closing the loop."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    ground = level.block(TRANSFORM, "Ground", TranslationMethod="Cartesian", TranslationCartesianOffset="[1.2 0 0]")
+    stand = level.block(
+        TRANSFORM, "Stand", RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle="90",
+        RotationAngleUnits="deg",
+    )  # fmt: skip
+    level.connect(f"{world}#rconn:1", f"{stand}#lconn:1")
+    before = f"{stand}#rconn:1"
+    level.connect(f"{stand}#rconn:1", f"{ground}#lconn:1")
+    for number, start in ((1, "80"), (2, "-80"), (3, "-70")):
+        given = {"PositionTargetSpecify": "on", "PositionTargetValue": start, "PositionTargetValueUnits": "deg"}
+        joint = level.block(REVOLUTE, f"Joint{number}", **(given if number == 1 else {}))
+        rod = level.block(INERTIA, f"Rod{number}", Mass="1", MomentsOfInertia="[0.1 0.1 0.1]", CenterOfMass="[0.5 0 0]")
+        end = level.block(
+            TRANSFORM, f"End{number}", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]"
+        )
+        level.connect(before, f"{joint}#lconn:1")
+        level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1", f"{end}#lconn:1")
+        before = f"{end}#rconn:1"
+    last = level.block(closing, "Closing", **parameters)
+    level.connect(before, f"{last}#rconn:1")
+    level.connect(f"{ground}#rconn:1", f"{last}#lconn:1")
+    return level
+
+
+def test_a_loop_of_hinges_is_closed_and_stays_so(tmp_path):
+    """A four-bar linkage swings, and its ends stay where the closing hinge holds them; energy is that of its rods."""
+    imported = import_simulink(write_model(tmp_path / "a.slx", four_bar()), tmp_path / "out")
+    config = load_station(imported.station)
+    assert config.solver.kind == "discrete"
+    result = simulate(config, duration=1.0, progress=False)
+    (robot,) = imported.files.robots.values()
+    q = np.array([result[f"q.{axis}"] for axis in robot.axes.values()])
+    names = list(robot.axes.values())
+    assert len(names) == 3
+    turned = np.ptp(q, axis=1)
+    assert turned.max() > 0.3  # it moves
+    gaps = []
+    for column in q.T:
+        poses = body_poses(robot.tree, column)
+        link = robot.tree.closures[0]
+        pairs = common_points(link)
+        gaps.append([poses[link.base].multiply(a) - poses[link.follower].multiply(b) for a, b in pairs])
+    assert np.abs(gaps).max() < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "told"),
+    [
+        ("sm_lib/Joints/Prismatic Joint", {}, "only revolute and ball"),
+        (REVOLUTE, {"PositionTargetSpecify": "off", "JointMode": "Locked"}, "Locked"),
+    ],
+)
+def test_other_loops_are_refused_by_name(tmp_path, kind, parameters, told):
+    level = four_bar()
+    extra = level.block(kind, "Extra", **parameters)
+    level.connect("2#lconn:1", f"{extra}#lconn:1")
+    level.connect("12#rconn:1", f"{extra}#rconn:1")
+    with pytest.raises(InvalidModel, match=f"Extra.*{told}"):
+        import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+
+
+def test_loops_that_cannot_close_are_told(tmp_path):
+    level = four_bar()
+    level.blocks = [block.replace("[1.2 0 0]", "[9 0 0]") for block in level.blocks]
+    with pytest.raises(InvalidModel, match=r"does not close: .* mm are left"):
         import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
 
 

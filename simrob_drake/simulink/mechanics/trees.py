@@ -59,12 +59,14 @@ class Tree:
         frame: pose of the root link's frame in the root body's first frame.
         base: pose of that frame in the world at the start.
         branches: in the order they are reached.
+        closures: joints between its bodies that close loops.
     """
 
     root: Body
     frame: RigidTransform = field(default_factory=RigidTransform)
     base: RigidTransform = field(default_factory=RigidTransform)
     branches: list[Branch] = field(default_factory=list)
+    closures: list[Link] = field(default_factory=list)
 
     @property
     def freedoms(self) -> list[Freedom]:
@@ -73,14 +75,10 @@ class Tree:
 
 
 def grow(bodies: Bodies) -> tuple[Body | None, list[Tree]]:
-    """Return the world, and the trees of a model: one for each joint on the world, one for each free group.
-
-    Raises:
-        InvalidModel: joints that close a loop.
-    """
+    """Return the world, and the trees of a model: one for each joint on the world, one for each free group."""
     world = next((body for body in bodies.bodies if body.grounded), None)
     holding: dict[Body, list[Link]] = {}
-    for link in bodies.links:
+    for link in sorted(bodies.links, key=lambda link: not (link.joint.inputs or link.joint.outputs)):
         if not link.joint.floating:
             holding.setdefault(link.base, []).append(link)
             holding.setdefault(link.follower, []).append(link)
@@ -102,7 +100,7 @@ def grow(bodies: Bodies) -> tuple[Body | None, list[Tree]]:
         seen.add(body)
         _grow(tree, body, None, holding, seen)
         trees.append(tree)
-    _refuse_loops(bodies, trees)
+    _find_loops(bodies, trees)
     return world, trees
 
 
@@ -146,11 +144,14 @@ def _seen_from_its_middle(body: Body, first: RigidTransform) -> Tree:
     return Tree(body, frame, first @ frame)
 
 
-def _refuse_loops(bodies: Bodies, trees: list[Tree]) -> None:
+def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
+    """Give each tree the joints that are left over between its bodies."""
     used = {branch.link for tree in trees for branch in tree.branches}
     for link in bodies.links:
-        if link not in used and not link.joint.floating:
-            node = link.joint.node
-            node.findings.report.add(
-                "refused", node.path, "closes a loop of joints; only trees of joints are taken over"
-            )
+        if link in used or link.joint.floating:
+            continue
+        for tree in trees:
+            members = {tree.root, *(branch.body for branch in tree.branches)}
+            if link.base in members and link.follower in members:
+                tree.closures.append(link)
+                break

@@ -36,6 +36,7 @@ _INSIDE = 1e-8
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
+    "loops": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3},
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
 
@@ -259,6 +260,8 @@ class StationWriter:
     def _solver(self, robots: dict[str, Any]) -> dict[str, Any]:
         if not robots:
             return _SOLVERS["pieces"]
+        if any(robot.tree.closures for robot in self._files.robots.values()):
+            return _SOLVERS["loops"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
 
     def _stops(self) -> dict[str, float] | None:
@@ -282,7 +285,9 @@ def _together(trees: list[Tree]) -> list[Tree]:
     for tree in trees:
         if tree.root.grounded:
             home = tree.branches[0].link.joint.node.path.rpartition("/")[0].partition("/")[0]
-            merged.setdefault(home, Tree(tree.root)).branches += tree.branches
+            mechanism = merged.setdefault(home, Tree(tree.root))
+            mechanism.branches += tree.branches
+            mechanism.closures += tree.closures
     return [*merged.values(), *(tree for tree in trees if not tree.root.grounded)]
 
 
