@@ -100,6 +100,8 @@ class _Sections:
     def _end_name(self, body: Body, node: Node) -> str | None:
         for name, robot in self.files.robots.items():
             if body in robot.links and not body.grounded:
+                if node.kind != "Spherical Solid":
+                    return None  # only spheres of robots touch
                 return robot.links[body] if len(self.files.robots) == 1 else f"{name}.{robot.links[body]}"
         if node.kind == "Infinite Plane":
             return "floor"

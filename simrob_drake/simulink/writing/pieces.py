@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from pydrake.math import RigidTransform
 
@@ -47,7 +48,7 @@ def write_piece(
 
 def _figures(weight: Weight, inertia: Vector) -> dict[str, Any]:
     products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
-    moments = [*inertia.diagonal(), *(products if any(abs(p) > 1e-15 for p in products) else [])]
+    moments = [*inertia.diagonal(), *(products if np.abs(products).max() > 1e-9 * inertia.max() else [])]
     return {
         "mass": float(weight.mass),
         "com": [float(value) for value in weight.com],
