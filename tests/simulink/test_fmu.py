@@ -122,6 +122,19 @@ def test_a_step_that_cannot_be_is_told_in_words(unit_of):
     assert any("was ended: the robot has stood still" in words for words in unit.heard)
 
 
+def test_an_input_that_is_no_number_fails_the_step_and_can_be_mended(pendulum):
+    from fmpy.fmi1 import FMICallException
+
+    unit = Unit(*pendulum)
+    unit.set(reference__joint_1=float("nan"))
+    with pytest.raises(FMICallException):
+        unit.run(0, 1)
+    assert any("reference.joint_1 is nan; it must be a finite number [rad]" in words for words in unit.heard)
+    unit.set(reference__joint_1=0.7)
+    unit.run(0, 10)
+    assert np.isfinite(unit.get("position.joint_1"))
+
+
 def test_stepping_fails_in_words():
     station = SteppedStation("double_pendulum")
     (element, *_) = station.inputs

@@ -13,7 +13,7 @@ from pythonfmu import Boolean, DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2
 from pythonfmu.enums import Fmi2Status
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.simulink.fmi.unit import StepFailed, SteppedStation
+from simrob_drake.simulink.fmi.unit import Element, StepFailed, SteppedStation
 
 STATION_FILE = "station.yaml"
 
@@ -40,11 +40,12 @@ class StationSlave(Fmi2Slave):
             start_time=0.0, stop_time=self._station.config.duration, step_size=1e-3
         )
         self._units: dict[str, str] = {}
+        self._refused: dict[str, str] = {}
         for element in self._station.inputs:
-            setter = partial(self._station.set, element)
+            setter = partial(self._set, element)
             self._register(Real(element.name, causality=Fmi2Causality.input, setter=setter), element)
         for element in self._station.outputs:
-            if f"{element.name}" in self._units:
+            if element.name in self._units:
                 continue  # the reference is an input, too
             self._register(Real(element.name, causality=Fmi2Causality.output), element)
         for variable in (
@@ -53,13 +54,24 @@ class StationSlave(Fmi2Slave):
         ):
             self.register_variable(variable, nested=False)
 
-    def _register(self, variable: Any, element: Any) -> None:
+    def _register(self, variable: Any, element: Element) -> None:
         variable.getter = partial(self._station.get, element)
         self.register_variable(variable, nested=False)
         self._units[element.name] = element.unit
 
+    def _set(self, element: Element, value: float) -> None:
+        """Set an input; one that cannot be makes the next step an error, and not the unit unusable."""
+        try:
+            self._station.set(element, value)
+            self._refused.pop(element.name, None)
+        except SimrobError as problem:
+            self._refused[element.name] = str(problem)
+
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Go on by a step; where that cannot be, the reason is logged and the step is an error."""
+        if self._refused:
+            self.log("; ".join(self._refused.values()), Fmi2Status.error)
+            return False
         try:
             self._station.advance(current_time + step_size)
         except (StepFailed, SimrobError) as problem:
