@@ -13,8 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from simrob_drake import load_station, simulate
-from simrob_drake.identification.bounce_trace import BounceTrace, read_bounces
-from simrob_drake.identification.bounces import Identified, identify_bounces
+from simrob_drake.identification.bounces import BounceTrace, Identified, identify_bounces, read_bounces
 
 BALL = 0.9048  # kg
 NOISE = 1e-3  # m

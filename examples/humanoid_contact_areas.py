@@ -15,7 +15,7 @@ from simrob_drake import SimulationResult, simulate
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.sequences import posing, standing_height
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.results.record.walks import locomotion
 
 AREAS = ("A", "B", "C")
 LINES = {"A": ("#1f6fb4", "-", 1.5), "B": ("#e08214", "-", 1.5), "C": ("#2a8f57", "--", 2.5)}

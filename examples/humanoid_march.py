@@ -6,7 +6,7 @@ import numpy as np
 
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.programs.gaits.sequences import march
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.results.record.walks import locomotion
 
 
 def run(steps: int = 4, amplitude: float = 1.0) -> SimulationResult:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.results.record.walks import locomotion
 
 CONTROLLERS = {"P": 0.0, "PD": 100.0}  # gain against the speed of the joints [N·m·s/rad]
 PANELS = (

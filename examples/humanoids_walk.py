@@ -11,8 +11,8 @@ import sys
 import numpy as np
 
 from simrob_drake import SimulationResult, simulate
-from simrob_drake.programs.gaits.walk import walk
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.programs.gaits.biped import walk
+from simrob_drake.results.record.walks import locomotion
 
 WALKS = {"humanoid": "real_sole", "roid1": "walk", "zjudancer": "turn"}
 

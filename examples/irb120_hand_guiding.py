@@ -17,11 +17,11 @@ PUSHES = {
 FINE = {"solver.accuracy": 1e-3, "solver.max_step": 0.02}  # the estimate is as true as the steps are fine
 
 
-def run(*, yield_gain: float = 1000.0, duration: float = 6.0) -> SimulationResult:
-    """Push the collaborative arm twice; ``yield_gain`` 0 makes it stiff."""
+def run(*, admittance_gain: float = 1000.0, duration: float = 6.0) -> SimulationResult:
+    """Push the collaborative arm twice; ``admittance_gain`` 0 makes it stiff."""
     overrides = {
         **FINE,
-        "servo.yield_gain": yield_gain,
+        "servo.admittance_gain": admittance_gain,
         "forces": {},  # the station's own, taken away
         **{f"forces.{name}": push for name, push in PUSHES.items()},
         "sensors": {"hand": {"kind": "external_torque"}},
@@ -52,9 +52,9 @@ def picture(result: SimulationResult, file: Path) -> Path:
 
 
 def main() -> None:
-    """Print how far each push moved the arm, stiff and yielding, and draw the second."""
+    """Print how far each push moved the arm, stiff and with admittance, and draw the second."""
     for gain in (0.0, 1000.0):
-        result = run(yield_gain=gain)
+        result = run(admittance_gain=gain)
         tool = result.pose("tcp")[:, :3]
         at = [round(time * result.config.sample_rate) for time in (0.5, 3.0, 6.0)]
         ways = [1e3 * float(np.linalg.norm(tool[end] - tool[start])) for start, end in pairwise(at)]

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import LogVectorOutput
 
-from simrob_drake import add_station, apply_solver, load_station
+from simrob_drake import SimulationResult, add_station, load_station, simulate_diagram
 
 
 class Nod(LeafSystem):
@@ -28,27 +26,21 @@ class Nod(LeafSystem):
         output.SetFromVector(reference)
 
 
-def run(*, duration: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate and return times (m,) [s] and joint positions (m, 6) [rad]."""
+def run(*, duration: float = 2.0) -> SimulationResult:
+    """Simulate; the result has signals, plots and a recording, and could be saved, as that of any station."""
     builder = DiagramBuilder()
-    station = load_station("irb120_dynamic")
-    ports = add_station(builder, station)
+    ports = add_station(builder, load_station("irb120_dynamic", {"monitors": {"joint_limit": {}}}))
     nod = builder.AddNamedSystem("nod", Nod())
     builder.Connect(nod.GetOutputPort("reference"), ports.inputs["reference"])
-    logger = LogVectorOutput(ports.outputs["position"], builder, publish_period=0.02)
-    simulator = Simulator(builder.Build())
-    apply_solver(simulator, station)
-    simulator.AdvanceTo(duration)
-    log = logger.FindLog(simulator.get_context())
-    return log.sample_times(), log.data().T
+    return simulate_diagram(builder.Build(), ports, duration=duration, progress=False)
 
 
 def main() -> None:
     """Print how far joint 5 nods."""
-    _, positions = run()
-    print(
-        f"joint 5 nods between {np.rad2deg(positions[:, 4].min()):.1f} and {np.rad2deg(positions[:, 4].max()):.1f} deg"
-    )
+    result = run()
+    nods = np.rad2deg(result["q.joint_5"])
+    print(result.message)
+    print(f"joint 5 nods between {nods.min():.1f} and {nods.max():.1f} deg")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, three_legs
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.results.record.walks import locomotion
 
 ASKED, COLOURS = 0.02, ("#1f6fb4", "#e08214", "#2a8f57", "#8c2d7a")  # ASKED: how high a foot has to be [m]
 

@@ -7,7 +7,7 @@ import numpy as np
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.results.record.walks import locomotion
 
 
 def run(motion: JointMotion) -> SimulationResult:

@@ -16,7 +16,6 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from simrob_drake.errors import InvalidParameter
 
 POSE_SIZE = 6
-POSE_NAMES = ("x", "y", "z", "Rz", "Ry", "Rx")
 XYZ_QUATERNION_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
@@ -51,11 +50,6 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     if not rigid or np.abs(turn @ turn.T - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
         raise InvalidParameter("pose", matrix.tolist(), "a rotation, a place, and a last row 0 0 0 1")
     return RigidTransform(RotationMatrix.ProjectToRotationMatrix(turn), matrix[:3, 3])
-
-
-def matrix_from_pose(pose: PoseLike) -> Vector:
-    """Turn a pose in any form into a homogeneous matrix, shape (4, 4)."""
-    return np.asarray(as_transform(pose).GetAsMatrix4())
 
 
 def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -> RigidTransform:

@@ -106,11 +106,3 @@ class Arc:
         """Return the points (k, 3) [m] at the parts (k,) of the arc."""
         angles = self.angle * np.atleast_1d(np.asarray(part, dtype=float))[:, np.newaxis]
         return self.centre + np.cos(angles) * self.first + np.sin(angles) * self.across
-
-    def distances(self, points: npt.ArrayLike) -> Vector:
-        """Return how far points (k, 3) [m] lie from the circle, shape (k,) [m]."""
-        offsets = np.atleast_2d(np.asarray(points, dtype=float)) - self.centre
-        axis = np.cross(self.first, self.across) / self.radius**2
-        height = offsets @ axis
-        flat = offsets - np.outer(height, axis)
-        return np.asarray(np.hypot(height, np.linalg.norm(flat, axis=1) - self.radius))

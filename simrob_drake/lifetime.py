@@ -54,6 +54,12 @@ def release(builder: DiagramBuilder, diagram: Diagram) -> None:
     weakref.finalize(diagram, _empty, blocks).atexit = False
 
 
+def release_with(owner: object, block: System) -> None:
+    """Let a Python block that stands in no diagram go with its owner, such as the plant that it looks at."""
+    if sys.version_info < (3, 12):
+        weakref.finalize(owner, _empty, [block]).atexit = False
+
+
 def built(builder: DiagramBuilder) -> Diagram:
     """Return the diagram of a builder; it goes when nobody holds it any more, see :func:`release`."""
     diagram = builder.Build()

@@ -159,7 +159,9 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
         case "literal_error":
             text = _no_such(str(given), context["expected"])
         case "model_type" | "model_attributes_type" | "dict_type":
-            text = f"must be {_section(nodes)} (it is {shortened(repr(given))})"
+            keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
+            section = f"a section with keys of: {', '.join(keys)}" if keys else "a section of names and their entries"
+            text = f"must be {section} (it is {shortened(repr(given))})"
         case _:
             message = finding["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list")
             value = f" (it is {shortened(repr(given))})" if key else ""  # else it is the whole file
@@ -170,12 +172,6 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
 def _no_such(given: str, expected: str) -> str:
     """Say that a value is none of those that pydantic expected, listed in quotes."""
     return f"there is no '{given}'{nearest(given, _QUOTED.findall(expected))}"
-
-
-def _section(nodes: list[dict[str, Any]]) -> str:
-    """Say what the schema nodes of a section may hold."""
-    keys = list(dict.fromkeys(key for node in nodes for key in node.get("properties", {})))
-    return f"a section with keys of: {', '.join(keys)}" if keys else "a section of names and their entries"
 
 
 def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str], list[dict[str, Any]]]:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.cli.exit_codes import ExitCode
 from simrob_drake.cli.tables import _pose_differences
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from simrob_drake import load_station, simulate
-from simrob_drake.cli.exit_codes import ExitCode
+from simrob_drake.cli import ExitCode
 from simrob_drake.results.record.signals import Sampler
 
 RUN = ["run", "double_pendulum", "--out", "x"]

@@ -10,8 +10,8 @@ import urllib.request
 
 import pytest
 
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.cli.exit_codes import ExitCode
 from simrob_drake.folders import CACHE_VARIABLE
 
 RAW = """<robot name="arm">

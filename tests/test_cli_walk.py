@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, Workcell
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.cli.exit_codes import ExitCode
 
 
 @pytest.fixture(autouse=True)

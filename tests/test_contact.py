@@ -248,7 +248,7 @@ class TestCobot:
     def test_it_yields_more_and_more_without_chatter(self):
         swings = []
         for gain in (0, 10, 100, 300, 1000):
-            result = simulate(load_station("irb120_cobot", {"servo.yield_gain": gain}))
+            result = simulate(load_station("irb120_cobot", {"servo.admittance_gain": gain}))
             assert result.ending == "completed"
             late = result.times >= 1.0
             swings.append(np.ptp(result.pose("tcp")[late, 2]))
@@ -258,7 +258,9 @@ class TestCobot:
         assert swings[0] < 0.003 < 10 * swings[0] < swings[-1]
 
     def test_with_no_gain_it_only_sags(self):
-        result = simulate(load_station("irb120_cobot", {"servo.yield_gain": 0, "forces.hand.amplitude": [0, 0, 0]}))
+        result = simulate(
+            load_station("irb120_cobot", {"servo.admittance_gain": 0, "forces.hand.amplitude": [0, 0, 0]})
+        )
         position = result.axes("q")[-1]
         np.testing.assert_allclose((result.axes("q_ref")[-1] - position) * 1000, result.axes("tau")[-1], atol=0.05)
         assert "felt.joint_1" not in result.names

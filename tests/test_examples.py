@@ -37,8 +37,22 @@ def test_the_station_wired_by_hand_is_the_station():
 
 
 def test_a_block_of_ones_own_moves_the_arm():
-    times, positions = example("irb120_in_a_diagram").run()
-    np.testing.assert_allclose(positions[times > 0.5, 4], 0.3 * np.sin(2 * times[times > 0.5]), atol=0.02)
+    result = example("irb120_in_a_diagram").run()
+    late = result.times > 0.5
+    np.testing.assert_allclose(result["q.joint_5"][late], 0.3 * np.sin(2 * result.times[late]), atol=0.02)
+
+
+def test_a_loop_of_ones_own_keeps_the_tool_at_its_height():
+    """Without it the tool sags by what joints 2, 3 and 5 give: torque over kp, times their levers."""
+    own_loop = example("own_loop")
+    alone, kept = own_loop.run()
+    sagged = alone["tcp.z"][0] - alone["tcp.z"][-1]
+    levers = {"joint_2": own_loop.REACH, "joint_3": own_loop.REACH, "joint_5": own_loop.REACH - 0.302}
+    given = -sum(alone[f"tau.{joint}"][-1] / 1000 * lever for joint, lever in levers.items())
+    assert sagged == pytest.approx(given, rel=0.03)
+    late = kept.times > 4
+    np.testing.assert_allclose(kept["tcp.z"][late], kept["tcp.z"][0], atol=sagged / 50)
+    assert kept.units["keep_height.error"] == "m"
 
 
 def test_weaker_motors_hold_less():

@@ -10,7 +10,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import (
     as_transform,
-    matrix_from_pose,
     point,
     pose_from_transform,
     poses_from_matrices,
@@ -115,7 +114,7 @@ def test_all_forms_of_a_pose_are_one() -> None:
     transform = transform_from_pose(pose)
     for form in (pose, np.array(pose), transform, transform.GetAsMatrix4(), transform.GetAsMatrix4().tolist()):
         assert as_transform(form).IsNearlyEqualTo(transform, 1e-15)
-        np.testing.assert_allclose(matrix_from_pose(form), transform.GetAsMatrix4(), atol=1e-15)
+        np.testing.assert_allclose(as_transform(form).GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-15)
     np.testing.assert_allclose(poses_from_matrices(np.array([transform.GetAsMatrix4()] * 2)), [pose, pose], atol=1e-14)
 
 

@@ -34,12 +34,6 @@ def test_an_arc_is_the_part_of_the_circle_that_passes_the_middle_point(one: floa
     np.testing.assert_allclose([arc.radius, arc.angle, arc.length], [radius, end, radius * end], rtol=1e-6)
     parts = np.linspace(0, 1, 7)
     np.testing.assert_allclose(arc.points(parts), [on_circle(part * end) for part in parts], atol=1e-6 * radius)
-    assert arc.distances(arc.points(parts)).max() < 1e-9
-
-
-def test_the_distance_from_a_circle_counts_height_and_radius() -> None:
-    arc = Arc.through([1, 0, 0], [0, 1, 0], [-1, 0, 0])
-    np.testing.assert_allclose(arc.distances([[1, 0, 0], [2, 0, 0], [0.7, 0, 0.4], [0, 0, 0]]), [0, 1, 0.5, 1])
 
 
 @pytest.mark.parametrize(

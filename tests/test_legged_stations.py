@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder, EventStatus
+from pydrake.systems.framework import Context, EventStatus
 
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.frames import transform_from_xyz_quaternion
 from simrob_drake.stations.checks import holding_torque
-from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solve import apply_solver
 
 LEGGED = ("humanoid_dynamic", "roid1_dynamic", "zjudancer_dynamic", "yobotics_dynamic")
@@ -49,7 +50,7 @@ def height_by_geometry(result: SimulationResult) -> float:
     robot, plant = result.plant.robots["robot"], result.plant.plant
     context = plant.CreateDefaultContext()
     plant.SetFreeBodyPose(context, robot.root.body(), RigidTransform(base_poses(result)[-1].rotation()))
-    for joint, sign, angle in zip(robot.joints, robot.signs, result.axes("q")[-1], strict=True):
+    for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, result.axes("q")[-1], strict=True):
         joint.set_angle(context, sign * angle)
     lowest = []
     for link in robot.feet.links:
@@ -140,9 +141,8 @@ def unexplained_impulse(config: StationConfig) -> np.ndarray:
 
     It is a part of the impulse of the weight, shape (k, 3).
     """
-    builder = DiagramBuilder()
-    ports = add_closed_station(builder, config)
-    diagram = builder.Build()
+    closed = closed_station(resolve(config))
+    diagram, ports = closed.diagram, closed.ports
     simulator = Simulator(diagram)
     apply_solver(simulator, config)
     plant = ports.plant.plant

@@ -61,7 +61,8 @@ SHOWN = {
     "for force in (10, 20)": r"10 N .* ran to its end at 5 s\n20 N .* (fell|fallen|low|lean)",
     "again.values == second.values": r"True",
     "monitors.stop": r"the force on tip reached the limit of 20 N, at 1\.2\d* s\n.* 20\.[0-4]\d* N",
-    "joint 5 nods": r"joint 5 nods by (29\.9|30)",
+    "Sine(amplitudes": r"joint 5 nods by (29\.9|30)",
+    "class Nod(LeafSystem)": r"(nods by|se mueve) (29\.9|30).* rad\n",
 }
 """What a script with these words in it prints, as far as a page says it."""
 

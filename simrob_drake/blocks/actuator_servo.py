@@ -53,16 +53,10 @@ def add_actuator_servos(
     actuation_map: Vector,
     prefix: str = "",
 ) -> OutputPort:
-    """Wire the desired state of a model instance whose actuators hold the PD gains.
+    """Wire the desired state of a finalized plant's model instance whose actuators hold the PD gains.
 
-    Args:
-        builder: the diagram under construction.
-        plant: finalized, with gains set.
-        instance: the robot.
-        signals: the ports to read, in axis order.
-        gains: the figures, in axis order.
-        actuation_map: matrix (actuators, n) from axis torques to actuator torques.
-        prefix: stands before the names of all blocks.
+    Signals and gains are in axis order; ``actuation_map`` is the matrix (actuators, n) from axis torques to actuator
+    torques.
 
     Returns:
         the torques that the actuators apply, size n [N·m], in axis order.

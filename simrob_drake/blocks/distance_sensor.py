@@ -89,12 +89,9 @@ class DistanceSensor(Block):
 
 
 def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector:
-    """Return points of a convex shape, of which one is its lowest, shape (k, 3) [m].
+    """Return points of a convex shape at a pose, of which one is its lowest, shape (k, 3) [m].
 
-    Args:
-        shape: sphere, cylinder, capsule, ellipsoid, or one that its corners describe.
-        pose: of the shape.
-        corners: of the shape in its frame, shape (m, 3) [m]; of those with corners only.
+    What is no sphere, cylinder, capsule or ellipsoid is described by its ``corners`` in its frame, shape (m, 3) [m].
     """
     up = pose.rotation().matrix()[2]  # the world's z axis in the frame of the shape
     match shape:

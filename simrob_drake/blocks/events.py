@@ -23,10 +23,7 @@ class EventTimes(Block):
     """
 
     def __init__(self, times: Iterable[float]) -> None:
-        """Make the block.
-
-        Args:
-            times: the times [s], finite and not negative.
+        """Make the block for ``times`` [s].
 
         Raises:
             InvalidParameter: a time that is negative or not finite.

@@ -13,16 +13,9 @@ from pydrake.systems.framework import DiagramBuilder
 def add_external_force(
     builder: DiagramBuilder, plant: MultibodyPlant, frame: Frame, *, name: str, point: npt.ArrayLike = (0.0, 0.0, 0.0)
 ) -> Propeller:
-    """Add a force along the three axes of a frame, as three propellers without drag.
+    """Add a force along the three axes of a frame, as three propellers without drag, at a ``point`` (3,) [m] in it.
 
     Drake's Propeller pushes along the z axis of a frame fixed to a body; three of them, turned, make a force vector.
-
-    Args:
-        builder: the diagram under construction.
-        plant: the finalized plant of the frame.
-        frame: where the force acts, and whose axes it is given in.
-        name: of the block.
-        point: where it acts in the frame, shape (3,) [m].
 
     Returns:
         the block: its ``command`` input (3) is the force [N]; its ``spatial_forces`` output goes to the plant.

@@ -15,17 +15,16 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointIndex
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import MatrixGain, Multiplexer, Saturation
+from pydrake.systems.primitives import Saturation
+
+from simrob_drake.blocks.wiring import fed, joined, mapped
 
 
 def add_joint_stops(builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: float, damping: float) -> None:
-    """Add stops at every finite limit of a plant's one-axis joints.
+    """Add stops at every finite limit of a plant's one-axis joints; its ``applied_generalized_force`` is used up.
 
-    Args:
-        builder: the diagram under construction, with the plant in it.
-        plant: finalized; its input ``applied_generalized_force`` is used up.
-        stiffness: k [N·m/rad, and N/m of joints that slide], positive.
-        damping: d [N·m·s/rad, and N·s/m], not negative.
+    They have the stiffness k [N·m/rad, and N/m of joints that slide], positive, and the damping d [N·m·s/rad, and
+    N·s/m], not negative.
     """
     joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
     limited = [
@@ -45,15 +44,9 @@ def add_joint_stops(builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness
     push[velocities, rows] = -stiffness
     push[velocities, count + rows] = stiffness
 
-    ahead = builder.AddNamedSystem("stops.position_ahead", MatrixGain(pick))
+    ahead = mapped(builder, "stops.position_ahead", pick, plant.get_state_output_port())
     lower = np.array([joint.position_lower_limit() for joint in limited])
     upper = np.array([joint.position_upper_limit() for joint in limited])
-    clip = builder.AddNamedSystem("stops.range", Saturation(lower, upper))
-    both = builder.AddNamedSystem("stops.penetration", Multiplexer([count, count]))
-    force = builder.AddNamedSystem("stops.force", MatrixGain(push))
-    builder.Connect(plant.get_state_output_port(), ahead.get_input_port())
-    builder.Connect(ahead.get_output_port(), clip.get_input_port())
-    builder.Connect(ahead.get_output_port(), both.get_input_port(0))
-    builder.Connect(clip.get_output_port(), both.get_input_port(1))
-    builder.Connect(both.get_output_port(), force.get_input_port())
-    builder.Connect(force.get_output_port(), plant.get_applied_generalized_force_input_port())
+    clip = fed(builder, "stops.range", Saturation(lower, upper), ahead)
+    force = mapped(builder, "stops.force", push, joined(builder, "stops.penetration", ahead, clip))
+    builder.Connect(force, plant.get_applied_generalized_force_input_port())

@@ -49,14 +49,10 @@ class MomentumObserver(Block):
         period: float,
         tool: Frame | None = None,
     ) -> None:
-        """Make the block.
+        """Make the block for the axes of a robot in a finalized plant, which need not be part of the diagram.
 
-        Args:
-            plant: finalized; it need not be part of the diagram.
-            axes: where the robot's axes stand in the plant.
-            gain: K [1/s]; the estimate lags by 1/K.
-            period: h, between samples [s].
-            tool: where the force is thought to act.
+        Its gain is K [1/s], by which the estimate lags 1/K, its period h, between samples [s]; the tool is where the
+        force is thought to act.
         """
         super().__init__()
         for name, value in (("gain", gain), ("period", period)):
@@ -76,12 +72,9 @@ class MomentumObserver(Block):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def next_state(self, memory: Vector, state: Vector, torque: Vector) -> Vector:
-        """Return what is remembered after a sample: r, p and f, shape (3n,).
+        """Return what is remembered after a sample: r, p and f, shape (3n,); ``memory`` is infinite at the first one.
 
-        Args:
-            memory: what was remembered before it; infinite at the first sample.
-            state: of the plant, shape (nq + nv,).
-            torque: of the servos, shape (n,) [N·m].
+        It follows from the state of the plant, shape (nq + nv,), and the torques of the servos, shape (n,) [N·m].
         """
         momentum, rate = self._momentum_and_rate(state)
         known = torque + rate

@@ -78,12 +78,7 @@ class Monitor(Block):
     """
 
     def __init__(self, condition: Condition, *, hold: float = 0.0, after: float = 0.0) -> None:
-        """Make the block.
-
-        Args:
-            condition: that ends the run.
-            hold: how long it must last [s].
-            after: when watching begins [s].
+        """Make the block; times are those of a :class:`Trigger`.
 
         Raises:
             InvalidParameter: a time that is negative or not finite.

@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.polynomial import Polynomial
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource, Demultiplexer, Sine, TrajectorySource
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Sine, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
+from simrob_drake.blocks.wiring import fed, summed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
@@ -238,8 +239,6 @@ def _add_sine(builder: DiagramBuilder, course: SineCourse, name: str) -> Referen
     count = len(course.centre)
     frequency = np.full(count, 2 * np.pi * course.frequency)
     wave = builder.AddNamedSystem(name, Sine(course.amplitude, frequency, course.phase))
-    middle = builder.AddNamedSystem(f"{name}.centre", ConstantVectorSource(course.centre))
-    sum_ = builder.AddNamedSystem(f"{name}.sum", Adder(2, count))
-    builder.Connect(wave.get_output_port(0), sum_.get_input_port(0))
-    builder.Connect(middle.get_output_port(), sum_.get_input_port(1))
-    return ReferenceSource(sum_.get_output_port(), wave.get_output_port(1), wave.get_output_port(2))
+    middle = fed(builder, f"{name}.centre", ConstantVectorSource(course.centre))
+    position = summed(builder, f"{name}.sum", wave.get_output_port(0), middle)
+    return ReferenceSource(position, wave.get_output_port(1), wave.get_output_port(2))

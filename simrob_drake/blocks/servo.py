@@ -23,7 +23,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer, Saturation, Selector, SelectorParams
 
-from simrob_drake.blocks.wiring import joined
+from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
@@ -79,16 +79,11 @@ def add_servos(
     per_joint: bool = True,
     saturated: bool = True,
 ) -> OutputPort:
-    """Add servos for n joints and wire them to what they read.
+    """Add servos for n joints and wire them to the signals that they read.
 
-    Args:
-        builder: the diagram under construction.
-        signals: the ports to read.
-        gains: the figures, in the order of ``names``.
-        names: the joints' names; blocks are called ``<prefix><name>.pd`` and so on (``servo.pd`` for a vector).
-        prefix: stands before the names of all blocks.
-        per_joint: blocks for each joint, or one group for all.
-        saturated: whether blocks saturate, or the actuators that take the torques do.
+    Blocks are called ``<prefix><name>.pd`` and so on, by the names of the joints (``servo.pd`` for a vector):
+    ``per_joint`` blocks for each of them, or one group for all. They saturate, unless the actuators that take the
+    torques do.
 
     Returns:
         the torques, after saturation if the blocks saturate, size n [N·m].
@@ -108,9 +103,7 @@ def add_servos(
 
 def add_saturation(builder: DiagramBuilder, command: OutputPort, limit: Vector, name: str) -> OutputPort:
     """Add a saturation at ``limit`` (n,) [N·m] to both sides, and return what it lets through."""
-    saturation = builder.AddNamedSystem(name, Saturation(-limit, limit))
-    builder.Connect(command, saturation.get_input_port())
-    return saturation.get_output_port()
+    return fed(builder, name, Saturation(-limit, limit), command)
 
 
 def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[list[int]], name: str) -> Selector:
@@ -133,9 +126,8 @@ def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[l
             for group in groups
         ],
     )
-    selector = builder.AddNamedSystem(name, Selector(params))
-    for index, port in enumerate(inputs):
-        builder.Connect(port, selector.get_input_port(index))
+    selector = Selector(params)
+    fed(builder, name, selector, *inputs)
     return selector
 
 
@@ -158,9 +150,7 @@ def _add_group(
     if (gains.ki[group] > 0).any():
         integral = add_integral(builder, bus, gains, group, name)
         matrix, bus = np.hstack([matrix, np.eye(len(group))]), joined(builder, f"{name}.signals", bus, integral)
-    command = builder.AddNamedSystem(f"{name}.pd", MatrixGain(matrix))
-    builder.Connect(bus, command.get_input_port())
-    return command.get_output_port()
+    return fed(builder, f"{name}.pd", MatrixGain(matrix), bus)
 
 
 def add_integral(

@@ -10,8 +10,16 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from enum import IntEnum
 
-from simrob_drake.cli.exit_codes import ExitCode
+
+class ExitCode(IntEnum):
+    """What ``simrob`` leaves with; a monitor's stop is a success, a block that fails a divergence."""
+
+    DONE = 0
+    BAD_INPUT = 2
+    DIVERGED = 3
+    INTERRUPTED = 130
 
 
 def main() -> None:

@@ -9,8 +9,7 @@ from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
 import simrob_drake
-from simrob_drake.cli import legged, robots, simulink, stations
-from simrob_drake.cli.exit_codes import ExitCode
+from simrob_drake.cli import ExitCode, legged, robots, simulink, stations
 from simrob_drake.cli.interrupts import Interrupted
 from simrob_drake.cli.screen import console, tell
 from simrob_drake.errors import SimrobError

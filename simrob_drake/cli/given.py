@@ -14,12 +14,15 @@ from simrob_drake.yaml_files import parse_yaml
 ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml")
 
 
-def given_station(station: str, settings: list[str] | None, **options: Any) -> StationConfig:
+def given_station(
+    station: str, settings: list[str] | None, *, allow_code: bool = False, **options: Any
+) -> StationConfig:
     """Return a station with what the user wants changed.
 
     Args:
         station: a name or a file.
         settings: texts of the form ``key.path=value``.
+        allow_code: whether it may name code that is run.
         options: values of the options that mean a key of the station and are called like it; None if not given.
 
     Raises:
@@ -36,7 +39,7 @@ def given_station(station: str, settings: list[str] | None, **options: Any) -> S
             raise InvalidParameter(f"--set {setting}", f"given beside {called[key]}", "left out, or the only one")
         overrides[key] = parse_yaml(value, f"--set {setting}")
         called[key] = f"--set {key}"
-    return load_station(station, overrides, called=called)
+    return load_station(station, overrides, called=called, allow_code=allow_code)
 
 
 def is_robot_file(text: str) -> bool:

@@ -12,7 +12,7 @@ from simrob_drake.cli.given import given_station
 from simrob_drake.cli.options import Force, Live, NoRecording, ResultFolder, Settings, StationArgument, Video
 from simrob_drake.cli.saving import prepared_folder, saved, wait_for_watcher
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.results.record.locomotion import legged_robots, locomotion
+from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 

@@ -19,6 +19,7 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY.PATH=VALUE", help="Change a key of the station; may be given several times."),
 ]
+AllowCode = Annotated[bool, typer.Option("--allow-code", help="Run the Python code that the station's file names.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
 
 ResultFolder = Annotated[Path | None, typer.Option("--out", help="Folder of the result; runs/STATION-TIME by default.")]

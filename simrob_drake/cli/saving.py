@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.text import Text
 
-from simrob_drake.cli.exit_codes import ExitCode
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import result_table
@@ -74,5 +74,5 @@ def saved(
 
 def exit_code(result: SimulationResult) -> ExitCode:
     """Return what a run's end means to a shell."""
-    codes = {"diverged": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
+    codes = {"diverged": ExitCode.DIVERGED, "failed": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
     return codes.get(result.ending, ExitCode.DONE)

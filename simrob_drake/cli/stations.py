@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from simrob_drake.cli.exit_codes import ExitCode
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.given import check_file, given_station, is_robot_file, refuse, refuse_import
 from simrob_drake.cli.options import (
+    AllowCode,
     Force,
     Live,
     NoRecording,
@@ -71,6 +72,7 @@ def run(
     converge: Annotated[
         bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
     ] = False,
+    allow_code: AllowCode = False,
 ) -> int:
     """Run a station, and save signals, plots and a recording.
 
@@ -80,7 +82,7 @@ def run(
 
         simrob run irb120_dynamic --set servo.torque_limit=10 --set reference.duration=1.5
     """
-    config = given_station(station, set_, duration=duration)
+    config = given_station(station, set_, allow_code=allow_code, duration=duration)
     folder = prepared_folder(config, out, force=force, video=video)
     result = _simulated(config, live)
     code = saved(result, folder, force=force, recording=not no_recording, video=video)
@@ -95,6 +97,7 @@ def check(
     ],
     set_: Settings = None,
     options: ImportOptions | None,
+    allow_code: AllowCode = False,
     library: Library = None,
     variables: Variables = None,
     assume: Assume = False,
@@ -106,11 +109,11 @@ def check(
         return
     refuse_model(library=library, variables=variables, assume=assume)
     if is_robot_file(station):
-        refuse("left out with a robot's file: it changes stations", set=set_)
+        refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
         examine_file(Path(station), options)
         return
     refuse_import("left out with a station: it goes with a robot's file", options)
-    console.print(findings_table(check_station(given_station(station, set_))))
+    console.print(findings_table(check_station(given_station(station, set_, allow_code=allow_code))))
 
 
 def diagram(
@@ -118,11 +121,12 @@ def diagram(
     out: Annotated[Path | None, typer.Option(help="FILE.svg, .dot or .mmd; DOT on the screen unless given.")] = None,
     set_: Settings = None,
     force: Force = False,
+    allow_code: AllowCode = False,
 ) -> None:
     """Draw the block structure of a station."""
     from simrob_drake.results.block_diagram.picture import save_block_picture, station_dot
 
-    config = given_station(station, set_)
+    config = given_station(station, set_, allow_code=allow_code)
     if out is None:
         print(station_dot(config))
         return

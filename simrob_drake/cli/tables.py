@@ -8,8 +8,7 @@ from rich.text import Text
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.report import DEEDS, Deed, ImportReport
-from simrob_drake.results.overview import table_of
-from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.result import SimulationResult, table_of
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.checks import Finding
 

@@ -1,23 +1,154 @@
-"""Stiffness and dissipation of a contact from measured bounces."""
+r"""Stiffness and dissipation of a contact from measured bounces, by the law of Drake's point contact.
+
+With the height h of the ball's lowest point,
+
+.. math:: m\,\ddot h = -m g + \max\bigl(0,\; k x (1 + d\,\dot x)\bigr), \qquad x = \max(0, -h).
+
+Flights are parabolas in closed form; contacts are integrated (Hunt and Crossley's law has no simple solution).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.csv_files import read_columns
+from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.identification.bounce_law import BounceLaw
-from simrob_drake.identification.bounce_trace import BounceTrace
 
+COLUMNS = ("time", "height")
+_LONGEST_GAP = 5.0  # times the usual interval
+_FEWEST_SAMPLES = 20
+_FEWEST_BOUNCES = 2
+_TOLERANCE = 1e-9
+_LONGEST = 50.0  # half periods of the spring that a contact may last
 _CONFIDENCE = 0.95
 _ROUND_ABOUT = (0.4, 0.7, 1.0, 1.4, 2.5)  # parts of the first guess of k that are tried: the error has many valleys
 _STEPS = np.full(4, 1e-4)  # parts of the unknowns, for the Jacobian
 _FEW = 200  # samples that tell good starts from bad ones
+
+
+@dataclass(frozen=True)
+class BounceTrace:
+    """Heights of a ball that bounces.
+
+    Attributes:
+        times: shape (m,) [s], rising.
+        heights: of the ball's lowest point over the floor, shape (m,) [m]; negative while it is pressed in.
+    """
+
+    times: Vector
+    heights: Vector
+
+    @property
+    def bounces(self) -> int:
+        """How often the ball came back up: falls to the floor with a rise behind them."""
+        high = (self.heights.max() - min(self.heights.min(), 0.0)) / 10
+        low_points, falling = 0, False
+        for height in self.heights:
+            if height > high:
+                low_points, falling = low_points + falling, False
+            elif height < high / 2:
+                falling = True
+        return low_points
+
+
+def read_bounces(file: Path) -> BounceTrace:
+    """Read a CSV file with the columns ``time`` [s] and ``height`` [m] of the ball's lowest point over the floor.
+
+    Raises:
+        InvalidConfig: a file without these columns, with something that is no number, with gaps, with times that do
+            not rise, or with too few bounces to learn from.
+    """
+    values, lines = read_columns(file, COLUMNS)
+    times, heights = values.T
+    if len(times) < _FEWEST_SAMPLES:
+        raise InvalidConfig(file, "", f"has {len(times)} samples; it takes at least {_FEWEST_SAMPLES}")
+    intervals = np.diff(times)
+    if (intervals <= 0).any():
+        row = int(np.flatnonzero(intervals <= 0)[0])
+        problem = f"times must rise, but {times[row + 1]:g} s follows {times[row]:g} s"
+        raise InvalidConfig(file, f"line {lines[row + 1]}", problem)
+    usual = float(np.median(intervals))
+    if intervals.max() > _LONGEST_GAP * usual:
+        row = int(np.argmax(intervals))
+        problem = f"a gap of {intervals[row]:.3g} s from {times[row]:.4g} s on, where {usual:.3g} s is usual"
+        raise InvalidConfig(file, f"line {lines[row + 1]}", f"{problem}; cut the trace there or measure again")
+    trace = BounceTrace(times, heights)
+    if trace.bounces < _FEWEST_BOUNCES:
+        problem = f"holds {trace.bounces} bounces; it takes at least {_FEWEST_BOUNCES}, each with the rise behind it"
+        raise InvalidConfig(file, "", problem)
+    return trace
+
+
+@dataclass(frozen=True)
+class BounceLaw:
+    """The figures of a ball on a floor."""
+
+    mass: float  # kg
+    stiffness: float  # k [N/m]
+    dissipation: float  # d [s/m]
+    gravity: float = STANDARD_GRAVITY  # m/s²
+
+    def acceleration(self, height: float, speed: float) -> float:
+        """Return the acceleration [m/s²] at a height [m] and a speed [m/s], upwards."""
+        pressed = max(-height, 0.0)
+        force = max(self.stiffness * pressed * (1 - self.dissipation * speed), 0.0)
+        return force / self.mass - self.gravity
+
+    def heights(self, times: Vector, height: float, speed: float) -> Vector:
+        """Return the heights (m,) [m] at ``times`` (m,) [s], rising, from a height and a speed at the first of them."""
+        found = np.empty(len(times))
+        now, end, row = float(times[0]), float(times[-1]), 0
+        while row < len(times):
+            if height > 0 or (height == 0 and speed > 0):
+                landing = now + (speed + np.sqrt(speed**2 + 2 * self.gravity * height)) / self.gravity
+                last = int(np.searchsorted(times, landing, side="left"))
+                flight = times[row:last] - now
+                found[row:last] = height + speed * flight - self.gravity * flight**2 / 2
+                height, speed = 0.0, speed - self.gravity * (landing - now)
+                now, row = landing, last
+            else:
+                now, height, speed, row = self._contact(times, found, now, height, speed, row)
+            if now >= end:
+                break
+        return found
+
+    def _contact(
+        self, times: Vector, found: Vector, now: float, height: float, speed: float, row: int
+    ) -> tuple[float, float, float, int]:
+        """Integrate a contact up to its end, or to that of ``times``; return time, height, speed and next row."""
+
+        def leaves(_: float, state: Vector) -> float:
+            return float(state[0])
+
+        leaves.terminal, leaves.direction = True, 1.0  # type: ignore[attr-defined]
+        longest = now + _LONGEST * np.pi * np.sqrt(self.mass / self.stiffness)
+        end = min(longest, float(times[-1]))
+        solution = solve_ivp(
+            lambda _, state: (state[1], self.acceleration(state[0], state[1])),
+            (now, max(end, now + 1e-12)),
+            (min(height, -1e-15), speed),
+            method="DOP853",
+            rtol=_TOLERANCE,
+            atol=_TOLERANCE * 1e-3,
+            events=leaves,
+            dense_output=True,
+        )
+        assert solution.sol is not None  # both were asked for
+        assert solution.t_events is not None
+        now = float(solution.t[-1])
+        last = int(np.searchsorted(times, now, side="right"))
+        if last > row:
+            found[row:last] = solution.sol(times[row:last])[0]
+        left = len(solution.t_events[0]) > 0
+        return now, 0.0 if left else float(solution.y[0, -1]), float(solution.y[1, -1]), last
 
 
 @dataclass(frozen=True)
@@ -110,8 +241,6 @@ def _first_guess(trace: BounceTrace, mass: float, gravity: float) -> tuple[float
 def _parabola(times: Vector, heights: Vector, gravity: float) -> tuple[float, float]:
     """Return time and height of the top of a flight."""
     middle = float(np.mean(times))
-    slope, level = np.polynomial.polynomial.polyfit(times - middle, heights + gravity * (times - middle) ** 2 / 2, 1)[
-        ::-1
-    ]
+    level, slope = np.polynomial.polynomial.polyfit(times - middle, heights + gravity * (times - middle) ** 2 / 2, 1)
     after = float(slope) / gravity
     return middle + after, float(level) + gravity * after**2 / 2

@@ -22,11 +22,7 @@ _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
 
 
 def robot_from_file(path: Path, options: ImportOptions | None = None) -> RobotModel:
-    """Return the robot of any URDF: read as it is if it is clean, imported once if it is not.
-
-    Args:
-        path: the file.
-        options: of the import; where some are given, the file is imported though it may be clean.
+    """Return the robot of any URDF: read as it is if it is clean, imported once if it is not, or if options are given.
 
     Raises:
         InvalidModel: a defect that no import can repair.

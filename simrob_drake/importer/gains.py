@@ -9,8 +9,8 @@ import numpy as np
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
-from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.parse import lone_robot
 
 _FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it
 _SAG = math.radians(1.0)  # what a joint may give way under gravity [rad]
@@ -26,14 +26,11 @@ class FirstGains:
 
 
 def first_gains(robot: RobotModel) -> FirstGains:
-    """Return gains that hold a robot up and move it without overshoot.
+    """Return gains that hold a robot up and move it without overshoot; every link of it that moves has an inertia.
 
     With M the largest diagonal element of the mass matrix over some postures, and τ the largest torque of gravity,
     kp = max(ω² M, τ / 1 deg) with ω = 30 rad/s, and kd = 2 √(kp M), which damps the joint critically. A robot that is
     not fixed stands on some of its joints, so that each may feel the whole mass at half of the robot's height.
-
-    Args:
-        robot: with inertias for every moving link.
     """
     inertias, torques = _inertias_and_torques(robot)
     kp = np.maximum(_FREQUENCY**2 * inertias, torques / _SAG)
@@ -49,7 +46,7 @@ def _inertias_and_torques(robot: RobotModel) -> tuple[Vector, Vector]:
     random = np.random.default_rng(0)
     inertias, torques = np.zeros(len(lone.joints)), np.zeros(len(lone.joints))
     for posture in (robot.home, *random.uniform(lower, upper, (_POSTURES, len(lone.joints)))):
-        lone.set_axes(context, posture)
+        lone.axes.set_positions(plant, context, posture)
         inertias = np.maximum(inertias, np.diag(plant.CalcMassMatrix(context))[lone.axes.velocity_places])
         torques = np.maximum(torques, np.abs(lone.axes.efforts(plant.CalcGravityGeneralizedForces(context))))
     if robot.base == "floating":

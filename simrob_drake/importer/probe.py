@@ -21,11 +21,7 @@ _PATIENCE = 120.0  # s, for a robot of hundreds of meshes
 
 
 def probe(file: Path, report: ImportReport) -> None:
-    """Let a child process build a robot in Drake.
-
-    Args:
-        file: the imported URDF.
-        report: of the import, for its source.
+    """Let a child process build an imported robot in Drake.
 
     Raises:
         InvalidModel: Drake refuses the robot or dies of it; the message names the element, found by bisection.
@@ -80,14 +76,13 @@ def _built_without(file: Path, robot: ET.Element, places: list[tuple[int, int]])
 
 
 def _build(file: Path) -> None:
+    from pydrake.geometry import SceneGraph
     from pydrake.multibody.plant import MultibodyPlant
 
     from simrob_drake.robots.parse import add_urdf
     from simrob_drake.robots.urdf import read_urdf, with_absolute_meshes
 
     plant = MultibodyPlant(0.0)
-    from pydrake.geometry import SceneGraph
-
     scene_graph = SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     add_urdf(plant, with_absolute_meshes(read_urdf(file), file.parent), name="robot", where=file)

@@ -8,13 +8,19 @@ import numpy.typing as npt
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.closed_form import BRANCHES, ELBOWS, SHOULDERS, WRISTS, ClosedForm, closed_form
+from simrob_drake.kinematics.closed_form import BRANCHES, ELBOWS, SHOULDERS, WRISTS, ClosedForm, all_postures
 from simrob_drake.kinematics.least_squares import fit_postures, within
 from simrob_drake.kinematics.poses import Targets, pose_errors, pose_matrices
 from simrob_drake.kinematics.screws import Indices
-from simrob_drake.kinematics.solver import POSITION_TOLERANCE, ROTATION_TOLERANCE, Solutions, Solver
+from simrob_drake.kinematics.solver import (
+    POSITION_TOLERANCE,
+    ROTATION_TOLERANCE,
+    TURN,
+    Solutions,
+    Solver,
+    nearest_turns,
+)
 from simrob_drake.kinematics.spherical_arm import SphericalArm
-from simrob_drake.kinematics.turns import TURN, nearest_turns
 
 _ROUNDING = 1e-9  # m or rad
 _EXACT = 1e-10  # m or rad: errors above it come from figures that are rounded, and are polished away
@@ -85,7 +91,7 @@ class AnalyticSolver(Solver):
 
     def _branches(self, targets: Vector, starts: Vector, wanted: Indices) -> tuple[ClosedForm, Vector, Vector]:
         """Return the closed form, the wanted postures (k, b, 6) in axis order, and how far each is beyond a limit."""
-        form = closed_form(self.arm, targets, starts[:, self._order])
+        form = all_postures(self.arm, targets, starts[:, self._order])
         postures = np.empty((len(targets), len(wanted), self.chain.size))
         postures[..., self._order] = form.postures[:, wanted]
         return form, *nearest_turns(self.chain, postures, starts[:, np.newaxis])
@@ -148,7 +154,6 @@ class AnalyticSolver(Solver):
             return f"out of reach: the wrist centre lies {short:.3g} m beyond what the arm reaches"
         if beyond.any():
             axis = int(np.argmax(beyond))
-            return (
-                f"joint limit: {postures} need {self.chain.names[axis]} {beyond[axis]:.3g} rad or more beyond its limit"
-            )
+            more = f"{beyond[axis]:.3g} rad or more beyond its limit"
+            return f"joint limit: {postures} need {self.chain.names[axis]} {more}"
         return "no orientation of the wrist serves: its axes are not at right angles"

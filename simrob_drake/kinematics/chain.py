@@ -13,34 +13,30 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, PrismaticJoint, RevoluteJoint
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.kinematics.errors import UnsupportedChain
-from simrob_drake.kinematics.poses import Targets, pose_matrices
+from simrob_drake.kinematics.poses import Targets, one_pose
 from simrob_drake.kinematics.screws import Screws, skew
-from simrob_drake.kinematics.tree import joints_between
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
 
 
+class UnsupportedChain(SimrobError):
+    """Frames of a plant that joints other than the given ones move against each other."""
+
+
 @dataclass(frozen=True, eq=False)
 class ChainInPlant:
-    """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive.
-
-    Attributes:
-        joints: one an axis.
-        axes: where they stand in the plant, and their senses.
-        tcp: pose of the tool centre point in the frame ``tool``, shape (4, 4).
-    """
+    """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive."""
 
     plant: MultibodyPlant
-    joints: tuple[Joint, ...]
-    axes: AxisMap
+    joints: tuple[Joint, ...]  # one an axis
+    axes: AxisMap  # where they stand in the plant, and their senses
     base: Frame
     tool: Frame
-    tcp: Vector
+    tcp: Vector  # pose of the tool centre point in the frame ``tool``, shape (4, 4)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -138,11 +134,8 @@ class Chain(Screws):
 
     def with_tool(self, pose: Targets) -> Chain:
         """Return the chain to another tool centre point, given as one pose in this chain's tool frame."""
-        matrices = pose_matrices(pose, "tool")
-        if len(matrices) != 1:
-            raise InvalidParameter("tool", f"{len(matrices)} poses", "one pose")
-        moved = replace(self.in_plant, tcp=self.in_plant.tcp @ matrices[0])
-        return replace(self, home=self.home @ matrices[0], in_plant=moved)
+        matrix = one_pose(pose, "tool")
+        return replace(self, home=self.home @ matrix, in_plant=replace(self.in_plant, tcp=self.in_plant.tcp @ matrix))
 
     def forward(self, positions: npt.ArrayLike) -> Vector:
         """Return the poses of the tool in the base, shape (k, 4, 4); one posture (n,) gives k = 1."""
@@ -237,3 +230,34 @@ def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tup
     if missing:
         raise UnsupportedChain(f"the tool moves also by {', '.join(missing)}, which no axis of the robot drives")
     return [(places[joint.index()], sense) for joint, sense in way]
+
+
+def joints_between(plant: MultibodyPlant, base: Frame, tool: Frame) -> list[tuple[Joint, float]]:
+    """Return the joints that can move ``tool`` against ``base``, in order from the base.
+
+    Args:
+        plant: finalized.
+        base: where the way begins.
+        tool: where it ends, on the same branch of the tree or another.
+
+    Returns:
+        each joint with 1 where the way leads outward through it, or -1 where it leads back towards the world.
+    """
+    inboard = {}
+    for index in plant.GetJointIndices():
+        joint = plant.get_joint(index)
+        inboard[joint.child_body().index()] = joint
+    back, out = _to_world(inboard, base), _to_world(inboard, tool)
+    while back and out and back[-1].index() == out[-1].index():  # what carries both does not count
+        back.pop()
+        out.pop()
+    way = [(joint, -1.0) for joint in back] + [(joint, 1.0) for joint in reversed(out)]
+    return [(joint, sense) for joint, sense in way if joint.num_positions() > 0]
+
+
+def _to_world(inboard: dict[int, Joint], frame: Frame) -> list[Joint]:
+    joints, body = [], frame.body()
+    while body.index() in inboard:
+        joints.append(inboard[body.index()])
+        body = joints[-1].parent_body()
+    return joints

@@ -24,21 +24,16 @@ _SINGULAR = 1e-10  # m or rad within which an axis may stand anywhere: 1e4 times
 
 @dataclass(frozen=True, eq=False)
 class ClosedForm:
-    """All postures for k poses.
+    """All postures for k poses."""
 
-    Attributes:
-        postures: of axes 1 ... 6 from the base, shape (k, 8, 6), in no particular turn; where a pose is out of reach,
-            the arm stretched or folded towards it.
-        short: how far the wrist centre lies out of reach [m], shape (k, 8); 0 within.
-        singular: where axis 1 or axis 4 may stand anywhere and was taken from the start, shape (k,).
-    """
-
+    # of axes 1 ... 6 from the base, shape (k, 8, 6), in no particular turn; where a pose is out of reach, the arm
+    # stretched or folded towards it.
     postures: Vector
-    short: Vector
-    singular: Flags
+    short: Vector  # how far the wrist centre lies out of reach [m], shape (k, 8); 0 within
+    singular: Flags  # where axis 1 or axis 4 may stand anywhere and was taken from the start, shape (k,)
 
 
-def closed_form(arm: SphericalArm, targets: Vector, starts: Vector) -> ClosedForm:
+def all_postures(arm: SphericalArm, targets: Vector, starts: Vector) -> ClosedForm:
     """Return all postures that bring the tool to each target.
 
     Args:

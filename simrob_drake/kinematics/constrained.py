@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -20,7 +20,6 @@ from simrob_drake.kinematics.poses import pose_errors
 from simrob_drake.kinematics.solver import Solutions, Solver
 
 TargetKind = Literal["pose", "position", "free"]
-KINDS = ("pose", "position", "free")
 
 _FEASIBLE = 1e-8  # by which the program's constraints may be missed, in their own units
 _TOLERANCE = np.array([1e-5, 1e-4])  # m, rad: what counts as reached; the program ends well below
@@ -64,8 +63,8 @@ class ConstrainedSolver(Solver):
             UnknownName: a goal with an unknown axis or frame.
         """
         super().__init__(chain)
-        if target not in KINDS:
-            raise UnknownName("kind of target", str(target), KINDS)
+        if target not in get_args(TargetKind):
+            raise UnknownName("kind of target", str(target), get_args(TargetKind))
         weights = np.asarray((1.0, 1.0) if target_weights is None else target_weights, dtype=float)
         if weights.shape != (2,) or not np.isfinite(weights).all() or (weights < 0).any():
             raise InvalidParameter(
@@ -85,7 +84,7 @@ class ConstrainedSolver(Solver):
         self._program(np.eye(4), np.zeros(chain.size))  # so that a wrong goal is told of at once
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
-        return Solutions.joined([self._solve_one(*pair) for pair in zip(targets, starts, strict=True)])
+        return Solutions.joined([*map(self._solve_one, targets, starts)])
 
     def _solve_one(self, target: Vector, start: Vector) -> Solutions:
         start = np.clip(start, self.chain.lower, self.chain.upper)
@@ -156,7 +155,7 @@ class _Program:
         for binding in self._prog.GetAllConstraints():
             evaluator = binding.evaluator()
             value = evaluator.Eval(full[self._prog.FindDecisionVariableIndices(binding.variables())])
-            by = _outside(evaluator, value).max(initial=0.0)
+            by = np.maximum(value - evaluator.upper_bound(), evaluator.lower_bound() - value).max(initial=0.0)
             if not by <= _VIOLATED:
                 missed.append((evaluator.get_description() or "the joint limits", float(by)))
         return missed
@@ -217,11 +216,6 @@ def _wish(constraint: Constraint, weights: Vector) -> Callable[[Any], Any]:
         return total
 
     return cost
-
-
-def _outside(constraint: Constraint, values: Vector) -> Vector:
-    outside: Vector = np.maximum(values - constraint.upper_bound(), constraint.lower_bound() - values)
-    return outside
 
 
 def _rigid(target: Vector) -> RotationMatrix:

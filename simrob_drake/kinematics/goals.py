@@ -26,7 +26,7 @@ from pydrake.systems.framework import Context
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import POSE_SIZE, Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.poses import Targets, pose_matrices
+from simrob_drake.kinematics.poses import Targets, one_pose
 
 ORIGIN = (0.0, 0.0, 0.0)
 HERE = (0.0,) * POSE_SIZE
@@ -94,7 +94,7 @@ class PositionBounds(Goal):
     def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
         lower, upper = _bounds("PositionBounds", self.lower, self.upper, 3)
-        return point_in_box(setting, ORIGIN, RigidTransform(_one_pose(self.frame)), lower, upper)
+        return point_in_box(setting, ORIGIN, RigidTransform(one_pose(self.frame, "frame")), lower, upper)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,14 +231,6 @@ def point_in_box(
     return PositionConstraint(
         place.plant, place.base, box, lower, upper, tool, tcp @ np.asarray(point, dtype=float), setting.context
     )
-
-
-def _one_pose(pose: Targets) -> Vector:
-    matrices = pose_matrices(pose, "frame")
-    if len(matrices) != 1:
-        raise InvalidParameter("frame", f"{len(matrices)} poses", "one pose")
-    matrix: Vector = matrices[0]
-    return matrix
 
 
 def _bounds(owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int) -> tuple[Vector, Vector]:

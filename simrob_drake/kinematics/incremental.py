@@ -7,10 +7,9 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.diagnosis import why_unreached
 from simrob_drake.kinematics.least_squares import Flags, within
 from simrob_drake.kinematics.poses import pose_errors
-from simrob_drake.kinematics.solver import Solutions, Solver, check_search
+from simrob_drake.kinematics.solver import Solutions, Solver, check_search, why_unreached
 
 _NEAR_SINGULAR = 0.02  # smallest singular value [m, rad] below which damping begins
 _MOST_DAMPING = 0.04  # at a singular posture

@@ -8,11 +8,18 @@ import numpy.typing as npt
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import POSE_SIZE, Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.diagnosis import why_unreached
 from simrob_drake.kinematics.least_squares import COARSE, FINE, Fit, Flags, fit_postures, within
 from simrob_drake.kinematics.screws import Indices
-from simrob_drake.kinematics.solver import POSITION_TOLERANCE, ROTATION_TOLERANCE, Solutions, Solver, check_search
-from simrob_drake.kinematics.turns import TURN, nearest_turns
+from simrob_drake.kinematics.solver import (
+    POSITION_TOLERANCE,
+    ROTATION_TOLERANCE,
+    TURN,
+    Solutions,
+    Solver,
+    check_search,
+    nearest_turns,
+    why_unreached,
+)
 
 _AT_ONCE = 8  # postures that one round of restarts tries side by side
 _FAR = 1e6  # ranks every posture that reaches the target before all that do not

@@ -53,12 +53,21 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
     if not values.size:
         raise InvalidParameter(name, "empty", _EXPECTED)
     if not np.isfinite(values).all():
-        raise InvalidParameter(name, _first_bad(values), "finite numbers")
+        index = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise InvalidParameter(name, f"an array with {values[tuple(index)]} at {index}", "finite numbers")
     if values.ndim in (1, 2) and values.shape[-1] == POSE_SIZE:
         return _matrices_from_vectors(np.atleast_2d(values))
     if values.ndim in (2, 3) and values.shape[-2:] == (4, 4):
         return _checked_matrices(values.reshape(-1, 4, 4), name)
     raise InvalidParameter(name, f"an array of shape {values.shape}", _EXPECTED)
+
+
+def one_pose(target: Targets, name: str) -> Vector:
+    """Return one pose in any form as a matrix (4, 4); errors are those of :func:`pose_matrices`, or tell of several."""
+    matrices = pose_matrices(target, name)
+    if len(matrices) != 1:
+        raise InvalidParameter(name, f"{len(matrices)} poses", "one pose")
+    return np.asarray(matrices[0])
 
 
 def rotation_vectors(turns: Vector) -> Vector:
@@ -104,8 +113,3 @@ def _checked_matrices(matrices: Vector, name: str) -> Vector:
         bad = int(np.argmin(rigid))
         raise InvalidParameter(f"{name}[{bad}]", matrices[bad].tolist(), "a rotation, a place, and a last row 0 0 0 1")
     return matrices
-
-
-def _first_bad(values: Vector) -> str:
-    index = np.argwhere(~np.isfinite(values))[0].tolist()
-    return f"an array with {values[tuple(index)]} at {index}"

@@ -9,10 +9,10 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics.analytic import AnalyticSolver
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.constrained import ConstrainedSolver
-from simrob_drake.kinematics.errors import NoClosedForm
 from simrob_drake.kinematics.incremental import IncrementalSolver
 from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.kinematics.solver import Solver
+from simrob_drake.kinematics.spherical_arm import NoClosedForm
 
 SOLVERS: dict[str, type[Solver]] = {
     "numeric": NumericSolver,

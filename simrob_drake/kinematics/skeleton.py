@@ -17,9 +17,8 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.kinematics.chain import Chain, axes_and_points, held_robot
+from simrob_drake.kinematics.chain import Chain, axes_and_points, held_robot, joints_between
 from simrob_drake.kinematics.screws import Screws
-from simrob_drake.kinematics.tree import joints_between
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot
 
@@ -78,21 +77,20 @@ class Skeleton(Screws):
 
 
 def skeleton_of(robot: str | RobotModel) -> Skeleton:
-    """Return the skeleton of a robot of the package by its name, or of any other's model; see :func:`skeleton`."""
-    return _of_package(robot) if isinstance(robot, str) else skeleton(robot)
-
-
-@lru_cache(maxsize=8)
-def _of_package(robot: str) -> Skeleton:
-    return skeleton(load_robot(robot))
-
-
-def skeleton(model: RobotModel) -> Skeleton:
-    """Return the skeleton of a robot whose joints are all axes and revolute.
+    """Return the skeleton of a robot of the package by its name, or of any other's model.
 
     Raises:
         InvalidParameter: a robot with a joint that is no axis, or prismatic.
     """
+    return _of_package(robot) if isinstance(robot, str) else _of_model(robot)
+
+
+@lru_cache(maxsize=8)
+def _of_package(robot: str) -> Skeleton:
+    return _of_model(load_robot(robot))
+
+
+def _of_model(model: RobotModel) -> Skeleton:
     plant, root = held_robot(model)
     joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
     names = [joint.name() for joint in joints]

@@ -1,23 +1,51 @@
-"""What all solvers of inverse kinematics have in common: how they are asked, and what they give back."""
+"""What solvers of inverse kinematics have in common: how they are asked, what they give back, and why there is none."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.errors import Unreachable
 from simrob_drake.kinematics.poses import Targets, pose_matrices
 
 POSITION_TOLERANCE = 1e-6  # m: a tenth of the repeatability of a small arm, and fine enough for smooth paths
 ROTATION_TOLERANCE = 1e-5  # rad
+TURN = 2.0 * np.pi
+_SLACK = 1e-9  # rad beyond a limit that is rounding, and clipped
+_AT_LIMIT = 1e-9  # rad or m
+_SINGULAR = 0.02  # smallest singular value of the Jacobian [m, rad], as where damping begins
+_PUSH = 1e-3  # share of the error that must press a joint against its limit to count
+
+
+class Unreachable(SimrobError):
+    """A target pose that no posture of the robot reaches, as far as the solver found.
+
+    Attributes:
+        index: which target of the batch, counted from 0.
+        reason: why, in words.
+        positions: the best posture found, shape (n,) [rad or m].
+        position_error: how near it comes [m].
+        rotation_error: how near it comes [rad].
+    """
+
+    def __init__(
+        self, target: str, reason: str, *, index: int, positions: Vector, position_error: float, rotation_error: float
+    ) -> None:
+        """Say that ``target`` (such as "targets[3]") cannot be reached, why, and how near the best posture comes."""
+        near = f"the best solution comes within {position_error:.3g} m and {rotation_error:.3g} rad"
+        super().__init__(f"{target} cannot be reached: {reason}; {near}")
+        self.index = index
+        self.reason = reason
+        self.positions = positions
+        self.position_error = position_error
+        self.rotation_error = rotation_error
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +90,9 @@ class Solutions:
     @classmethod
     def joined(cls, parts: Sequence[Solutions]) -> Solutions:
         """Return the solutions of one batch from those of its pieces, in order."""
-        return cls(
-            positions=np.concatenate([part.positions for part in parts]),
-            reached=np.concatenate([part.reached for part in parts]),
-            position_error=np.concatenate([part.position_error for part in parts]),
-            rotation_error=np.concatenate([part.rotation_error for part in parts]),
-            iterations=np.concatenate([part.iterations for part in parts]),
-            reasons=tuple(reason for part in parts for reason in part.reasons),
-        )
+        arrays = [field.name for field in fields(cls)[:-1]]
+        whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+        return cls(**whole, reasons=tuple(reason for part in parts for reason in part.reasons))
 
     @property
     def first_missed(self) -> int:
@@ -172,3 +195,69 @@ class Solver(ABC):
     @abstractmethod
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Solve targets (k, 4, 4), each from its own start (k, n)."""
+
+
+def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[Vector, Vector]:
+    """Turn revolute joints by whole turns, into their limits and as near to a reference as these allow.
+
+    Args:
+        chain: whose limits count.
+        positions: shape (..., n).
+        reference: shape (..., n), such as the current posture.
+
+    Returns:
+        the positions, within the limits or as near to them as whole turns come, and how far each then lies beyond a
+        limit (0 within), both of shape (..., n).
+    """
+    lower, upper = chain.lower - _SLACK, chain.upper + _SLACK
+    turns = np.where(chain.revolute, TURN, 0.0)
+    near = positions - turns * np.round((positions - reference) / TURN)
+    down = near - turns * np.ceil(np.maximum(near - upper, 0.0) / TURN)
+    up = near + turns * np.ceil(np.maximum(lower - near, 0.0) / TURN)
+    best = np.where(near > upper, down, up)
+    other = np.where(near > upper, near, down)  # the last turn on the far side, for limits less than a turn apart
+    beyond, other_beyond = _beyond(chain, best), _beyond(chain, other)
+    swap = other_beyond < beyond
+    best = np.where(swap, other, best)
+    beyond = np.where(swap, other_beyond, beyond)
+    return np.where(beyond > 0.0, best, np.clip(best, chain.lower, chain.upper)), beyond
+
+
+def _beyond(chain: Chain, positions: Vector) -> Vector:
+    over = np.maximum(positions - chain.upper, chain.lower - positions)
+    return np.where(over > _SLACK, over, 0.0)
+
+
+def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, weights: Vector) -> str:
+    """Tell why no step from a posture leads nearer to a target.
+
+    Args:
+        chain: that is to reach it.
+        target: shape (4, 4).
+        posture: the best found, shape (n,).
+        error: from there to the target, shape (6,) [m, rad] about x, y, z of the base; 0 where nothing is asked.
+        weights: of its parts, shape (6,).
+
+    Returns:
+        "out of reach ...", "joint limit ...", "singular posture ..." or "no solution found ...".
+    """
+    if chain.order and error[:3].any():
+        first = chain.order[0]
+        away = float(np.linalg.norm(target[:3, 3] - chain.points[first]))
+        if away > chain.reach:
+            return (
+                f"out of reach: it lies {away:.3g} m from {chain.names[first]}, and the arm is {chain.reach:.3g} m long"
+            )
+    jacobian = chain.jacobian(posture)[0]
+    push = jacobian.T @ (weights * error)
+    strong = np.abs(push) > _PUSH * np.linalg.norm(weights * error)
+    for held, limits, side in (
+        ((posture <= chain.lower + _AT_LIMIT) & (push < 0) & strong, chain.lower, "lower"),
+        ((posture >= chain.upper - _AT_LIMIT) & (push > 0) & strong, chain.upper, "upper"),
+    ):
+        for axis in np.flatnonzero(held):
+            return f"joint limit: {chain.names[axis]} stands at its {side} limit {limits[axis]:.4g}"
+    rows = jacobian[weights > 0][:, list(chain.order)]
+    if rows.size and np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
+        return "singular posture: the arm is stretched or folded there and cannot move the way that is left"
+    return "no solution found from this start"

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.errors import NoClosedForm
 from simrob_drake.kinematics.screws import skew
 
 _LENGTH = 1e-4  # m that axes may miss each other by: published figures are rounded, and the solver polishes
@@ -20,32 +20,30 @@ _ALONG = 1e-3  # sine below which two axes count as one direction
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 
 
+class NoClosedForm(SimrobError):
+    """A robot whose geometry the analytic solver does not cover."""
+
+    def __init__(self, problem: str) -> None:
+        """Say what the geometry lacks, and which solver takes any robot."""
+        super().__init__(f"there is no closed form for this arm: {problem}; the numeric solver takes any robot")
+
+
 @dataclass(frozen=True, eq=False)
 class SphericalArm:
     """An arm of six revolute axes: 2 parallel to 3, neither to 1, and 4, 5, 6 through one point, the wrist centre.
 
     Axis 1 need not meet axis 2 (shoulder offset along the arm), nor the wrist centre lie in the plane of axis 1 and
     the arm (shoulder offset across it, as the Puma has), nor axis 4 point at axis 3 (elbow offset).
-
-    Attributes:
-        axes: unit axes 1 ... 6 at zero, shape (6, 3).
-        shoulder: a point on axis 1 [m], shape (3,).
-        upper_arm: a point on axis 2, in the base at zero [m], shape (3,).
-        centre: the wrist centre at zero [m], shape (3,).
-        forearm_sense: 1 where axis 3 points as axis 2 does, -1 where against it.
-        upper, fore: from axis 2 to axis 3 and from there to the wrist centre, at zero, as complex numbers in the
-            plane across axis 2 [m].
-        home: pose of the tool at zero, shape (4, 4).
     """
 
-    axes: Vector
-    shoulder: Vector
-    upper_arm: Vector
-    centre: Vector
-    forearm_sense: float
-    upper: complex
-    fore: complex
-    home: Vector
+    axes: Vector  # unit axes 1 ... 6 at zero, shape (6, 3)
+    shoulder: Vector  # a point on axis 1 [m], shape (3,)
+    upper_arm: Vector  # a point on axis 2, in the base at zero [m], shape (3,)
+    centre: Vector  # the wrist centre at zero [m], shape (3,)
+    forearm_sense: float  # 1 where axis 3 points as axis 2 does, -1 where against it
+    upper: complex  # from axis 2 to axis 3 at zero, as a complex number in the plane across axis 2 [m]
+    fore: complex  # from axis 3 to the wrist centre, likewise
+    home: Vector  # pose of the tool at zero, shape (4, 4)
 
     @classmethod
     def of(cls, chain: Chain) -> SphericalArm:

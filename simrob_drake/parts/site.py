@@ -261,12 +261,7 @@ class Site:
     def draw(self, name: str, role: BlockRole, label: str, robot: StationRobot | None = None, *, key: str = "") -> None:
         """Say in which block of the picture a system stands, with those whose names begin with its name and a dot.
 
-        Args:
-            name: of the system.
-            role: of the block.
-            label: its lines.
-            robot: whose it is.
-            key: of the block, where several systems share it; the system's name unless given.
+        Several systems share a block by its ``key``: the system's name unless given.
         """
         self.drawn[name] = Drawn(key or name, role, label, robot.name if robot is not None and robot.prefix else "")
 

@@ -14,8 +14,7 @@ from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transf
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
-from simrob_drake.programs.cell_robot import CellRobot
-from simrob_drake.programs.ongoing import OngoingStation
+from simrob_drake.programs.ongoing import CellRobot, OngoingStation
 from simrob_drake.programs.plan import How
 from simrob_drake.programs.planner import Planner
 from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses

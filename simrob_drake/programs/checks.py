@@ -1,18 +1,23 @@
-"""Whether a robot can do a move: joint limits and speeds, before anything moves."""
+"""Whether a robot can do a move: joint limits, speeds and collisions, before anything moves."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
+from pydrake.geometry import GeometryId, QueryObject
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.programs.errors import JointLimitExceeded, SpeedLimitExceeded
+from simrob_drake.parts.targets import own_name, piece_of_shape
+from simrob_drake.programs.errors import JointLimitExceeded, PathCollision, SpeedLimitExceeded
+from simrob_drake.programs.model import StationModel
 
 Naming = Callable[[float], tuple[int, str]]
 """From a time [s] of a move to the number of its point and the point's name."""
+TOUCH = 1e-3
+"""How deep shapes may be in each other before it counts [m]: what stands, or is held, touches."""
 
 _LOOKS = 4  # a point
 _ROUNDING = 1e-9  # rad or m
@@ -94,3 +99,56 @@ def _speeds(trajectory: Trajectory, times: Vector) -> Vector:
 def shown(value: float, revolute: bool) -> str:
     """Return a position or speed of an axis as messages show it: in degrees or metres."""
     return f"{np.rad2deg(value):.1f} deg" if revolute else f"{value:.3f} m"
+
+
+def check_collisions(
+    model: StationModel,
+    robots: Mapping[str, Vector],
+    times: Vector,
+    named: Naming,
+    *,
+    touch: float = TOUCH,
+) -> None:
+    """Check that robots touch nothing on their way, and what they carry neither.
+
+    A robot and what it carries count as one, and pass through each other; so does what already touched at the
+    beginning, as a piece on its table. Meshes count as their convex hulls, so the holes of a half sphere are closed.
+
+    Args:
+        model: of the station, with collision shapes.
+        robots: postures (k, n) by robot at the times; robots that are left out stay where they are.
+        times: shape (k,) [s].
+        named: how points are called.
+        touch: how deep shapes may be in each other [m].
+
+    Raises:
+        PathCollision: names the first offending point, and what runs into what.
+    """
+    resting: set[frozenset[str]] = set()
+    for row, time in enumerate(times):
+        model.place_robots({name: postures[row] for name, postures in robots.items()})
+        query = model.query()
+        found = [
+            (float(pair.depth), (_owner(model, query, pair.id_A), _owner(model, query, pair.id_B)))
+            for pair in query.ComputePointPairPenetration()
+            if pair.depth > touch
+        ]
+        if row == 0:
+            resting = {frozenset(bodies) for _, bodies in found}
+        for depth, bodies in sorted(found):  # through thin shapes depths are too large
+            if frozenset(bodies) not in resting:
+                number, name = named(float(time))
+                raise PathCollision(name, point=number, time=float(time), bodies=bodies, depth=depth)
+
+
+def _owner(model: StationModel, query: QueryObject, geometry: GeometryId) -> str:
+    """Return what a shape belongs to: a piece, a link of a robot, the floor."""
+    inspector = query.inspector()
+    piece = piece_of_shape(model.resolved, inspector, geometry)
+    if piece is not None:
+        return piece
+    body = model.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+    for robot in model.robots.values():
+        if body.model_instance() == robot.instance:
+            return f"{robot.prefix}{body.name()}"
+    return own_name(inspector, geometry)

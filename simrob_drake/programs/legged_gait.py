@@ -46,7 +46,7 @@ def planned_gait(
     Args:
         robot: whose gait.
         name: of the gait; with steps the first for the robot's feet if None.
-        changes: figures of the gait in place of its own.
+        changes: parameters of the gait in place of its own.
         steps: how many; None for gaits that go no steps.
         amplitude: scales the steps.
 
@@ -60,12 +60,12 @@ def planned_gait(
     name = first_gait(model, worn, known) if name is None else name
     if name not in known:
         raise UnknownName(f"{what} of {model.name}", name, known)
-    section, figures = known[name]
+    section, gait = known[name]
     for key in changes:
-        if key not in type(figures).model_fields:
-            raise UnknownName(f"figure of the {what} {name}", key, type(figures).model_fields)
-    _check_station(robot, section, name, held=getattr(figures, "held", False))
-    made = changes.get("feet") or made_for(model, figures)
+        if key not in type(gait).model_fields:
+            raise UnknownName(f"parameter of the {what} {name}", key, type(gait).model_fields)
+    _check_station(robot, section, name, held=getattr(gait, "held", False))
+    made = changes.get("feet") or made_for(model, gait)
     if section.on_feet and not carries(model, worn, made):
         raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made}, for {name}: set robot.feet to {made}")
     if steps is None:
@@ -94,8 +94,8 @@ def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[An
     if own is not None and carries(model, robot.worn_feet, made_for(model, own)):
         return _moves_of(model, own, move_time)
     known = gaits_of(model, steps=True)
-    section, figures = known[first_gait(model, robot.worn_feet, known)]
-    keys = type(figures).model_fields
+    section, gait = known[first_gait(model, robot.worn_feet, known)]
+    keys = type(gait).model_fields
     changes: dict[str, Any] = {"ramp_steps": 0} if "ramp_steps" in keys else {}  # the first step has its full length
     if move_time is not None:
         changes |= {key: move_time for key in _PACES if key in keys}

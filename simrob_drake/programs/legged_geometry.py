@@ -12,7 +12,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform
 from simrob_drake.kinematics import Chain, NumericSolver, require
 from simrob_drake.kinematics.registry import SolverLike, solver_for
-from simrob_drake.programs.cell_robot import CellRobot
+from simrob_drake.programs.ongoing import CellRobot
 from simrob_drake.programs.targets import PoseTargets, is_place, is_single, world_poses
 from simrob_drake.robots.catalog import RobotModel
 
@@ -25,9 +25,7 @@ _PLACE_ONLY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 class LeggedGeometry(CellRobot):
     """A robot whose root moves: its axes, and kinematics from the trunk to hands, feet and head. Nothing moves.
 
-    Attributes:
-        cell: the station and its state.
-        name: of the robot in the station.
+    Attributes: those of :class:`CellRobot`.
     """
 
     @property

@@ -14,7 +14,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
 from simrob_drake.programs.legged_gait import step_moves
 from simrob_drake.programs.legged_geometry import LeggedGeometry
-from simrob_drake.programs.legged_stages import check_some, joint_reference, stages_of
+from simrob_drake.programs.legged_stages import check_some, joint_reference, stages_of, targets_on
 from simrob_drake.programs.moves import (
     MOVE_TIME,
     Act,
@@ -22,21 +22,20 @@ from simrob_drake.programs.moves import (
     AnyMove,
     Attach,
     AttachMove,
+    Cell,
     JointMove,
     Release,
     ReleaseMove,
     Walk,
     WalkMove,
     any_move,
-    cell_of,
     checked,
     move_of,
 )
 from simrob_drake.programs.ongoing import GOES_ON
-from simrob_drake.programs.postures import targets_on
 from simrob_drake.programs.program import Program, counted
-from simrob_drake.results.record.locomotion import fallen
 from simrob_drake.results.record.state import State
+from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
@@ -150,13 +149,13 @@ class LeggedRobot(LeggedGeometry):
                 how far all joints go.
             gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.
             store: at the end of the program.
-            changes: other figures of the gait to change, such as ``step_time``.
+            changes: other parameters of the gait to change, such as ``step_time``.
 
         Raises:
-            InvalidParameter: a robot without gaits, other feet or another station than the gait needs, or figures that
-                cannot be.
-            UnknownName: no such gait, or no such figure of it; proposes the nearest.
-            InvalidConfig: a figure that cannot be.
+            InvalidParameter: a robot without gaits, other feet or another station than the gait needs, or parameters
+                that cannot be.
+            UnknownName: no such gait, or no such parameter of it; proposes the nearest.
+            InvalidConfig: a parameter that cannot be.
             OutOfReach, JointLimitExceeded: steps that the legs cannot do; tells by how much.
         """
         walk = checked(Walk, steps=steps, amplitude=amplitude, gait=gait, **changes)
@@ -170,7 +169,7 @@ class LeggedRobot(LeggedGeometry):
         Args:
             name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.
             store: at the end of the program.
-            changes: its figures to change, such as ``repeat``, or ``foot`` of ``three_legs``.
+            changes: its parameters to change, such as ``repeat``, or ``foot`` of ``three_legs``.
 
         Raises:
             SimrobError: as :meth:`walk`.
@@ -249,7 +248,7 @@ class LeggedRobot(LeggedGeometry):
 
         Arguments and errors are those of :meth:`test_move`; nothing moves.
         """
-        cell = cell_of(target_deg)
+        cell = checked(Cell, target_deg=target_deg)
         targets_on(self.model, cell.target_deg, "the reference")
         self._remember()
         self.program = self.program.with_reference(cell)

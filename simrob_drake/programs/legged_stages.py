@@ -1,4 +1,4 @@
-"""A program of a legged robot in stages that run one after the other.
+"""A program of a legged robot in stages that run one after the other, each within the limits of its joints.
 
 Moves of joints that follow each other are one run, each walk and act is one, and pieces change hands between runs. All
 of a program is checked before the first stage runs.
@@ -6,26 +6,30 @@ of a program is checked before the first stage runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import groupby
 
+import numpy as np
+
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
-from simrob_drake.programs.model import StationModel
+from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.moves import ActMove, AnyMove, AttachMove, JointMove, ReleaseMove, WalkMove
-from simrob_drake.programs.pieces import reparented
-from simrob_drake.programs.postures import move_name, postures_of, targets_on
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
 
 Stage = Callable[[LeggedGeometry], SimulationResult | None]
 """A part of a program, checked and ready, that a robot does from where it is; None of one that takes no time."""
+_ROUNDING = 1e-9  # rad or m
 
 
 def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationConfig, file: str = "") -> list[Stage]:
@@ -131,3 +135,63 @@ def _naming(move: str) -> Iterator[None]:
         if move:
             problem.args = (f"{move}: {problem}",)
         raise
+
+
+def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:
+    """Return the targets of a move on one robot: the place of each axis, and its position [rad or m].
+
+    Args:
+        model: the robot.
+        target_deg: by axis name or alias.
+        where: what messages call the move.
+        time: how long it takes, for the error [s].
+
+    Raises:
+        UnknownName: an axis that the robot does not have; proposes the nearest.
+        InvalidParameter: an axis under two names.
+        JointLimitExceeded: a target beyond an axis' limits; tells by how much.
+    """
+    names, units, slides = list(model.axes), model.user_units, model.prismatic
+    lower, upper = model.axis_limits
+    found: dict[int, float] = {}
+    for axis, value in target_deg.items():
+        place = model.axis_index(axis, where)
+        if place in found:
+            raise InvalidParameter(f"{where}: {axis}", "another name of an axis that it moves, too", "named once")
+        position = float(value * units[place])
+        bound = lower[place] if position < lower[place] else upper[place]
+        if abs(position - np.clip(position, lower[place], upper[place])) > _ROUNDING:
+            unit, limit = ("m" if slides[place] else "deg"), bound / units[place]
+            shown = f"{value:.4g} {unit}, {abs(value - limit):.4g} {unit} beyond its limit of {limit:.4g} {unit}"
+            raise JointLimitExceeded(where, names[place], point=1, time=time, value=position, shown=shown)
+        found[place] = position
+    return found
+
+
+def move_name(number: int, count: int, file: str = "") -> str:
+    """Return what messages call a move of a program that has so many, and may stand in a file."""
+    if file:
+        return f"{file}: moves[{number}]"
+    return f"move {number}" if count > 1 else "the move"
+
+
+def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) -> tuple[Vector, Vector]:
+    """Return when moves of joints end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
+
+    Args:
+        model: the robot.
+        moves: one after the other.
+        start: the posture before them, shape (n,) [rad or m]; axes that no move names stay there.
+
+    Raises:
+        SimrobError: as :func:`targets_on`.
+    """
+    times, postures = [0.0], [np.array(start, dtype=float)]
+    for number, move in enumerate(moves):
+        posture = postures[-1].copy()
+        where = move_name(number, len(moves))
+        for place, position in targets_on(model, move.target_deg, where, move.duration).items():
+            posture[place] = position
+        times.append(times[-1] + move.duration)
+        postures.append(posture)
+    return np.array(times), np.array(postures)

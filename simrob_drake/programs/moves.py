@@ -6,7 +6,7 @@ What users give in Python is checked, and told of as any other parameter.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 import numpy as np
 from pydantic import (
@@ -29,7 +29,7 @@ _EXPECTED = {
     "duration": "a positive time [s]",
     "target_deg": "a mapping of at least one axis to degrees",
     "steps": "a whole number",
-    "amplitude": "a finite number; 1 walks as the gait's figures say",
+    "amplitude": "a finite number; 1 walks as the gait's parameters say",
 }
 
 MOVE_TIME = 1.0
@@ -56,7 +56,7 @@ class Cell(Strict):
 
 
 class _Brief(Strict):
-    """What is written without the figures that are as they would be anyway."""
+    """What is written without the values that are as they would be anyway."""
 
     @model_serializer(mode="wrap")
     def _brief(self, handler: SerializerFunctionWrapHandler) -> Any:
@@ -82,7 +82,7 @@ class _Named(_Brief):
 
 
 class Walk(_Brief):
-    """Steps by a gait; further keys are figures of the gait in place of its own."""
+    """Steps by a gait; further keys are parameters of the gait in place of its own."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -95,7 +95,7 @@ class Walk(_Brief):
 
 
 class Act(_Named):
-    """Postures one after the other, or standing on three legs; further keys are figures in place of the act's own."""
+    """Postures one after the other, or a stand on three legs; further keys are parameters in place of the act's own."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -148,14 +148,8 @@ class ReleaseMove(Strict):
 
 
 AnyMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove
-KINDS: dict[str, type[AnyMove]] = {
-    "target_deg": JointMove,
-    "walk": WalkMove,
-    "act": ActMove,
-    "attach": AttachMove,
-    "release": ReleaseMove,
-}
-"""By the key that tells them apart."""
+KINDS: dict[str, type[AnyMove]] = {next(iter(kind.model_fields)): kind for kind in get_args(AnyMove)}
+"""By the key that tells them apart, the first field."""
 
 
 def kind_of(content: Mapping[str, Any]) -> type[AnyMove] | None:
@@ -170,15 +164,6 @@ def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMo
         InvalidParameter: no axis, an angle that is no finite number, or a duration that is not positive.
     """
     return checked(JointMove, target_deg=target_deg, duration=duration)
-
-
-def cell_of(target_deg: Mapping[str, Any]) -> Cell:
-    """Return a checked cell of what a user gave.
-
-    Raises:
-        InvalidParameter: no axis, or an angle that is no finite number.
-    """
-    return checked(Cell, target_deg=target_deg)
 
 
 def any_move(

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import PoseLike, Vector, as_transform
+from simrob_drake.frames import PoseLike, Vector, as_transform, poses_from_matrices
+from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.programs.checks import look_times
-from simrob_drake.programs.collisions import check_collisions
-from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.pieces import reparented
+from simrob_drake.programs.checks import check_collisions, look_times
+from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
@@ -254,8 +254,8 @@ class OngoingStation:
             self._window = None
 
     def _shown_state(self) -> State:
-        def of_all(figure: Callable[[str], Vector]) -> dict[str, Vector]:
-            return {robot: figure(robot) for robot in self.config.robots}
+        def of_all(value: Callable[[str], Vector]) -> dict[str, Vector]:
+            return {robot: value(robot) for robot in self.config.robots}
 
         return self.state or State(of_all(self.position), of_all(self.velocity), of_all(self.reference))
 
@@ -274,3 +274,71 @@ def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple
     if begin >= end:
         return stretches
     return (*stretches, rest(stretches[-1].postures[-1] if stretches else posture, begin, end))
+
+
+class CellRobot:
+    """A robot of a station, as arms and legged robots share it.
+
+    Attributes:
+        cell: the station and its state; several robots may share it.
+        name: of the robot in the station.
+    """
+
+    def __init__(self, cell: OngoingStation, robot: str | None = None) -> None:
+        """Take a robot of a station.
+
+        Args:
+            cell: the station.
+            robot: its name in the station; needed where there are several.
+
+        Raises:
+            UnknownName: no such robot.
+            InvalidParameter: a station without a robot, or no robot named where there are several.
+        """
+        self.cell = cell
+        robots, wanted = cell.config.robots, robot or cell.config.only_robot
+        if not robots:
+            raise InvalidParameter("station", self.cell.config.name, "one with a robot; it has none")
+        if wanted is None:
+            raise InvalidParameter("robot", "not named", f"one of {', '.join(robots)}: robot='{next(iter(robots))}'")
+        if wanted not in robots:
+            raise UnknownName("robot", wanted, robots)
+        self.name = wanted
+
+    def __repr__(self) -> str:
+        """Say in one line which robot it is, and how it is."""
+        return f"<{type(self).__name__} {self.name}: {', '.join(self._described())}>"
+
+    def _described(self) -> list[str]:
+        return [f"{self.cell.robot(self.name).model.name} in {self.cell.config.name}", f"{len(self.axes)} axes"]
+
+    @property
+    def axes(self) -> list[str]:
+        """The names of the axes, in order."""
+        return self.cell.robot(self.name).axes
+
+    @property
+    def tools(self) -> list[str]:
+        """The names of the tool frames, and of the pieces that the robot carries."""
+        return list(self.cell.robot(self.name).tools)
+
+    @property
+    def position(self) -> Vector:
+        """Where the axes are, shape (n,) [rad or m]."""
+        return self.cell.position(self.name)
+
+    @property
+    def velocity(self) -> Vector:
+        """How fast they move, shape (n,) [rad/s or m/s]."""
+        return self.cell.velocity(self.name)
+
+    def _poses(self, chain: Chain, base: RigidTransform, q: npt.ArrayLike | None) -> Vector:
+        """Return where the tool of a chain is, its base being somewhere: pose (6,), or (k, 6) for rows of postures."""
+        rows = self.position if q is None else q
+        poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(rows))
+        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
+
+    @property
+    def reference(self) -> Vector:
+        """Where they should be, and the next move begins, shape (n,) [rad or m]."""
+        return self.cell.reference(self.name)

@@ -38,24 +38,15 @@ class Planner:
 
     All moves begin at rest where the robot's reference is, and rest at their end; of several targets they rest at each,
     but for those of :meth:`move_abs_j` and :meth:`move_j`, which pass through smoothly unless ``stop`` is set.
-
-    Attributes:
-        robot: its name.
-        chain: from the world to the tool.
-        start: the posture from which the move begins, shape (n,) [rad or m].
-        solver: of moves that name none.
-        speed_limits: of the axes, shape (n,) [rad/s or m/s].
-        frame: gives the pose of a work object in the world.
-        collide: raises where a plan leads into something.
     """
 
-    robot: str
-    chain: Chain
-    start: Vector
-    solver: SolverLike
-    speed_limits: Vector
-    frame: Callable[[WorkObject], RigidTransform]
-    collide: Callable[[Plan], None]
+    robot: str  # its name
+    chain: Chain  # from the world to the tool
+    start: Vector  # the posture from which the move begins, shape (n,) [rad or m]
+    solver: SolverLike  # of moves that name none
+    speed_limits: Vector  # of the axes, shape (n,) [rad/s or m/s]
+    frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
+    collide: Callable[[Plan], None]  # raises where a plan leads into something
 
     def move_abs_j(self, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
         """Plan a move to one posture (n,) or through many (k, n) [rad or m].
@@ -121,7 +112,10 @@ class Planner:
         """
         inverse, points = self._inverse(solver), _points(how, POINTS)
         poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
-        ways = [_line_between(begin, end) for begin, end in pairwise([self._pose(), *poses])]
+        ways: list[_Way] = [
+            (partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3])))
+            for begin, end in pairwise([self._pose(), *poses])
+        ]
         return self._along(ways, inverse, how, points)
 
     def move_c(
@@ -205,11 +199,6 @@ class Planner:
             whole = Segment(np.concatenate([[0.0], times / times[-1]]), rows, 0.0, "")
             return Plan(self.robot, joined([whole], times[-1:]), times, points)
         return Plan(self.robot, joined(segments, times), times, points)
-
-
-def _line_between(begin: Vector, end: Vector) -> _Way:
-    """Return the straight way between two poses (4, 4)."""
-    return partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
 
 
 def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> _Way:

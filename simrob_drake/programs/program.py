@@ -106,12 +106,8 @@ class Program(Strict):
         count = len(self.moves)
         place = index + count if index < 0 else index
         if not 0 <= place <= last:
-            expected = (
-                f"from {-count} to {last}, the program has {counted(count, 'move')}"
-                if last >= 0
-                else "of a move; there is none"
-            )
-            raise InvalidParameter("index", index, expected)
+            known = f"from {-count} to {last}, the program has {counted(count, 'move')}"
+            raise InvalidParameter("index", index, known if last >= 0 else "of a move; there is none")
         return place
 
 
@@ -127,7 +123,6 @@ def _check_entry(entry: Any, key: str, where: str) -> None:
     kind: type[Strict] | None = Cell if key == "references" else kind_of(entry)
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
-        raise InvalidConfig(
-            where, str(strange), f"unknown key{nearest(str(strange), [*KINDS, *JointMove.model_fields])}"
-        )
+        known = [*KINDS, *JointMove.model_fields]
+        raise InvalidConfig(where, str(strange), f"unknown key{nearest(str(strange), known)}")
     validated(kind or JointMove, entry, where)

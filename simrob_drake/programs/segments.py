@@ -32,19 +32,12 @@ _SHRINKS = 0.8  # a continuous motion between points halves when their number do
 
 @dataclass(frozen=True)
 class Segment:
-    """Postures on the way to one target.
+    """Postures on the way to one target."""
 
-    Attributes:
-        parts: of its time, from 0 to 1, shape (k,).
-        postures: there, shape (k, n) [rad or m].
-        length: of the tool's way [m].
-        target: what it leads to, in words.
-    """
-
-    parts: Vector
-    postures: Vector
-    length: float
-    target: str
+    parts: Vector  # of its time, from 0 to 1, shape (k,)
+    postures: Vector  # there, shape (k, n) [rad or m]
+    length: float  # of the tool's way [m]
+    target: str  # what it leads to, in words
 
     @property
     def end(self) -> Vector:

@@ -20,19 +20,12 @@ _JOINS = 1e-9  # rad or m between the end of a move and the beginning of the nex
 
 @dataclass(frozen=True)
 class Take:
-    """One run: the station as it was, where it began, and what every robot was asked to do.
+    """One run: the station as it was, where it began, and what every robot was asked to do."""
 
-    Attributes:
-        config: the station, with its pieces where they hung then.
-        start: where it began; None at the configuration's initial posture.
-        stretches: the motion of every robot, from time 0 to the duration.
-        duration: of the run [s].
-    """
-
-    config: StationConfig
-    start: State | None
-    stretches: Mapping[str, tuple[Stretch, ...]]
-    duration: float
+    config: StationConfig  # the station, with its pieces where they hung then
+    start: State | None  # where it began; None at the configuration's initial posture
+    stretches: Mapping[str, tuple[Stretch, ...]]  # the motion of every robot, from time 0 to the duration
+    duration: float  # of the run [s]
 
     def run(self) -> SimulationResult:
         """Run it again, from the same state: the same motion, sample by sample."""
@@ -94,7 +87,5 @@ class Tape:
                     raise InvalidParameter("the recording", "with gaps", "replayed take by take: replay()")
                 stretches[robot] += [stretch.at(begin, factor) for stretch in own]
             begin += factor * take.duration
-        whole = Take(
-            config or first.config, first.start, {robot: tuple(own) for robot, own in stretches.items()}, begin
-        )
-        return whole.run()
+        whole = {robot: tuple(own) for robot, own in stretches.items()}
+        return Take(config or first.config, first.start, whole, begin).run()

@@ -1,20 +1,29 @@
-"""Write a result to a folder: all of it or nothing."""
+"""Write a result to a folder, all of it or nothing; its references, too, as CSV files that ``station.yaml`` names."""
 
 from __future__ import annotations
 
+import csv
 import json
 from datetime import datetime
 from pathlib import Path
 
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from simrob_drake.blocks.references import Samples, hermite_samples
 from simrob_drake.folders import filled_at_once
-from simrob_drake.results.record.reference_tables import with_tables, write_table
+from simrob_drake.frames import Vector
+from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
+from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
 
 RUNS = Path("runs")
 SUMMARY = "summary.json"
 START = "start.json"
+_TRAJECTORY_RATE = 1000.0
+"""Samples a second [Hz] of a Drake trajectory that is not made of smooth cubics."""
 
 
 def default_folder(station: str) -> Path:
@@ -44,13 +53,15 @@ def save_result(
     """
     # matplotlib and Meshcat are loaded where they are needed: most commands do without
     from simrob_drake.results.animation.pictures import frame_writer, save_film_strip, save_video
+    from simrob_drake.results.animation.recording import save_recording
     from simrob_drake.results.plots.files import save_plots
 
     if video:
         frame_writer()
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
-        _write_summary(result, work / SUMMARY)
-        _write_signals(result, work / "signals.csv")
+        summary = json.dumps(summary_of(result), indent=2, ensure_ascii=False)
+        (work / SUMMARY).write_text(summary + "\n", encoding="utf-8")
+        write_table(work / "signals.csv", result.names, result.times, result.values)
         config = with_tables(result, work)
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
@@ -59,8 +70,6 @@ def save_result(
         (work / "plots").mkdir()
         save_plots(result, work / "plots")
         if recording:
-            from simrob_drake.results.animation.recording import save_recording
-
             save_recording(result, work / "recording.html")
             save_film_strip(result, work / "film_strip.png")
         if video:
@@ -68,9 +77,55 @@ def save_result(
     return folder
 
 
-def _write_summary(result: RecordedRun, file: Path) -> None:
-    file.write_text(json.dumps(summary_of(result), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> None:
+    """Write numbers so that reading them gives the same bits."""
+    with file.open("w", newline="", encoding="utf-8") as lines:
+        writer = csv.writer(lines)
+        writer.writerow([TIME_COLUMN, *names])
+        writer.writerows(np.column_stack([times, values]).tolist())
 
 
-def _write_signals(result: RecordedRun, file: Path) -> None:
-    write_table(file, result.names, result.times, result.values)
+def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
+    """Write the references that are no part of the configuration as tables, and return one that names them."""
+    config = result.config
+    for robot in config.robots:
+        reference, given = config.reference_of(robot), result.references.get(robot)
+        axes = result.plant.robots[robot].axes
+        way = _way_through_samples(config)
+        if isinstance(given, Trajectory):
+            way, samples = "hermite", _rows_of(given, config.duration)
+        elif given is not None:
+            samples = given
+        elif isinstance(reference, Table):
+            way, samples = reference.interpolation, reference.rows(axes)
+        else:
+            continue
+        columns = [*axes, *speed_columns(axes)] if way == "hermite" else axes
+        times, values = (np.asarray(part, dtype=float) for part in samples)
+        file = Path("reference.csv" if config.only_robot else f"{robot}_reference.csv")
+        write_table(folder / file, columns, times, values)
+        config = _with_reference(config, robot, Table(kind="table", file=file, interpolation=way))
+    return config
+
+
+def _way_through_samples(config: StationConfig) -> Interpolation:
+    """Return how samples that simulate() is given are joined: smoothly where their derivatives are needed."""
+    return "linear" if config.mode == "dynamic" and "reference_velocity" not in config.inputs else "cubic"
+
+
+def _rows_of(reference: Trajectory, duration: float) -> Samples:
+    """Return times (m,) and positions with velocities (m, 2n) of a trajectory, as far as a run follows it."""
+    first, last = reference.start_time(), reference.end_time()
+    start, end = max(first, 0.0), min(last, duration)
+    if start >= end:  # it begins after the run, or is over before: one of its ends is held
+        held = reference.value(float(np.clip(0.0, first, last)))[:, 0]
+        return np.array([0.0, duration]), np.tile(np.append(held, np.zeros_like(held)), (2, 1))
+    times, positions, velocities = hermite_samples(reference, start, end, _TRAJECTORY_RATE)
+    return times, np.hstack([positions, velocities])
+
+
+def _with_reference(config: StationConfig, robot: str, table: Table) -> StationConfig:
+    if config.only_robot:
+        return config.model_copy(update={"reference": table})
+    entry = config.robots[robot].model_copy(update={"reference": table})
+    return config.model_copy(update={"robots": {**config.robots, robot: entry}})

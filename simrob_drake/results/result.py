@@ -1,15 +1,53 @@
-"""What a simulation returns, and the folder it can be saved to."""
+"""What a simulation returns: a run at a glance, for a shell or a notebook, and the folder it can be saved to."""
 
 from __future__ import annotations
 
+from base64 import b64encode
+from collections.abc import Iterable
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from simrob_drake.errors import shortened
 from simrob_drake.results.files import default_folder, save_result
-from simrob_drake.results.overview import html_of, lines_of
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
+
+_WIDTH = 100  # characters of a line
+
+
+def table_of(result: RecordedRun) -> list[list[str]]:
+    """Return headings, and where every joint ended and its torques; without robots, where the free pieces ended."""
+    if not result.plant.robots:
+        return _piece_table(result)
+    kinematic = result.config.mode == "kinematic"
+    table = [["joint", "reference", "position", "unit", "torque", "peak torque", "limit", "unit"]]
+    for robot in result.plant.robots.values():
+        for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
+            reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))
+            ends = [f"{values[-1] / robot.model.user_units[index]:.3f}" for values in (reference, position)]
+            unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
+            peak = torque[np.argmax(np.abs(torque))]
+            shown_limit = "–" if kinematic else f"{limit:g}"
+            table.append(
+                [f"{robot.prefix}{axis}", *ends, unit, f"{torque[-1]:.3f}", f"{peak:.3f}", shown_limit, effort]
+            )
+    return table
+
+
+def _row(kind: str, cells: Iterable[str]) -> str:
+    return f"<tr>{''.join(f'<{kind}>{escape(cell)}</{kind}>' for cell in cells)}</tr>"
+
+
+def _piece_table(result: RecordedRun) -> list[list[str]]:
+    table = [["piece", "x [m]", "y [m]", "z [m]", "speed [m/s]"]]
+    for piece in result.config.free_pieces:
+        place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
+        table.append([piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}"])
+    return table
 
 
 @dataclass(frozen=True)
@@ -20,12 +58,23 @@ class SimulationResult(RecordedRun):
     """
 
     def __repr__(self) -> str:
-        """Return three lines about the run."""
-        return "\n".join(lines_of(self))
+        """Return three lines: how the run ended, how much of it there is, and what its columns are called."""
+        steps, speed = len(self.step_times) - 1, f"{self.realtime_rate:.0f} × real time"
+        samples = f"{len(self.times)} samples to {self.stop_time:.4g} s, {steps} steps, {speed}"
+        columns = shortened(f"{len(self.names)} columns: {', '.join(self.names)}", _WIDTH)
+        return f"{self.config.name}: {self.message}\n{samples}\n{columns}"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: these lines, a film strip and where all ended."""
-        return html_of(self)
+        from simrob_drake.results.animation.pictures import film_strip  # which loads matplotlib
+
+        strip = b64encode(film_strip(self)).decode()
+        head, *rows = table_of(self)
+        return (
+            f"<p>{'<br>'.join(escape(repr(self)).splitlines())}</p>"
+            f'<img alt="film strip" style="max-width: 100%" src="data:image/png;base64,{strip}">'
+            f"<table>{_row('th', head)}{''.join(_row('td', row) for row in rows)}</table>"
+        )
 
     def save(
         self, folder: Path | str | None = None, *, force: bool = False, recording: bool = True, video: bool = False

@@ -37,15 +37,10 @@ class AxisMap:
 
     @classmethod
     def of_joints(cls, plant: MultibodyPlant, joints: Sequence[Joint], signs: npt.ArrayLike | None = None) -> AxisMap:
-        """Return the map of one-axis joints of a finalized plant, in axis order.
-
-        Args:
-            plant: finalized.
-            joints: one an axis.
-            signs: 1 or -1 for each, shape (n,); all 1 unless given.
+        """Return the map of one-axis joints, one an axis, of a finalized plant; signs (n,) are all 1 unless given.
 
         Raises:
-            InvalidParameter: signs that are not one a joint.
+            InvalidParameter: signs that are not one a joint, 1 or -1.
         """
         senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
         if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():
@@ -80,15 +75,14 @@ class AxisMap:
         return spread
 
     def spread_velocities(self, axes: Vector | float, onto: Vector | None = None) -> Vector:
-        """Return velocities ``onto`` (..., nv) of the plant, zero unless given, with the axes' (..., n) put in."""
+        """Return velocities ``onto`` (..., nv) of the plant, zero unless given, with the axes' (..., n) put in.
+
+        So it does for generalized forces.
+        """
         leading = np.shape(axes)[:-1]
         spread = np.zeros((*leading, self.num_velocities)) if onto is None else np.array(onto)
         spread[..., self.velocity_places] = self.signs * axes
         return spread
-
-    def spread_efforts(self, axes: Vector | float, onto: Vector | None = None) -> Vector:
-        """Return generalized forces (..., nv) of the plant, as :meth:`spread_velocities` does."""
-        return self.spread_velocities(axes, onto)
 
     def set_positions(self, plant: MultibodyPlant, context: Context, axes: Vector) -> None:
         """Put the axes to positions (n,) [rad or m] in a context of the plant; the other joints stay."""

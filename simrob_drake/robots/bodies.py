@@ -41,9 +41,7 @@ def bodies(robot: ET.Element) -> dict[str, list[ET.Element]]:
 def links_without_inertia(robot: ET.Element, *, floating: bool = False) -> list[str]:
     """Return the links that move but carry no mass, nor anything with mass rigidly attached: no dynamics for them.
 
-    Args:
-        robot: the ``robot`` element.
-        floating: the root link moves, too.
+    The root link moves, too, if the robot is ``floating``.
     """
     weightless = {link for link, parts in bodies(robot).items() if not any(mass_of(part) > 0 for part in parts)}
     moved = {link_of(j, "child") for j in robot.iterfind("joint") if j.get("type") in MOVABLE_JOINTS}
@@ -76,11 +74,7 @@ class _Inertia:
 
 
 def merge_fixed_links(robot: ET.Element) -> None:
-    """Merge every link on a fixed joint into its parent, in place.
-
-    Args:
-        robot: the ``robot`` element of a checked URDF.
-    """
+    """Merge every link of a checked URDF that is on a fixed joint into its parent, in place."""
     links = {name_of(link): link for link in robot.iterfind("link")}
     placed: dict[str, list[ET.Element]] = {name: [] for name in links}  # the joints and frames that start at each link
     for joint in robot.iterfind("joint"):

@@ -203,15 +203,9 @@ class RobotModel(Strict):
         return np.where(self.prismatic, metres, np.deg2rad(degrees))
 
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
-        """Spread a number, a list or a mapping over the axes.
+        """Spread a number, a list or a mapping, written under the key ``name``, over the axes: shape (n,), in order.
 
-        Args:
-            values: what a user wrote.
-            name: the key it was written under, for the message.
-            default: the value, or values, of axes that a mapping leaves out.
-
-        Returns:
-            shape (n,), in axis order.
+        ``default`` is the value, or the values, of axes that a mapping leaves out.
 
         Raises:
             InvalidParameter: a list of the wrong length.

@@ -69,14 +69,9 @@ class FootContact(Strict):
         return np.asarray(sole.centre + corners * np.array(sole.size) / 2)
 
     def lowest_points(self, link: str, poses: Vector) -> Vector:
-        """Return the lowest point of each sphere of a foot, or its sole's lower corners, in the world.
+        """Return the lowest point of each sphere of a foot, or its sole's lower corners, in the world, (m, k, 3) [m].
 
-        Args:
-            link: of the foot.
-            poses: of the link, shape (m, 4, 4).
-
-        Returns:
-            shape (m, k, 3) [m].
+        The poses are those of its link, shape (m, 4, 4).
         """
         under = self.radius if link in self.points else 0.0
         own = np.array(self.points[link]) if link in self.points else self.support_points(link)
@@ -110,11 +105,7 @@ class Feet(Strict):
 
 
 def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
-    """Give the feet of a robot their contact shapes, in place of what collision shapes they have.
-
-    Args:
-        robot: the ``robot`` element of a checked URDF, changed in place.
-        feet: what to put on.
+    """Give the feet of a robot, in place, their contact shapes instead of what collision shapes they have.
 
     Raises:
         UnknownName: a link that the robot does not have.

@@ -1,19 +1,29 @@
-"""From a URDF to a model instance of a plant, with Drake's complaints as errors that name the file."""
+"""From a URDF to a model instance of a plant, with Drake's complaints as errors that name the file.
+
+The plant is a station's, or one of the robot alone: for what can be said or shown of it without any station.
+"""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
 from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.errors import InvalidModel
+from simrob_drake.frames import Vector
+from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.bodies import merge_fixed_links
-from simrob_drake.robots.urdf import drop_collision
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.urdf import drop_collision, with_absolute_meshes
 
 
 def add_urdf(
@@ -22,14 +32,11 @@ def add_urdf(
     """Add a robot to a plant, links that are rigidly joined as one body; each keeps a frame of its name.
 
     Args:
-        plant: the plant, not finalized.
+        plant: not finalized.
         robot: the ``robot`` element, checked, with absolute mesh names; it is not changed.
         name: what stands before the model's own name.
         where: the file, for messages.
         collision: keep the collision geometry.
-
-    Returns:
-        the model instance of the robot.
 
     Raises:
         InvalidModel: Drake cannot read the robot.
@@ -47,3 +54,52 @@ def add_urdf(
     except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
         said = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
         raise InvalidModel(where, "", f"Drake cannot read it: {said}") from problem
+
+
+@dataclass(frozen=True)
+class LoneRobot:
+    """A robot's finalized plant, in a diagram that is still open.
+
+    Attributes:
+        builder: owns plant and scene graph; keep it as long as them.
+        joints: of the axes, in order.
+        axes: where they stand in the plant, and their senses.
+    """
+
+    builder: DiagramBuilder
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    instance: ModelInstanceIndex
+    joints: list[Joint]
+    axes: AxisMap
+
+    def origins(self) -> Vector:
+        """Return where the links are at the default posture, shape (m, 3) [m]."""
+        context = self.plant.CreateDefaultContext()
+        bodies = [self.plant.get_body(BodyIndex(index)) for index in range(1, self.plant.num_bodies())]
+        return np.array([self.plant.EvalBodyPoseInWorld(context, body).translation() for body in bodies])
+
+    @property
+    def size(self) -> float:
+        """The largest extent of the links' origins at the default posture [m]."""
+        return float(np.max(np.ptp(self.origins(), axis=0)))
+
+
+def lone_robot(robot: RobotModel, *, floating: bool = False, collision: bool = True) -> LoneRobot:
+    """Build a robot alone, at its home posture by default; its root is fixed to the world's origin unless ``floating``.
+
+    Raises:
+        InvalidModel: Drake cannot build it.
+    """
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    element = with_absolute_meshes(robot.element, robot.folder)
+    instance = add_urdf(plant, element, name=robot.name, where=robot.urdf_path, collision=collision)
+    if not floating:
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(robot.root, instance))
+    plant.Finalize()
+    joints = [plant.GetJointByName(axis.joint, instance) for axis in robot.axes.values()]
+    axes = AxisMap.of_joints(plant, joints, robot.signs)
+    for joint, position in zip(joints, axes.signs * robot.home, strict=True):
+        joint.set_default_positions(np.array([position]))
+    return LoneRobot(builder, plant, scene_graph, instance, joints, axes)

@@ -24,14 +24,9 @@ FRICTION = {"mu_static": 1.0, "mu_dynamic": 0.9}
 
 
 def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, pose: RigidTransform) -> None:
-    """Add a piece to a robot's URDF, fixed to a link or frame.
+    """Add a piece to a robot's URDF, in place, fixed to the link or frame ``parent`` at a pose in it.
 
-    Args:
-        robot: the ``robot`` element, changed in place.
-        name: of the new link; its tool centre point is the frame ``<name>_tcp``, its others ``<name>_<frame>``.
-        piece: what to add.
-        parent: the link or frame that it is fixed to.
-        pose: of the piece in the parent's frame.
+    ``name`` is the new link's; its tool centre point is the frame ``<name>_tcp``, its others are ``<name>_<frame>``.
     """
     frame = next((frame for frame in robot.iterfind("frame") if frame.get("name") == parent), None)
     if frame is not None:

@@ -44,11 +44,9 @@ class SolidInertia:
 
 
 def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
-    """Return the figures of several bodies as one; where two overlap, both count.
+    """Return the figures of bodies, at least one, as one; where two overlap, both count.
 
-    Args:
-        solids: at least one.
-        closed: every mesh must enclose a volume; if not, one that doesn't counts as its convex hull.
+    Every mesh must enclose a volume if ``closed``; if not, one that doesn't counts as its convex hull.
 
     Raises:
         InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.

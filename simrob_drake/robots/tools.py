@@ -13,14 +13,11 @@ _USUAL = re.compile(r"tool|tcp|flange|end_?effector|(^|_)ee(_|f?$)|tip|grasp", r
 
 
 def tool_links(root: ET.Element) -> list[str]:
-    """Return the links that can carry a tool, the likeliest first.
+    """Return the links of a robot, at least one joint of which moves, that can carry a tool, the likeliest first.
 
     These are the ends of the kinematic chains: of every chain the link with a usual name (``tool0``, ``tcp`` ...) that
     is rigidly attached to its last moving link, else the outermost such link. Chains whose end has a usual name come
     first, then those with more joints, then file order.
-
-    Args:
-        root: the ``robot`` element, with at least one joint that moves.
     """
     carrier, starts = carriers(root), joints_at(root)
     moving = [joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]

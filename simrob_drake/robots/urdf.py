@@ -86,10 +86,7 @@ def joints_at(root: ET.Element) -> dict[str, list[ET.Element]]:
 def outward(starts: Mapping[str, list[ET.Element]], link: str, *, rigid: bool = False) -> list[ET.Element]:
     """Return the joints that hang on a link of a tree, each after those that carry it.
 
-    Args:
-        starts: the joints at each link (:func:`joints_at`).
-        link: where to begin.
-        rigid: only as far as joints are fixed.
+    ``starts`` are the joints at each link (:func:`joints_at`); ``rigid`` goes only as far as joints are fixed.
     """
     links, found = [link], list[ET.Element]()
     for name in links:
@@ -100,11 +97,7 @@ def outward(starts: Mapping[str, list[ET.Element]], link: str, *, rigid: bool = 
 
 
 def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
-    """Return a copy of a robot that can be parsed from memory: its mesh names are absolute.
-
-    Args:
-        root: the ``robot`` element.
-        folder: the folder of the file, which relative mesh names start from.
+    """Return a copy of a robot that can be parsed from memory: its mesh names, relative to a folder, are absolute.
 
     Raises:
         InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.

@@ -107,13 +107,10 @@ def add_contact(collision: ET.Element, figures: Mapping[str, float | None]) -> N
 
 
 def set_inertia(link: ET.Element, *, mass: float, moments: Sequence[float] | Vector, pose: RigidTransform) -> None:
-    """Write a mass and the moments about its centre into a link; those that it has are replaced.
+    """Write a mass [kg] and the moments about its centre into a link; those that it has are replaced.
 
-    Args:
-        link: the ``link`` element.
-        mass: [kg].
-        moments: a matrix (3, 3), or Ixx Iyy Izz and, where they are not zero, Ixy Ixz Iyz [kg m²].
-        pose: of the centre of mass and the axes of the moments.
+    The moments are a matrix (3, 3), or Ixx Iyy Izz and, where they are not zero, Ixy Ixz Iyz [kg m²]; the pose is that
+    of the centre of mass and of their axes.
     """
     for old in link.findall("inertial"):
         link.remove(old)

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem, OutputPort
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import Course, Samples
-from simrob_drake.errors import InvalidParameter, shortened
+from simrob_drake.errors import InvalidParameter, SimrobError, shortened
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
 from simrob_drake.progress import note, progress_bar
@@ -20,8 +20,7 @@ from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import FAILED
 from simrob_drake.results.record.signals import Sampler, sampled
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.stop_time import cut_at_stop
-from simrob_drake.results.record.watch import Watch
+from simrob_drake.results.record.watch import Watch, cut_at_stop
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
@@ -151,6 +150,9 @@ class Runner:
         places = tuple((name, force.kind, force.at) for name, force in config.forces.items())
         known = self._diagrams.get(places)
         if known is None or not known.fits(courses):
+            if self._diagrams and self._blocks:
+                told = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
+                raise SimrobError(told)
             station = self._station
             if config.forces != self.config.forces:
                 station = resolve(station.config.model_copy(update={"forces": config.forces}))
@@ -190,7 +192,7 @@ def simulate_diagram(
         system.get_name() for system in diagram.GetSystems() if type(system).__module__.split(".")[0] not in _NOT_OWN
     ]
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
-    stepper = Stepper(config, lambda time: built, [], blocks=blocks)
+    stepper = Stepper(config, lambda time: built, sorted(set(ports.edges)), blocks=blocks)
     if context is not None:
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
     return _Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
@@ -260,7 +262,7 @@ class _Run:
             sampler.history = asked.history
         if outcome.ending == "monitor":
             outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
-        times = _sample_times(sampler.history.end, self.config.sample_rate)
+        outcome, times, values = self._sampled(sampler, outcome)
         positions = ports.plant.plant.num_positions()
         has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
         return SimulationResult(
@@ -273,15 +275,34 @@ class _Run:
             signals=tuple(ports.signals),
             notes=ports.notes,
             times=times,
-            values=sampled(sampler, ports, times),
+            values=values,
             step_times=sampler.history.times,
             positions_at=lambda at: sampler.sample([ports.state], at)[0][:, :positions],
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
             warnings=self._warnings(),
-            final_state=State.of(self.whole.diagram, ports, sampler.context_at(sampler.history.end)),
+            final_state=State.of(
+                self.whole.diagram,
+                ports,
+                sampler.context_at(sampler.history.end),
+                tolerant=outcome.ending == FAILED,
+            ),
             **told,
         )
+
+    def _sampled(self, sampler: Sampler, outcome: Outcome) -> tuple[Outcome, Vector, Vector]:
+        """Return how the run ended, times, and values of the signals up to where a block fails."""
+        times = _sample_times(sampler.history.end, self.config.sample_rate)
+        try:
+            return outcome, times, sampled(sampler, self.whole.ports, times)
+        except Exception as problem:
+            time = sampler.looked_at.get_time()
+            failed = self.stepper.failed(problem, sampler.looked_at, time)
+            if failed is None or outcome.ending == FAILED:
+                raise
+        known = times[times < time]
+        sampler.cut(known[-1] if known.size else 0.0)
+        return self._sampled(sampler, failed)
 
     def _held_ports(self) -> list[OutputPort]:
         """Return the torques, where the scheme lets references stand still over a step: that is what was applied."""
@@ -303,6 +324,8 @@ def _checked_start(config: StationConfig, start: State | None) -> State | None:
         return State.at_start_of(config)
     if not isinstance(start, State):
         raise InvalidParameter("start", shortened(repr(start)), "a State, such as the final_state of a result")
+    if not all(np.isfinite(reference).all() for reference in start.references.values()):
+        raise InvalidParameter("start", "the end of a run in which a block failed", "a state with all references")
     return start
 
 

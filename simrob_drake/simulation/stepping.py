@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from traceback import walk_tb
 
@@ -75,8 +76,10 @@ class Stepper:
         except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
             if recorder.failure is not None:
                 raise
-            recorder.look()
-            return self._stopped(watch) or self._failed(recorder, problem) or self._diverged(recorder, problem)
+            with suppress(Exception):  # the block that failed is looked at by monitors, too
+                recorder.look()
+            failed = self.failed(problem, self.simulator.get_context(), recorder.times[-1])
+            return self._stopped(watch) or failed or self._diverged(recorder, problem)
         recorder.look()
         stopped = self._stopped(watch)
         if stopped is not None:
@@ -133,25 +136,22 @@ class Stepper:
     def _stopped(self, watch: Watch) -> Outcome | None:
         return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
 
-    def _failed(self, recorder: Recorder, problem: BaseException) -> Outcome | None:
-        """Return how a block of the user's own ended the run by an exception; None if none of them did."""
+    def failed(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
+        """Return how a block of the user's own ended the run by an exception; None if none of them did.
+
+        Args:
+            problem: the exception.
+            context: of the diagram, as it was then.
+            time: of the failure [s].
+        """
         for frame, line in reversed(list(walk_tb(problem.__traceback__))):
             for name, block in self._blocks.items():
-                if frame.f_locals.get("self") is block:
-                    where = self._failing_port(block, type(problem)) or frame.f_code.co_name
+                within = frame.f_code.co_qualname.startswith(f"{type(block).__qualname__}.")  # such as a lambda
+                if frame.f_locals.get("self", block if within else None) is block:
+                    where = _failing_port(block, context, type(problem)) or frame.f_code.co_name
                     told = f"{type(problem).__name__}: {problem} (line {line})"
-                    return Outcome("failed", name, f"the block {name} failed at {_time(recorder)} in {where}: {told}")
+                    return Outcome("failed", name, f"the block {name} failed at {time:.4g} s in {where}: {told}")
         return None
-
-    def _failing_port(self, block: LeafSystem, kind: type[BaseException]) -> str:
-        context = block.GetMyContextFromRoot(self.simulator.get_context())
-        for index in range(block.num_output_ports()):
-            port = block.get_output_port(index)
-            try:
-                port.Eval(context)
-            except kind:
-                return f"its output {port.get_name()}"
-        return ""
 
     def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
         first_sentence = " ".join(str(problem).split()).split(". ")[0].rstrip(".")
@@ -162,6 +162,16 @@ class Stepper:
 def interrupted(recorder: Recorder) -> Outcome:
     """Return the outcome of a run that its user interrupted."""
     return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
+
+
+def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:
+    for index in range(block.num_output_ports()):
+        port = block.get_output_port(index)
+        try:
+            port.Eval(block.GetMyContextFromRoot(context))
+        except kind:
+            return f"its output {port.get_name()}"
+    return ""
 
 
 def _copy_state(source: Context, target: Context) -> None:

@@ -11,6 +11,7 @@ from pydrake.systems.framework import Diagram
 from simrob_drake.blocks.references import Course
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.signals import Signal
 from simrob_drake.stations.closed import check_course, closed_station, course_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
@@ -62,7 +63,15 @@ def check_station(config: StationConfig) -> list[Finding]:
     if config.mode == "dynamic":
         findings += step_findings(config, ports.plant)
         findings += _contact_findings(diagram, ports)
-    return findings
+    return findings + [_declared(signal) for signal in ports.signals if signal.part]
+
+
+def _declared(signal: Signal) -> Finding:
+    """Say which columns a piece, a sensor, a force or a controller gives, and in what units."""
+    stem = signal.names[0].rpartition(".")[0]
+    ends = [name.removeprefix(f"{stem}.") for name in signal.names]
+    columns = signal.names[0] if len(ends) == 1 else f"{stem}.{ends[0]} … {ends[-1]}"
+    return Finding("ok", f"signals of {signal.part}", f"{columns} [{', '.join(dict.fromkeys(signal.units))}]")
 
 
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:

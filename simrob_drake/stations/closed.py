@@ -20,6 +20,7 @@ from simrob_drake.blocks.references import (
     course_values,
     table,
 )
+from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
@@ -71,13 +72,8 @@ def closed_station(
 ) -> ClosedStation:
     """Build a station with the sources of its references; its other inputs are zero.
 
-    Args:
-        station: resolved.
-        courses: what each robot is asked; as the configuration says unless given.
-        sensors: the names of those that are added; all unless given.
-        forces: whether those of the configuration act.
-        monitors: whether they stand in the diagram.
-        blocks: the station's controllers, made, and others of the user's own, by name.
+    What each robot is asked is as the configuration says unless given; the other arguments are those of
+    :func:`~simrob_drake.stations.station.compose`.
 
     Raises:
         SimrobError: blocks that cannot be wired so.
@@ -94,8 +90,7 @@ def closed_station(
                 players[robot.name] = source.player
     for name, port in ports.inputs.items():
         if not builder.IsConnectedOrExported(port):
-            zero = builder.AddNamedSystem(f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
-            builder.Connect(zero.get_output_port(), port)
+            builder.Connect(fed(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size()))), port)
             owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
             ports.draw(f"{name}.zero", "reference", "0", owner)
     try:
@@ -103,7 +98,9 @@ def closed_station(
     except RuntimeError as problem:
         if not ports.blocks:
             raise
-        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so: {problem}") from problem
+        used = "been built into a different Diagram" in str(problem)
+        told = "a block serves one diagram; make it anew" if used else "signals must not go around in a circle"
+        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so; {told} ({problem})") from problem
 
 
 def _add_source(
@@ -129,13 +126,10 @@ def station_courses(
     given: Mapping[str, Trajectory | Samples] | None = None,
     starts: Mapping[str, Vector] | None = None,
 ) -> dict[str, Course]:
-    """Return what each robot is asked: what is given, else what the configuration says.
+    """Return what each robot is asked, by name: what is given, else what the configuration says.
 
-    Args:
-        station: resolved.
-        given: by robot. Samples are joined by straight lines, as Simulink joins them, but by a smooth curve where
-            their derivatives are needed.
-        starts: by robot, where the configuration's references begin instead of at its initial posture, (n,) [rad].
+    Samples that are given are joined by straight lines, as Simulink joins them, but by a smooth curve where their
+    derivatives are needed. The configuration's references begin at ``starts`` (n,) [rad], else at the initial posture.
 
     Raises:
         SimrobError: a reference that does not fit the robot, or leaves its joint limits.

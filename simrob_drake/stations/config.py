@@ -33,6 +33,13 @@ MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
 
 
+def _moved(content: Any, key: str, now: str) -> Any:
+    """Tell of a key that was given another place or name."""
+    if isinstance(content, dict) and key in content:
+        raise ValueError(f"{key} is now {now}")
+    return content
+
+
 class ServoConfig(Strict):
     """The joint servos: PID and saturation. What is not given comes from the robot's own file."""
 
@@ -48,13 +55,18 @@ class ServoConfig(Strict):
     """Saturation, per axis [N·m or N]; the URDF's effort unless given."""
     integral_limit: AxisValues | None = None
     """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
-    yield_gain: NotNegative = 0.0
+    admittance_gain: NotNegative = 0.0
     """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _told_of_admittance(cls, content: Any) -> Any:
+        return _moved(content, "yield_gain", "admittance_gain")
+
     @model_validator(mode="after")
-    def _yields_or_insists(self) -> ServoConfig:
-        if self.yield_gain > 0 and self.realization == "implicit":
-            raise ValueError("yield_gain needs the realization per_joint or vector: implicit hides the servo's torque")
+    def _torque_is_known(self) -> ServoConfig:
+        if self.admittance_gain > 0 and self.realization == "implicit":
+            raise ValueError("admittance_gain needs realization per_joint or vector: implicit hides the servo's torque")
         return self
 
     @field_validator("kp", "ki", "kd")
@@ -95,7 +107,9 @@ class RobotConfig(Strict):
     @model_validator(mode="before")
     @classmethod
     def _told_of_forces(cls, content: Any) -> Any:
-        return _moved(content, "pushes", "the station's forces: {push: {start: 1, duration: 0.1, force: [5, 0, 0]}}")
+        return _moved(
+            content, "pushes", "one of the station's forces: {push: {start: 1, duration: 0.1, force: [5, 0, 0]}}"
+        )
 
     @model_validator(mode="after")
     def _one_origin(self) -> RobotConfig:
@@ -229,7 +243,7 @@ class StationConfig(Strict):
     @model_validator(mode="before")
     @classmethod
     def _told_of_forces(cls, content: Any) -> Any:
-        example = "forces: {hand: {kind: sine, at: tool0, amplitude: [0, 0, 5], frequency: 1}}"
+        example = "one of forces: {hand: {kind: sine, at: tool0, amplitude: [0, 0, 5], frequency: 1}}"
         return _moved(content, "external_force", example)
 
     @field_validator("robots", "pieces", "sensors", "monitors", "forces", "controllers")
@@ -264,11 +278,7 @@ class StationConfig(Strict):
 
 
 def check_samples(duration: float, rate: float) -> None:
-    """Check that a run has not more samples than a computer can keep.
-
-    Args:
-        duration: of the run [s].
-        rate: samples a second [Hz].
+    """Check that a run of a duration [s] has not more samples, ``rate`` a second [Hz], than a computer can keep.
 
     Raises:
         InvalidParameter: too many.
@@ -276,13 +286,6 @@ def check_samples(duration: float, rate: float) -> None:
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
-
-
-def _moved(content: Any, key: str, now: str) -> Any:
-    """Tell of a key that was given another place."""
-    if isinstance(content, dict) and key in content:
-        raise ValueError(f"{key} is now one of {now}")
-    return content
 
 
 def _each(values: AxisValues | None, accepts: Any, meaning: str) -> AxisValues | None:

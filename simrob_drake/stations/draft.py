@@ -15,8 +15,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.parse import lone_robot
 
 _STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
 _ROOM = 0.4  # and at most this part of the way to the joint's limit
@@ -26,15 +26,11 @@ _ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e
 
 
 def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: Path | None = None) -> str:
-    """Return the YAML text of a first station.
+    """Return the YAML text of a first station for a URDF, raw or imported; its file will be in a folder.
 
     A robot with a fixed base moves all joints a little way under joint torque. One with a floating base is put on a
-    floor and holds its posture. A robot without inertias moves kinematically.
-
-    Args:
-        urdf: the file, raw or imported.
-        options: of the import, written into the station.
-        folder: where the station's file will be, which relative paths start from.
+    floor and holds its posture. A robot without inertias moves kinematically. Options of the import are written into
+    the station, and paths start at its folder.
 
     Raises:
         InvalidModel: the robot cannot be imported.

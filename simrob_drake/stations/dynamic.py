@@ -9,11 +9,11 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
+from simrob_drake.blocks.admittance import add_admittance, add_model_torque
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.joint_stops import add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import joined, mapped, summed
-from simrob_drake.blocks.yielding import add_model_torque, add_yielding
 from simrob_drake.parts.site import FromState, Site, StationRobot
 from simrob_drake.signals import Role, Signal
 from simrob_drake.stations.drawing import draw_integral, draw_servos
@@ -88,8 +88,8 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         ports.draw_nothing(f"{robot.prefix}desired_state", f"{robot.prefix}actuation")
         if (robot.gains.ki > 0).any():
             draw_integral(ports, robot, "servo", list(range(len(robot.axes))), f"{len(robot.axes)} joints")
-    elif servo.yield_gain > 0:
-        _add_yielding_servos(builder, ports, robot, signals)
+    elif servo.admittance_gain > 0:
+        _add_admittance_servos(builder, ports, robot, signals)
     else:
         declare_torque(ports, robot, _add_servo_blocks(builder, ports, robot, signals))
 
@@ -116,21 +116,21 @@ def _add_servo_blocks(
     return add_saturation(builder, command, limit, f"{robot.prefix}torque") if cenic else command
 
 
-def _add_yielding_servos(
+def _add_admittance_servos(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> None:
     """Add servos that give in to what the arm's model does not explain, and the output that tells that torque."""
-    prefix, gain = robot.prefix, ports.config.servo_of(robot.name).yield_gain
+    prefix, gain = robot.prefix, ports.config.servo_of(robot.name).admittance_gain
     pick = robot.axis_map.velocity_matrix
     model = add_model_torque(builder, ports.plant.plant, ports.state, pick=pick, prefix=prefix)
-    extra = add_yielding(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
+    extra = add_admittance(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
     given = [port for port in (signals.feedforward,) if port is not None]
     total = summed(builder, f"{prefix}feedforward_sum", *given, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
-    ports.draw(f"{prefix}yielding", "servo", f"Yielding\nintegrator, {gain:g} 1/s", robot)
+    ports.draw(f"{prefix}admittance", "servo", f"Admittance\nintegrator, {gain:g} 1/s", robot)
     ports.draw(f"{prefix}model_torque", "servo", "Torque of the model\nat this speed", robot)
-    ports.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}yielding.bus")
+    ports.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
     felt = joined(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
     output, port = f"{prefix}felt_torque", mapped(builder, f"{prefix}felt_torque", difference, felt)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
@@ -47,23 +45,22 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
         given = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
         position, velocity = (given[signal].get_output_port() for signal in _MOTION[:2])
         add_motion(ports, robot, position, position, velocity)
-    for prefix, torque in _torques(builder, ports).items():
-        robot = next(robot for robot in ports.plant.robots.values() if robot.prefix == prefix)
+    force = _generalized_forces(builder, ports)
+    for robot in ports.plant.robots.values():
+        torque = mapped(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
         declare_torque(ports, robot, torque)
     builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
     builder.AddNamedSystem("steady_steps", SteadySteps(STEP))
 
 
-def _torques(builder: DiagramBuilder, ports: StationPorts) -> Mapping[str, OutputPort]:
-    """Compute the torques of the motion, without contacts, by inverse dynamics; by the robots' prefixes."""
-    plant = ports.plant
-    dynamics = InverseDynamics(plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
+def _generalized_forces(builder: DiagramBuilder, ports: StationPorts) -> OutputPort:
+    """Compute the generalized forces (nv) of the motion, without contacts, by inverse dynamics."""
+    robots = ports.plant.robots.values()
+    dynamics = InverseDynamics(ports.plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
     builder.AddNamedSystem("inverse_dynamics", dynamics)
     builder.Connect(ports.state, dynamics.get_input_port_estimated_state())
-    pick = {robot.prefix: robot.axis_map.velocity_matrix for robot in plant.robots.values()}
-    accelerations = [ports.inputs[f"{prefix}{_MOTION[-1]}"].get_system().get_output_port() for prefix in pick]
-    spread = np.hstack([matrix.T for matrix in pick.values()])
+    accelerations = [ports.inputs[f"{robot.prefix}{_MOTION[-1]}"].get_system().get_output_port() for robot in robots]
+    spread = np.hstack([robot.axis_map.velocity_matrix.T for robot in robots])
     desired = mapped(builder, "accelerations", spread, joined(builder, "robot_accelerations", *accelerations))
     builder.Connect(desired, dynamics.get_input_port_desired_acceleration())
-    force = dynamics.get_output_port_generalized_force()
-    return {prefix: mapped(builder, f"{prefix}torque", matrix, force) for prefix, matrix in pick.items()}
+    return dynamics.get_output_port_generalized_force()

@@ -12,6 +12,7 @@ import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.parts.controllers.own import OwnController, class_beside
 from simrob_drake.parts.kinds import models_by_kind
 from simrob_drake.parts.references import ReferenceConfig
 from simrob_drake.paths import diagrams_root
@@ -40,6 +41,7 @@ def load_station(
     overrides: Mapping[str, Any] | None = None,
     *,
     called: Mapping[str, str] | None = None,
+    allow_code: bool = False,
 ) -> StationConfig:
     """Return the configuration of a station.
 
@@ -48,6 +50,7 @@ def load_station(
         overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. Changing
             a ``kind`` keeps those keys of the file that the new kind knows.
         called: what errors call an override by its key; ``override KEY`` unless given.
+        allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` are.
 
     Raises:
         UnknownName: no such station, robot or piece.
@@ -57,35 +60,35 @@ def load_station(
     if not isinstance(overrides, Mapping):
         raise InvalidParameter("overrides", shortened(repr(overrides)), "a mapping of keys to values")
     try:
-        return _loaded(path, overrides, path)
+        return _loaded(path, overrides, path, allow_code)
     except SimrobError as problem:
-        culprits = _culprits(path, overrides, getattr(problem, "key", ""))
+        culprits = _culprits(path, overrides, getattr(problem, "key", ""), allow_code)
         if not culprits:
             raise
     names = {key: f"override {key}" for key in culprits} | dict(called or {})
-    return _loaded(path, overrides, ", ".join(names[key] for key in culprits))
+    return _loaded(path, overrides, ", ".join(names[key] for key in culprits), allow_code)
 
 
-def _culprits(path: Path, overrides: Mapping[str, Any], wrong: str) -> list[str]:
+def _culprits(path: Path, overrides: Mapping[str, Any], wrong: str, allow_code: bool) -> list[str]:
     """Return the keys of the overrides that spoil a station; none where its file is to blame.
 
     That is the one to which the ``wrong`` key belongs, else the first that spoils it alone, else all together.
     """
-    if not _loads(path, {}):
+
+    def loads(changes: Mapping[str, Any]) -> bool:
+        try:
+            _loaded(path, changes, path, allow_code)
+        except SimrobError:
+            return False
+        return True
+
+    if not loads({}):
         return []
     named = [key for key in overrides if re.match(rf"{re.escape(key)}(\W|$)", wrong)]
-    return named[-1:] or next(([key] for key in overrides if not _loads(path, {key: overrides[key]})), list(overrides))
+    return named[-1:] or next(([key] for key in overrides if not loads({key: overrides[key]})), list(overrides))
 
 
-def _loads(path: Path, overrides: Mapping[str, Any]) -> bool:
-    try:
-        _loaded(path, overrides, path)
-    except SimrobError:
-        return False
-    return True
-
-
-def _loaded(path: Path, overrides: Mapping[str, Any], where: Path | str) -> StationConfig:
+def _loaded(path: Path, overrides: Mapping[str, Any], where: Path | str, allow_code: bool) -> StationConfig:
     """Return the configuration of a station's file; ``where`` is to blame for what is wrong with it."""
     content = _with_absolute_paths(read_yaml(path), path.parent)
     for key, value in sorted(overrides.items(), key=lambda entry: not entry[0].endswith(".kind")):
@@ -96,6 +99,10 @@ def _loaded(path: Path, overrides: Mapping[str, Any], where: Path | str) -> Stat
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
         raise InvalidConfig(where, _as_written(problem.key), _as_written(problem.problem)) from problem
+    for name, controller in config.controllers.items():
+        if isinstance(controller, OwnController) and not allow_code:
+            told = f"would run the code {controller.class_}; if you trust it, say allow_code=True, or --allow-code"
+            raise InvalidConfig(where, f"controllers.{name}", told)
     try:
         check_parts(resolve(config))
     except SimrobError as problem:
@@ -177,6 +184,10 @@ def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any
         result["start"] = str(folder / result["start"])
     robots, pieces = (entries if isinstance(entries := result.get(key), dict) else {} for key in ("robots", "pieces"))
     sections = [result, result.get("robot"), *robots.values(), *pieces.values()]
+    controllers = entries if isinstance(entries := result.get("controllers"), dict) else {}
+    for controller in controllers.values():
+        if isinstance(controller, dict) and isinstance(controller.get("class"), str):
+            controller["class"] = class_beside(controller["class"], folder)
     for section in [section for section in sections if isinstance(section, dict)]:
         for owner, key in ((section, "urdf"), (section, "mesh"), (section.get("reference"), "file")):
             if isinstance(owner, dict) and isinstance(owner.get(key), str):

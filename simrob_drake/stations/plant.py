@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydrake.geometry import (
@@ -14,25 +15,23 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import (
-    AddMultibodyPlant,
-    ContactModel,
-    CoulombFriction,
-    DiscreteContactApproximation,
-    MultibodyPlant,
-    MultibodyPlantConfig,
-)
-from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import FixedOffsetFrame, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.parts.site import WORLD, StationPlant
+from simrob_drake.blocks.actuator_servo import set_actuators
+from simrob_drake.errors import InvalidModel
+from simrob_drake.frames import transform_from_pose
+from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
+from simrob_drake.robots.feet import put_on_feet
 from simrob_drake.robots.parse import add_urdf
-from simrob_drake.robots.piece_urdf import FRICTION, piece_robot
+from simrob_drake.robots.piece_urdf import FRICTION, add_piece, piece_robot
+from simrob_drake.robots.pieces import TCP
+from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.resolve import ResolvedStation
-from simrob_drake.stations.robots import add_robot
 from simrob_drake.stations.solver_config import DiscreteSolver
 
 logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in record.getMessage())
@@ -57,16 +56,16 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
         plant.RegisterAsSourceForSceneGraph(scene_graph)
     else:
-        time_step = config.solver.time_step if isinstance(config.solver, DiscreteSolver) else 0.0
-        plant, scene_graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=time_step), builder)
+        settings = MultibodyPlantConfig(
+            time_step=0.0, contact_model=config.contact.model if config.contact else "point"
+        )
+        if isinstance(config.solver, DiscreteSolver):
+            settings.time_step, settings.discrete_contact_approximation = config.solver.time_step, config.solver.scheme
+            settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
+        plant, scene_graph = AddMultibodyPlant(settings, builder)
     plant.set_name("plant")
     scene_graph.set_name("scene_graph")
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
-    if isinstance(config.solver, DiscreteSolver) and config.mode == "dynamic":
-        approximation = getattr(DiscreteContactApproximation, f"k{config.solver.scheme.capitalize()}")
-        plant.set_discrete_contact_approximation(approximation)
-        plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
-    _set_contact_model(plant, config.contact)
     robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     _add_floor(plant, config, collision)
@@ -115,15 +114,6 @@ def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) ->
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", rigid)
 
 
-def _set_contact_model(plant: MultibodyPlant, contact: ContactConfig | None) -> None:
-    models = {
-        "point": ContactModel.kPoint,
-        "hydroelastic": ContactModel.kHydroelastic,
-        "hydroelastic_with_fallback": ContactModel.kHydroelasticWithFallback,
-    }
-    plant.set_contact_model(models[contact.model if contact else "point"])
-
-
 def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> None:
     """Let the links and pieces of one robot pass through each other; with self-collision, its feet alone.
 
@@ -138,3 +128,50 @@ def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> 
             bodies = [station.plant.GetFrameByName(foot, robot.instance).body() for foot in feet]
         geometry = station.plant.CollectRegisteredGeometries(bodies)
         station.scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(geometry))
+
+
+def add_robot(
+    plant: MultibodyPlant, station: ResolvedStation, robot: ResolvedRobot, *, collision: bool
+) -> StationRobot:
+    """Add a station's robot to its plant, which is not finalized, with the pieces that it carries.
+
+    Raises:
+        InvalidModel: a robot that cannot be simulated in the station's mode.
+    """
+    model = robot.model
+    if station.mode == "dynamic" and model.links_without_inertia:
+        listed = ", ".join(model.links_without_inertia)
+        remedy = "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true"
+        where = station.config.robots[robot.name].urdf or model.urdf_path
+        raise InvalidModel(where, "", f"the moving links {listed} have no inertia; {remedy}")
+    urdf = _with_pieces(station, robot)
+    instance = add_urdf(plant, urdf, name=robot.name, where=model.urdf_path, collision=collision)
+    root = plant.GetFrameByName(model.root, instance)
+    if robot.floats:
+        plant.SetDefaultFloatingBaseBodyPose(root.body(), robot.base)
+    else:
+        plant.WeldFrames(plant.world_frame(), root, robot.base)
+    tools = {tool: plant.GetFrameByName(frame, instance) for tool, frame in robot.tool_frames.items()}
+    tcp = robot.tcp
+    if robot.tcp_offset is not None and tcp:
+        pose = transform_from_pose(robot.tcp_offset)
+        offset = FixedOffsetFrame(f"{robot.name}_tcp_offset", tools[tcp], pose, instance)
+        tcp, tools[TCP] = TCP, plant.AddFrame(offset)
+    joints = [plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()]
+    if station.mode == "dynamic":
+        implicit = station.config.servo_of(robot.name).realization == "implicit"
+        if implicit or station.scheme == "cenic":
+            set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)
+    own = {**vars(robot), "tcp": tcp}
+    return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)
+
+
+def _with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:
+    """Return a robot's URDF with the pieces that it carries."""
+    element = with_absolute_meshes(robot.model.element, robot.model.folder)
+    if robot.feet is not None:
+        put_on_feet(element, robot.feet)
+    for name in robot.carried:
+        piece = station.pieces[name]
+        add_piece(element, name=name, piece=piece.model, parent=piece.mount, pose=piece.pose)
+    return element

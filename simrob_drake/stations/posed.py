@@ -29,11 +29,7 @@ class PosedStation:
     def __init__(
         self, config: StationConfig, add: Callable[[DiagramBuilder, StationPlant], None] = lambda *_: None
     ) -> None:
-        """Build the station in its initial configuration.
-
-        Args:
-            config: the station.
-            add: puts more into its diagram.
+        """Build the station in its initial configuration; ``add`` puts more into its diagram.
 
         Raises:
             InvalidModel: a robot that cannot be built.

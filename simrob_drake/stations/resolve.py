@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.stations.config import RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.piece_sources import piece_of
-from simrob_drake.stations.tools import flange, tool_in_use
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -246,3 +245,20 @@ def _mount(
     if frame is not None and frame not in known:
         raise UnknownName(f"frame of {parent}", frame, known)
     return f"{parent}_{frame or TCP}"
+
+
+def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None) -> str:
+    """Return the tool that a robot's tool centre point belongs to; empty without any.
+
+    That is the one that its station names as ``tcp``, else the outermost piece of those that it carries, in this order,
+    else the first of its own, of which the frames are given by name.
+    """
+    return tcp or [*carried[-1:], *own, ""][0]
+
+
+def flange(own: Mapping[str, str], root: str, tool: str | None = None) -> str:
+    """Return the frame that what a robot carries hangs on: of the tool that is named, else of its first, else its root.
+
+    ``own`` are the frames of its tools by name, ``root`` is that of its root link.
+    """
+    return own[tool] if tool is not None and tool in own else next(iter(own.values()), root)

@@ -12,11 +12,7 @@ from simrob_drake.stations.solver_config import ContinuousSolver
 
 
 def apply_solver(simulator: Simulator, config: StationConfig) -> None:
-    """Give a simulator the solver settings of a station that is part of its diagram.
-
-    Args:
-        simulator: of a diagram that holds the station, in any depth.
-        config: the station.
+    """Give a simulator the solver settings of a station that is part of its diagram, in any depth.
 
     Raises:
         UnsupportedSolver: the scheme ``cenic`` with a station that is not a direct part of the root diagram.

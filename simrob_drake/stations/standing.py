@@ -38,12 +38,7 @@ class Standing:
 
 
 def standing(station: StationPlant, robot: StationRobot) -> Standing | None:
-    """Return how a robot stands in its initial posture; None if it has nothing to stand on.
-
-    Args:
-        station: with the robot.
-        robot: any; without feet it stands on its collision shapes.
-    """
+    """Return how a robot stands in its initial posture, without feet on its collision shapes; None without either."""
     plant = station.plant
     context = plant.CreateDefaultContext()
     supports = _support_points(station, robot, context)
@@ -65,13 +60,7 @@ def standing(station: StationPlant, robot: StationRobot) -> Standing | None:
 
 
 def _support_points(station: StationPlant, robot: StationRobot, context: Context) -> list[tuple[Frame, Vector]]:
-    """Return the points that a robot may stand on in a state, by the frames of its bodies: in the world, (k, 3) [m].
-
-    Args:
-        station: with the robot.
-        robot: with feet or without.
-        context: of the plant.
-    """
+    """Return the points that a robot may stand on in a state, by the frames of its bodies: in the world, (k, 3) [m]."""
     plant = station.plant
     if robot.feet is not None:
         frames = {link: plant.GetFrameByName(link, robot.instance) for link in robot.feet.links}

@@ -10,6 +10,7 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from simrob_drake.blocks.events import EventTimes
+from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter, shortened
 from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers.own import add_own_blocks
@@ -53,10 +54,6 @@ def add_station(builder: DiagramBuilder, config: StationConfig | str | Path) -> 
     exports each of them. The scheme ``cenic`` needs the plant to be a direct child of the root diagram, so a station
     that uses it is added to the root's builder.
 
-    Args:
-        builder: the diagram under construction.
-        config: what :func:`load_station` gave, or what it takes.
-
     Returns:
         the station's ports, with its plant.
     """
@@ -77,13 +74,9 @@ def compose(
 ) -> StationPorts:
     """Add a station's systems, and perhaps not all of its parts.
 
-    Args:
-        builder: the diagram under construction.
-        station: resolved.
-        sensors: the names of those that are added; all unless given.
-        forces: whether those of the configuration act.
-        monitors: whether they stand in the diagram; otherwise the ports know them, for whoever records the run.
-        blocks: the station's controllers, made, and others of the user's own, by name.
+    All sensors are added, or those that are named, and the configuration's ``forces`` where they should act. Without
+    ``monitors`` in the diagram the ports know them all the same, for whoever records the run. ``blocks`` are the
+    station's controllers, made, and others of the user's own, by name.
     """
     config, plant = station.config, add_plant(builder, station)
     if station.mode == "kinematic":
@@ -102,8 +95,9 @@ def compose(
         if sensors is None or name in sensors:
             ports.notes[name] = {"kind": sensor.kind}
             sensor.wire(builder, ports, name)
-    if forces:
-        _add_forces(builder, ports)
+    for name, force in config.forces.items() if forces else ():
+        add_force(builder, ports, name, force, force.source(), force.caption())
+        ports.edges.extend(force.edges)
     _gather_forces(builder, ports)
     made = {name: section.block(f"controllers.{name}") for name, section in config.controllers.items()}
     add_own_blocks(builder, ports, made if blocks is None else blocks)
@@ -120,20 +114,12 @@ def _sort_by_robot(ports: StationPorts) -> None:
         ports.signals.sort(key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."])
 
 
-def _add_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
-    for name, force in ports.config.forces.items():
-        add_force(builder, ports, name, force, force.source(), force.caption())
-        ports.edges.extend(force.edges)
-
-
 def _gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     found = ports.spatial_forces
     if found:
-        forces = builder.AddNamedSystem("external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)))
-        for index, port in enumerate(found):
-            builder.Connect(port, forces.get_input_port(index))
+        forces = fed(builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found)
         ports.draw_nothing("external_forces")
-        builder.Connect(forces.get_output_port(), ports.plant.plant.get_applied_spatial_force_input_port())
+        builder.Connect(forces, ports.plant.plant.get_applied_spatial_force_input_port())
 
 
 class Station(Diagram):

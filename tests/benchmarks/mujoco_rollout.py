@@ -12,11 +12,11 @@ from itertools import product
 import mujoco
 import numpy as np
 from mujoco import rollout
-from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector
-from simrob_drake.stations.closed import add_closed_station
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
 from tests.benchmarks.mujoco_model import mujoco_spec
 from tests.benchmarks.stepping import SAMPLES, Motion
 
@@ -67,9 +67,9 @@ class MujocoHumanoid:
     """The robot of a station in MuJoCo, with the station's reference."""
 
     def __init__(self, config: StationConfig) -> None:
-        builder = DiagramBuilder()
-        station = add_closed_station(builder, config).plant
-        self._reference = builder.Build().GetSubsystemByName("reference_source")
+        closed = closed_station(resolve(config))
+        station = closed.ports.plant
+        self._reference = closed.diagram.GetSubsystemByName("reference_source")
         (self.robot,) = station.robots.values()
         self.duration = config.duration
         self._spec = mujoco_spec(station, self.robot)

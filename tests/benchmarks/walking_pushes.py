@@ -8,11 +8,11 @@ import sys
 import numpy as np
 
 from simrob_drake import simulate
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.feet import facing_rotation
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.quadruped import crawl, trot
-from simrob_drake.programs.gaits.walk import walk
 
 STARTS = (3.0, 3.1, 3.2, 3.3)
 """Moments of the push, some in each phase of a step [s]; the weakest counts."""

@@ -5,9 +5,7 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidConfig, InvalidParameter
-from simrob_drake.identification.bounce_law import BounceLaw
-from simrob_drake.identification.bounce_trace import BounceTrace, read_bounces
-from simrob_drake.identification.bounces import identify_bounces
+from simrob_drake.identification.bounces import BounceLaw, BounceTrace, identify_bounces, read_bounces
 
 MASS = 0.9048  # kg
 

@@ -14,7 +14,7 @@ from simrob_drake.importer.importing import ImportedRobot, import_robot
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.alone import lone_robot
+from simrob_drake.robots.parse import lone_robot
 
 PAIRS = 150
 LONGEST = 400

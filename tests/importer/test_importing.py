@@ -10,8 +10,8 @@ import pytest
 from simrob_drake.errors import InvalidModel, OutputError
 from simrob_drake.importer.importing import examine_robot, import_robot
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.robots.alone import LoneRobot, lone_robot
 from simrob_drake.robots.catalog import load_robot
+from simrob_drake.robots.parse import LoneRobot, lone_robot
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_masses_and_motion_are_those_of_the_source(imported):
     for posture in np.random.default_rng(3).uniform(-1, 1, (5, 6)):
         contexts = [robot.plant.CreateDefaultContext() for robot in (ours, theirs)]
         for robot, context in zip((ours, theirs), contexts, strict=True):
-            robot.set_axes(context, posture)
+            robot.axes.set_positions(robot.plant, context, posture)
         np.testing.assert_allclose(*map(_mass_matrix, (ours, theirs), contexts), atol=1e-12)
         np.testing.assert_allclose(*map(_centre_of_mass, (ours, theirs), contexts), atol=1e-12)
     assert ours.plant.CalcTotalMass(contexts[0]) == pytest.approx(theirs.plant.CalcTotalMass(contexts[1]), abs=1e-12)

@@ -1,5 +1,7 @@
 """The inertial measurement unit: against closed forms of what it feels, and the statistics of its errors."""
 
+import gc
+
 import numpy as np
 import pytest
 from pydrake.trajectories import PiecewisePolynomial
@@ -7,6 +9,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.parts.sensors.imu import InertialUnit
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.plots.files import save_plots
 
@@ -164,6 +167,12 @@ class TestInTheLoop:
         assert first.final_state.blocks["sensor.imu"].discrete[0][-1] == 10  # samples
         for name in whole.names:
             np.testing.assert_array_equal(second[name][1:], whole[name][11:])
+
+    @pytest.mark.parametrize("in_loop", [True, False])
+    def test_it_goes_with_its_run(self, in_loop):
+        measured("irb120_kinematic", 0.02, {"in_loop": in_loop})
+        gc.collect()
+        assert not [each for each in gc.get_objects() if issubclass(type(each), InertialUnit)]
 
     def test_it_stands_in_the_picture_and_in_the_plots(self, tmp_path):
         config = load_station("irb120_kinematic", {"sensors": {"imu": {"in_loop": True}}})

@@ -30,4 +30,4 @@ def positions_between(result, samples=2000, robot=None):
     """Return where the robot's axes were, at many times between the samples too, shape (k, n)."""
     own = result.plant.robots[robot or next(iter(result.plant.robots))]
     rows = result.positions_at(np.linspace(0, result.stop_time, samples))
-    return rows[:, [joint.position_start() for joint in own.joints]] * own.signs
+    return own.axis_map.positions(rows)

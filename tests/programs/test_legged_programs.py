@@ -7,7 +7,7 @@ from simrob_drake import LeggedRobot, Program, Workcell, load_station
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.gaits.leg_angles import OutOfReach
+from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.moves import ActMove, AttachMove, JointMove, ReleaseMove, WalkMove
 
 ARM = {"HomDF": 40}
@@ -205,7 +205,11 @@ class TestErrors:
             ({"walk": {"steps": 4, "amplitude": 30}}, OutOfReach, "^move 1: the leg of right_foot is out of reach"),
             ({"walk": {"steps": 1}}, InvalidParameter, "^move 1: steps is 1; it must be at least 2"),
             ({"walk": {"steps": 0}}, InvalidParameter, "^move 1: steps is 0; it must be at least 2"),
-            ({"walk": {"steps": 4, "amplitud": 2}}, UnknownName, "^move 1: there is no figure of the gait walk 'amp"),
+            (
+                {"walk": {"steps": 4, "amplitud": 2}},
+                UnknownName,
+                "^move 1: there is no parameter of the gait walk 'amp",
+            ),
             ({"act": "swim"}, InvalidParameter, "^move 1: station is humanoid_dynamic; .* for swim"),
             ({"attach": "parcle"}, UnknownName, "^move 1: there is no piece 'parcle'; did you mean 'parcel'"),
             ({"attach": {"piece": "parcel", "tool": "left_hnd"}}, UnknownName, "^move 1: .* did you mean 'left_hand'"),

@@ -11,7 +11,7 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.kinematics import Unreachable
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.gaits.leg_angles import OutOfReach
+from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.quadruped import three_legs
 from simrob_drake.programs.gaits.registry import first_gait
 from simrob_drake.programs.legged_gait import planned_gait
@@ -494,7 +494,11 @@ class TestErrors:
             (lambda r: r.walk(2, gait="trott"), UnknownName, "gait of humanoid"),
             (lambda r: r.walk(4, gait="bow"), UnknownName, "gait of humanoid 'bow'"),
             (lambda r: r.walk(4, gait="march", amplitude=5), JointLimitExceeded, "march at .* right_ankle_pitch"),
-            (lambda r: r.walk(4, step_tme=1), UnknownName, "figure of the gait walk 'step_tme'; did you mean 'step_t"),
+            (
+                lambda r: r.walk(4, step_tme=1),
+                UnknownName,
+                "parameter of the gait walk 'step_tme'; did you mean 'step_t",
+            ),
             (lambda r: r.walk(4, feet="spheres_A"), InvalidParameter, "is spheres_C; .*set robot.feet to spheres_A"),
             (lambda r: r.act("bwo"), UnknownName, "act of humanoid 'bwo'; did you mean 'bow'"),
             (lambda r: r.act("bow", repeat=0), InvalidConfig, "gait bow: repeat"),

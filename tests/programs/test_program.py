@@ -6,8 +6,8 @@ import pytest
 from simrob_drake import Program
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError, UnknownName
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.moves import cell_of, move_of
-from simrob_drake.programs.postures import postures_of
+from simrob_drake.programs.legged_stages import postures_of
+from simrob_drake.programs.moves import Cell, checked, move_of
 from simrob_drake.robots.catalog import load_robot
 
 WAVE = Program(
@@ -17,7 +17,7 @@ WAVE = Program(
         move_of({"CodD": np.float32(0.1), "HomIF": -10}, 0.5),
         move_of({"CodD": 40}, 2),
     ),
-    references=(cell_of({"left_knee": 20}),),
+    references=(checked(Cell, target_deg={"left_knee": 20}),),
 )
 
 

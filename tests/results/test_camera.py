@@ -12,13 +12,12 @@ from matplotlib.image import imread
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.results.animation.camera import side, walked_way
-from simrob_drake.results.animation.floor_grid import SPACING, floor_lines, with_floor_under
 from simrob_drake.results.animation.pictures import Studio, save_film_strip
 from simrob_drake.results.animation.recording import save_recording
-from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.animation.scene import SPACING, Scene, floor_lines, with_floor_under
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 

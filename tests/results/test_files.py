@@ -10,7 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from simrob_drake import Workcell, load_station, simulate
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, UnknownName
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.results.record.walks import locomotion
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +171,7 @@ def test_nothing_half_written_is_left(result, tmp_path, monkeypatch):
     def full_disk(*_arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("simrob_drake.results.files._write_signals", full_disk)
+    monkeypatch.setattr("simrob_drake.results.files.write_table", full_disk)
     with pytest.raises(OutputError, match="No space left on device"):
         result.save(tmp_path / "result", recording=False)
     assert list(tmp_path.iterdir()) == []

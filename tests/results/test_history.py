@@ -7,7 +7,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.record.history import History, PlantSlice
 
 TIMES = np.array([0.0, 0.1, 0.4, 1.0])
-PLANT = PlantSlice(start=1, num_positions=1, num_velocities=1)
+PLANT = PlantSlice(positions=slice(1, 2), velocities=slice(2, 3))
 
 
 def cubic(t):

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.image import imread
 
 from simrob_drake import load_station, simulate
-from simrob_drake.results.overview import table_of
+from simrob_drake.results.result import table_of
 
 
 @pytest.fixture(scope="module")

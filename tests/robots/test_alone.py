@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.robots.parse import add_urdf
+from simrob_drake.robots.parse import add_urdf, lone_robot
 
 
 def test_the_robot_stands_at_its_home_posture():
@@ -25,7 +24,7 @@ def test_axes_turn_in_their_sense():
     axes = {name: axis.model_copy(update={"sign": -1}) for name, axis in robot.axes.items()}
     lone = lone_robot(robot.model_copy(update={"axes": axes}))
     context = lone.plant.CreateDefaultContext()
-    lone.set_axes(context, np.full(6, 0.3))
+    lone.axes.set_positions(lone.plant, context, np.full(6, 0.3))
     np.testing.assert_allclose(lone.plant.GetPositions(context), np.full(6, -0.3))
 
 

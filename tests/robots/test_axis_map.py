@@ -61,9 +61,9 @@ def test_efforts_do_the_work_that_the_plant_sees(axes):
     """Power is the same seen from the axes and from the plant, whatever the senses."""
     rng = np.random.default_rng(1)
     speed, effort = rng.normal(size=(2, 3))
-    full = axes.spread_efforts(effort) @ axes.spread_velocities(speed)
+    full = axes.spread_velocities(effort) @ axes.spread_velocities(speed)
     assert full == pytest.approx(effort @ speed)
-    assert axes.efforts(axes.spread_efforts(effort)) == pytest.approx(effort, abs=0)
+    assert axes.efforts(axes.spread_velocities(effort)) == pytest.approx(effort, abs=0)
 
 
 def test_a_jacobian_maps_axis_velocities(plant, axes):
@@ -95,7 +95,7 @@ def test_samples_go_along(plant, axes):
     assert axes.positions(q)[2, 3] == pytest.approx(axes.positions(q[2, 3]), abs=0)
     assert axes.spread_positions(axes.positions(q), q) == pytest.approx(q, abs=0)
     assert axes.spread_velocities(axes.velocities(v), v) == pytest.approx(v, abs=0)
-    assert axes.spread_efforts(axes.efforts(v)).shape == v.shape
+    assert axes.spread_velocities(axes.efforts(v)).shape == v.shape
 
 
 def test_matrices_are_the_same_maps(plant, axes):
@@ -110,7 +110,7 @@ def test_matrices_are_the_same_maps(plant, axes):
 def test_actuators_get_what_the_axes_are_given(plant, axes):
     effort = np.array([1.0, -2.0, 3.0])
     actuation = axes.actuation_matrix(plant, plant.GetJointByName("lift").model_instance())
-    assert plant.MakeActuationMatrix() @ actuation @ effort == pytest.approx(axes.spread_efforts(effort), abs=0)
+    assert plant.MakeActuationMatrix() @ actuation @ effort == pytest.approx(axes.spread_velocities(effort), abs=0)
 
 
 @pytest.mark.parametrize("signs", [[1, -1], [1, 1, 2], [1, 1, 0.5], [[1, 1, 1]]])

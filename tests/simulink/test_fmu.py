@@ -155,3 +155,5 @@ def test_what_cannot_be_written(tmp_path):
         write_fmu(load_station("double_pendulum"), tmp_path / "b.fmu")
     with pytest.raises(InvalidParameter, match="--step"):
         with_fixed_steps(load_station("double_pendulum"), 0.0)
+    with pytest.raises(InvalidParameter, match="servos that yield"):
+        with_fixed_steps(load_station("irb120_cobot"), STEP)

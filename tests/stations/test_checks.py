@@ -9,7 +9,7 @@ from simrob_drake import load_station
 from simrob_drake.errors import SimrobError
 from simrob_drake.stations import plant
 from simrob_drake.stations.checks import check_station
-from simrob_drake.stations.robots import add_robot
+from simrob_drake.stations.plant import add_robot
 
 
 def findings(overrides=None, station="irb120_dynamic"):

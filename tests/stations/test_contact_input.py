@@ -5,7 +5,7 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.parts.monitors.force_limit import force_limit, quasi_static_limits
-from simrob_drake.stations.contact_limits import largest_stiffness
+from simrob_drake.stations.contact import largest_stiffness
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 
 FORCE = {"kind": "force", "body": "load"}
@@ -48,8 +48,9 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
             "left out under cenic",
         ),
         ("two_irb120", {"sensors.t": {"kind": "external_torque"}}, r"sensors\.t\.robot .* one of left, right"),
-        ("irb120_cobot", {"servo.yield_gain": -1}, r"servo\.yield_gain"),
-        ("irb120_cobot", {"servo.realization": "implicit"}, "yield_gain needs the realization"),
+        ("irb120_cobot", {"servo.admittance_gain": -1}, r"servo\.admittance_gain"),
+        ("irb120_cobot", {"servo.realization": "implicit"}, "admittance_gain needs realization"),
+        ("irb120_cobot", {"servo.yield_gain": 100}, r"servo.*yield_gain is now admittance_gain"),
         (
             "irb120_cobot",
             {"forces.shove": {"kind": "push", "start": 0, "duration": 0, "force": [0, 0, 1]}},

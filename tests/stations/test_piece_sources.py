@@ -16,7 +16,7 @@ from simrob_drake.importer.meshes.checks import MESH_FORMATS
 from simrob_drake.robots.pieces import PieceModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
-from simrob_drake.stations.piece_meshes import drake_mesh
+from simrob_drake.stations.piece_sources import drake_mesh
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import build_station
 

@@ -19,7 +19,7 @@ def test_shapes_follow_the_robot(mode: str) -> None:
     chain = Chain.of_plant(posed.plant, joints=robot.joints, base=posed.plant.world_frame(), tool=body.body_frame())
     np.testing.assert_allclose(shown.GetAsMatrix4(), chain.forward(q)[0], atol=1e-12)
     posed.place(posed.initial)
-    np.testing.assert_allclose(robot.signs * posed.initial[robot.places], robot.initial, atol=1e-15)
+    np.testing.assert_allclose(robot.axis_map.positions(posed.initial), robot.initial, atol=1e-15)
     again = posed.query().GetPoseInWorld(posed.plant.GetBodyFrameIdOrThrow(body.index()))
     np.testing.assert_allclose(again.GetAsMatrix4(), chain.forward(robot.initial)[0], atol=1e-12)
 

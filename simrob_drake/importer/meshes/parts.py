@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import io
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,6 @@ from simrob_drake.frames import Vector
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-
-import io
-from typing import TYPE_CHECKING, Any
 
 _FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "TIFF", "WEBP")
 """Formats that need nothing but the decoder; others start programs (EPS) or are never a texture."""
@@ -28,11 +26,7 @@ Rgba = tuple[float, float, float, float]
 
 
 def usable(image: Any) -> Image | None:
-    """Return an image that can be shown, at most 1024 pixels wide and high; None if it is none.
-
-    Args:
-        image: as opened by Pillow but not yet decoded; or None.
-    """
+    """Return an image, as opened by Pillow, if it can be shown, at most 1024 pixels wide and high; else None."""
     from PIL import Image as Pillow
 
     if image is None or image.format not in _FORMATS or image.width * image.height > _MOST_PIXELS:

@@ -198,13 +198,7 @@ def package_root(source: Path) -> Path:
 
 
 def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:
-    """Return every file that a robot's meshes are read from, as far as it exists and may be read, in order.
-
-    Args:
-        robot: the ``robot`` element.
-        source: the URDF, an absolute path.
-        options: where meshes may lie.
-    """
+    """Return every file that a robot's meshes are read from, as far as it exists and may be read, in order."""
     places, found = MeshPlaces(source, options.mesh_path), dict[Path, None]()
     for name in dict.fromkeys(mesh.get("filename", "") for mesh in robot.iter("mesh")):
         try:
@@ -267,12 +261,9 @@ def _resolved(path: Path) -> Path:
 
 
 def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | None:
-    """Return the folder of a package; None if there is none that may be read.
+    """Return the folder of the package ``name``, as in ``package://name/...``; None if there is none that may be read.
 
-    Args:
-        name: as in ``package://name/...``.
-        root: the folder of the package that asks.
-        mesh_path: folders that the user allows; they come last.
+    ``root`` is the folder of the package that asks; folders that the user allows come last.
     """
     if not re.fullmatch(r"\w[\w.-]*", name):  # no way up, no hidden folder
         return None

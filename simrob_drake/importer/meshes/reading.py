@@ -62,14 +62,10 @@ class MeshFile:
 
 
 def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
-    """Read a mesh file.
+    """Read a mesh file that may be read, with the ``others`` that it may ask for, by the names that it uses for them.
 
     COLLADA's unit is applied; its up axis is not, as in ROS, where a URDF's origins are written for that. glTF has Y
     upwards by definition and is turned, as Drake turns it.
-
-    Args:
-        path: the file, which may be read.
-        others: the files that it may ask for, under the names that it uses.
 
     Raises:
         UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.

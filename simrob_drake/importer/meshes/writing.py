@@ -33,11 +33,8 @@ class MeshWriter:
     def write(self, part: MeshPart, *, role: str, stem: str, original: bytes | None = None) -> str:
         """Write a part, unless the same was written before, and return the file's name relative to the folder.
 
-        Args:
-            part: what to write.
-            role: ``visual`` or ``collision``; each has files of its own.
-            stem: the file's name without its ending.
-            original: the OBJ file that the part was read from, if that is to be kept as it is.
+        ``role`` is ``visual`` or ``collision``, each with files of its own; ``stem`` is the file's name without its
+        ending, ``original`` the OBJ file that the part was read from, if that is to be kept as it is.
         """
         library = f"{stem}.mtl"
         kept = None if original is None else _relabelled(original, library if part.image else "")

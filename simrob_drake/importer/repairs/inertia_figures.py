@@ -95,15 +95,10 @@ def write_inertia(link: ET.Element, inertia: SpatialInertia) -> Vector:
 
 
 def inertia_of_shapes(link: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
-    """Return the inertia of a link's collision shapes, or of its visuals if it has none, as if they were solid.
+    """Return the inertia of a link's collision shapes, or of its visuals if it has none, as if they were solid [kg/m³].
 
-    Args:
-        link: the link; its shapes are positive, its meshes lie below the folder.
-        folder: the robot's folder; None leaves meshes out.
-        density: [kg/m³].
-
-    Returns:
-        about the link's origin, in its axes; None if it has no shape with a volume. Shapes that overlap count twice.
+    It is about the link's origin, in its axes; None if it has no shape with a volume. Shapes are positive, and those
+    that overlap count twice; meshes lie below the robot's folder, and are left out without one.
     """
     for role in ("collision", "visual"):
         total = None

@@ -37,11 +37,7 @@ _ON_AXIS = 1e-6  # m
 def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport) -> None:
     """Leave only inertias that a body can have, in place, and estimate the others where that was chosen.
 
-    Args:
-        robot: the robot; its shapes are repaired.
-        folder: where its meshes lie.
-        options: whether to estimate, and at which density.
-        report: what it is told to.
+    The robot's shapes are repaired; their meshes lie in the folder.
     """
     unusable: dict[str, Figures] = {}
     for link in robot.iterfind("link"):

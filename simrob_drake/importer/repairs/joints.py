@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.numbers import number
-from simrob_drake.importer.repairs.tree import drop_lost_frames
+from simrob_drake.importer.repairs.structure import drop_lost_frames
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, movable_joints, name_of
 from simrob_drake.robots.urdf_elements import place, pose_of, written

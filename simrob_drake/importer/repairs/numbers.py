@@ -105,7 +105,7 @@ def _refuse_leftovers(where: str, element: ET.Element, report: ImportReport) -> 
 
 def _mend(element: ET.Element, key: str, rule: _Rule, where: str, report: ImportReport) -> None:
     text = element.attrib[key]
-    words = _plain_words(text)
+    words = [word for word in re.split(r"[ \t\r\n]+", text) if word]
     if len(words) in rule.counts and all(_is_usable(word) for word in words):
         return
     readable = _readable(text, rule.counts, _UNITS.get(key, "kg"))
@@ -142,10 +142,6 @@ def _without_unit(word: str, unit: str) -> str:
     """Return a number without the unit that it has anyway, or the f of a programming language."""
     bare = (word.removesuffix(end) for end in (unit, "f", "F") if word.endswith(end))
     return next((rest for rest in bare if NUMBER.fullmatch(rest)), word)
-
-
-def _plain_words(text: str) -> list[str]:
-    return [word for word in re.split(r"[ \t\r\n]+", text) if word]
 
 
 def _is_finite(word: str) -> bool:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections import Counter
 
+from simrob_drake.errors import nearest
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.repairs.names import repair_names
+from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.importer.repairs.numbers import mend_numbers
-from simrob_drake.importer.repairs.tree import repair_tree
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import DRAKE, name_of
-from simrob_drake.robots.urdf_check import SHAPE_SIZES
+from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, name_of, outward
+from simrob_drake.robots.urdf_check import SHAPE_SIZES, check_parents
 
+_GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")
 _SHAPES = {"mesh", *SHAPE_SIZES}
 _VISUAL = {f"{DRAKE}{name}" for name in ("illustration_properties", "perception_properties", "accepting_renderer")}
 _KNOWN: dict[str, set[str]] = {
@@ -108,3 +109,103 @@ def _drop_second_ones(robot: ET.Element, report: ImportReport) -> None:
             for second in shapes[1:]:
                 element.remove(second)
                 report.add("dropped", f"{top.tag} '{name_of(top)}'", f"a second shape, <{second.tag}>, in its geometry")
+
+
+def repair_tree(robot: ET.Element, report: ImportReport) -> None:
+    """Make one tree of a robot's links and joints, in place.
+
+    Raises:
+        InvalidModel: it has no link, a loop, a link with two parents, or several trees of which none is the robot.
+    """
+    if not names(robot, "link"):
+        raise report.refusal("", "has no link")
+    dangling = _drop_dangling(robot, report)
+    _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
+    drop_lost_frames(robot, report)
+
+
+def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
+    """Leave out, in place, Drake's frames, groups and bushings where they name what is not there."""
+    links = set(names(robot, "link"))
+    welded = {link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") == "fixed"}
+    taken = set(links)
+    for frame in list(robot.iterfind("frame")):
+        name = name_of(frame)
+        if not name or name in taken or frame.get("link") not in links:
+            robot.remove(frame)
+            report.add("dropped", f"frame '{name}'", "its link is not there, or its name is missing or taken")
+        taken.add(name)
+    for group in list(robot.iterfind(f"{DRAKE}collision_filter_group")):
+        members = {member.get("link", "") for member in group.iterfind(f"{DRAKE}member")}
+        name = f"collision filter group '{name_of(group)}'"
+        if not name_of(group) or name in taken or not members or not members <= links - welded:
+            robot.remove(group)
+            report.add("dropped", name, "its name is missing or taken, or a member is no link or welded to another")
+        taken.add(name)
+    kept = {name_of(group) for group in robot.iterfind(f"{DRAKE}collision_filter_group")}
+    for group in robot.iterfind(f"{DRAKE}collision_filter_group"):
+        for other in [other for tag in _GROUPS for other in group.findall(tag) if name_of(other) not in kept]:
+            group.remove(other)
+            report.add("dropped", f"collision filter group '{name_of(group)}'", f"'{name_of(other)}' is no group")
+    for bushing in list(robot.iterfind(f"{DRAKE}linear_bushing_rpy")):
+        ends = {frame.get("name", "") for tag in "AC" for frame in bushing.iterfind(f"{DRAKE}bushing_frame{tag}")}
+        if len(ends) != 2 or not ends <= taken:
+            robot.remove(bushing)
+            report.add("dropped", "drake:linear_bushing_rpy", "a frame of it is not there")
+
+
+def _drop_dangling(robot: ET.Element, report: ImportReport) -> list[tuple[str, str]]:
+    """Leave out joints that do not join two links, and return their names with what is wrong."""
+    links = set(names(robot, "link"))
+    by_case = {link.lower(): link for link in links}
+    dropped = []
+    for joint in list(robot.iterfind("joint")):
+        where = f"joint '{name_of(joint)}'"
+        for end in ("parent", "child"):
+            link, element = link_of(joint, end), joint.find(end)
+            if link in links:
+                continue
+            meant = by_case.get(link.lower())
+            if element is not None and meant is not None and len(by_case) == len(links):
+                element.set("link", meant)
+                report.add("repaired", where, f"its {end} '{link}' is no link; '{meant}', which differs in case")
+                continue
+            robot.remove(joint)
+            problem = f"its {end} '{link}' is no link{nearest(link, links)}" if link else f"it has no {end}"
+            if end == "parent" and joint.get("type") in MOVABLE_JOINTS and link_of(joint, "child") in links:
+                raise report.refusal(where, f"{problem}; without it the robot falls apart")
+            report.add("dropped", where, f"{problem}; the joint is left out")
+            dropped.append((where, problem))
+            break
+    return dropped
+
+
+def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], held: set[str], report: ImportReport) -> None:
+    """Keep the one tree that is the robot: the only one that moves, or if none does, the largest."""
+    roots = [name for name in names(robot, "link") if name not in held]
+    if len(roots) == 1:
+        return
+    starts = joints_at(robot)
+    trees = {root: outward(starts, root) for root in roots}
+    moving = [root for root, joints in trees.items() if any(joint.get("type") != "fixed" for joint in joints)]
+    largest = max(roots, key=lambda root: len(trees[root]))
+    alone = sum(len(joints) == len(trees[largest]) for joints in trees.values()) == 1
+    kept = moving[0] if len(moving) == 1 else largest
+    if len(moving) > 1 or (not moving and not alone):
+        for where, problem in dangling:
+            raise report.refusal(where, f"{problem}; without it the robot falls apart")
+        listed = _listed(moving or roots)
+        raise report.refusal("", f"has {len(moving or roots)} root links ({listed}); join them to one tree by joints")
+    for root in roots:
+        if root != kept:
+            hung = [link_of(joint, "child") for joint in trees[root]]
+            lost = {root, *hung}
+            for element in [*trees[root], *(link for link in robot.iterfind("link") if name_of(link) in lost)]:
+                robot.remove(element)
+            with_it = f" with {_listed(hung)}" if hung else ""
+            report.add("dropped", f"link '{root}'", f"no joint leads to it; left out{with_it}")
+
+
+def _listed(items: list[str], longest: int = 6) -> str:
+    more = f" and {len(items) - longest} more" if len(items) > longest else ""
+    return ", ".join(items[:longest]) + more

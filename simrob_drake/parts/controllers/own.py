@@ -13,7 +13,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 
-from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.errors import InvalidParameter, UnknownName, shortened
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import Site
 from simrob_drake.signals import Panel, Signal
@@ -66,14 +66,11 @@ class OwnController(Strict):
 
         What its constructor takes is known if the block has a mapping ``parameters``.
         """
-        kind = type(block)
-        file = sys.modules[kind.__module__].__dict__.get("__file__")
-        place = kind.__module__ if kind.__module__ != "__main__" or file is None else str(Path(file).resolve())
-        parameters = getattr(block, "parameters", {})
+        kind, parameters = type(block), getattr(block, "parameters", {})
         return cls.model_validate(
             {
                 "kind": "own",
-                "class": f"{place}:{kind.__qualname__.replace('<locals>.', '')}",
+                "class": f"{_place_of(kind)}:{kind.__qualname__.replace('<locals>.', '')}",
                 "parameters": dict(parameters) if isinstance(parameters, Mapping) else {},
             }
         )
@@ -95,7 +92,10 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
     named: dict[str, LeafSystem] = {}
     for name, block in pairs:
         if not isinstance(block, LeafSystem):
-            raise InvalidParameter(f"blocks: {name}", shortened(repr(block)), "a LeafSystem of Drake")
+            expected = "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())"
+            raise InvalidParameter(f"blocks: {name}", shortened(repr(block)), expected)
+        if any(block is other for other in named.values()):
+            raise InvalidParameter(f"blocks: {name}", "given twice", "a block of its own")
         if not (isinstance(name, str) and name.isidentifier()):
             raise InvalidParameter("the name of a block", repr(name), "plain: letters, digits and _, no digit first")
         if name in named:
@@ -128,16 +128,12 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
     """Add blocks and wire them by the names of their ports.
 
     Raises:
-        SimrobError: a port that fits nothing, or a block that is part of another diagram already.
+        SimrobError: a port that fits nothing.
     """
     driven_inputs(blocks)
     site.blocks.update(blocks)
     for name, block in blocks.items():
-        try:
-            builder.AddNamedSystem(f"controller.{name}", block)
-        except (RuntimeError, SystemExit) as problem:
-            told = f"the block {name} is part of a diagram already; make a new one for each run"
-            raise SimrobError(told) from problem
+        builder.AddNamedSystem(f"controller.{name}", block)
         site.notes[name] = {"kind": type(block).__name__}
         site.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
         for port in _outputs(block):
@@ -189,17 +185,38 @@ def _name_of(block: Any) -> str:
     return own if own.isidentifier() else re.sub(r"(?<!^)(?=[A-Z])", "_", type(block).__name__).lower()
 
 
+def class_beside(text: str, folder: Path) -> str:
+    """Return ``module:Class`` or ``file.py:Class`` as a station's file in ``folder`` means it.
+
+    Files start there, and a module that lies there comes before one of Python's search path.
+    """
+    place, colon, name = text.partition(":")
+    file = folder / (place if place.endswith(".py") else f"{place}.py")
+    return f"{file}{colon}{name}" if place.endswith(".py") or file.is_file() else text
+
+
+def _place_of(kind: Any) -> str:
+    """Return where a class is found: the name of its module in a package, else its file."""
+    loaded_by_hand = getattr(getattr(kind.__init__, "__code__", None), "co_filename", "")
+    file = Path(getattr(sys.modules.get(kind.__module__), "__file__", None) or loaded_by_hand)
+    return str(file.resolve()) if "." not in kind.__module__ and file.suffix == ".py" else kind.__module__
+
+
 def _module(place: str) -> Any:
-    """Return a module by its name, or by its file."""
+    """Return a module by its name, or by its file; that may import what lies beside it, as a script may."""
     if not place.endswith(".py"):
         return importlib.import_module(place)
     file = Path(place)
     if not file.is_file():
         raise FileNotFoundError(f"there is no file {file}")
-    spec = importlib.util.spec_from_file_location(file.stem, file)
+    spec = importlib.util.spec_from_file_location(f"own_code_{file.stem}", file)
     assert spec is not None
     assert spec.loader is not None  # a .py file has one
     module = importlib.util.module_from_spec(spec)
-    sys.modules[file.stem] = module
-    spec.loader.exec_module(module)
+    sys.modules[module.__name__] = module
+    sys.path.insert(0, str(file.parent))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(file.parent))
     return module

@@ -6,8 +6,7 @@ from typing import Literal
 
 from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector
-from simrob_drake.parts.monitors.monitor import worst
-from simrob_drake.parts.monitors.of_sensors import SensorMonitorSection
+from simrob_drake.parts.monitors.monitor import SensorMonitorSection, worst
 from simrob_drake.parts.site import Surroundings
 from simrob_drake.quantities import NotNegative
 

@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector
-from simrob_drake.parts.monitors.of_poses import PoseMonitorSection
+from simrob_drake.parts.monitors.monitor import PoseMonitorSection
 from simrob_drake.parts.site import Surroundings
 from simrob_drake.quantities import Positive
 

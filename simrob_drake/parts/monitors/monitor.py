@@ -1,14 +1,16 @@
-"""What the sections of all monitors share, and how their conditions are made."""
+"""What the sections of monitors share: of all, of those that watch a pose or a sensor; how conditions are made."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
-from simrob_drake.frames import Vector
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings
 from simrob_drake.quantities import NotNegative
 from simrob_drake.yaml_files import Strict
@@ -47,10 +49,8 @@ def of_axes(robot: ResolvedRobot, *outputs: str) -> dict[str, int]:
 def worst(watched: Mapping[str, int], excesses: Callable[..., Vector], why: Callable[[int, float], str]) -> Condition:
     """Return a condition that holds where any of several does.
 
-    Args:
-        watched: the signals.
-        excesses: by how much each is exceeded, shape (k,), by the values of the signals; nan counts as infinite.
-        why: the reason, by the place of the largest of them and its size.
+    ``excesses`` tells by how much each is exceeded, shape (k,), by the values of the watched signals; nan counts as
+    infinite. ``why`` gives the reason by the place of the largest of them and its size.
     """
 
     def largest(*values: Vector) -> tuple[int, float]:
@@ -65,15 +65,7 @@ def worst(watched: Mapping[str, int], excesses: Callable[..., Vector], why: Call
 def add_monitor(
     builder: DiagramBuilder | None, site: Site, name: str, section: MonitorSection, condition: Condition
 ) -> None:
-    """Add a monitor; without a builder it is known to the site alone, for whoever records the run to ask.
-
-    Args:
-        builder: the diagram under construction.
-        site: the station.
-        name: of the monitor.
-        section: that configures it.
-        condition: that it gave.
-    """
+    """Add a monitor with its section's condition; without a builder only the site knows it, for who records the run."""
     site.monitors[name] = Trigger(condition, section.hold, section.after)
     if builder is not None:
         monitor = Monitor(condition, hold=section.hold, after=section.after)
@@ -82,3 +74,56 @@ def add_monitor(
         site.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", robot)
         for output in condition.watched:
             builder.Connect(site.outputs[output], monitor.GetInputPort(output))
+
+
+class PoseMonitorSection(MonitorSection):
+    """A section of ``monitors`` that watches a pose."""
+
+    piece: str | None = None
+    """A free piece to watch, in place of a robot."""
+
+    def watched_pose(self, name: str, station: Surroundings, port: str) -> tuple[str, dict[str, int], RigidTransform]:
+        """Return who is watched, the output that is its pose with its size, and where it is at the start.
+
+        That is a free piece, the only one of a station without robots unless named, or the ``port`` of the robot:
+        ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``.
+
+        Raises:
+            SimrobError: no such free piece, no such robot, or a robot without such a tool.
+        """
+        size, free = len(XYZ_QUATERNION_NAMES), station.free_pieces
+        if self.piece is not None and self.piece not in free:
+            raise UnknownName(f"free piece for monitors.{name}.piece", self.piece, free)
+        if self.piece is not None or (not station.robots and len(free) == 1):
+            piece = self.piece or free[0]
+            return piece, {f"piece_pose.{piece}": size}, station.pieces[piece].pose
+        robot = station.robot(self.robot, f"monitors.{name}")
+        output = f"{robot.prefix}{port}"
+        if port == "base_pose":
+            return robot.name, {output: size}, robot.base
+        tool = port.partition(".")[2]
+        if not (tool in robot.tool_names if tool else robot.tcp):
+            raise InvalidParameter(f"monitors.{name}", f"at {output}", "a tool that the robot has")
+        return f"{robot.prefix}{tool or 'the tool'}", {output: size}, robot.base
+
+
+class SensorMonitorSection(MonitorSection):
+    """A section of ``monitors`` that watches a sensor."""
+
+    sensor: str | None = None
+    """The sensor, by its name; the only one of its kind unless given."""
+
+    def watched_sensor(self, name: str, station: Surroundings, kind: str) -> str:
+        """Return the name of the sensor of a kind that the monitor watches.
+
+        Raises:
+            UnknownName: no such sensor of the right kind.
+            InvalidParameter: several, and the monitor names none.
+        """
+        known = [sensor for sensor, section in station.sensors.items() if section.kind == kind]
+        if self.sensor is not None and self.sensor not in known:
+            raise UnknownName(f"{kind} sensor for monitors.{name}.sensor", self.sensor, known)
+        if self.sensor is None and len(known) != 1:
+            none = f"a {kind} sensor, and the station has none under sensors:"
+            raise InvalidParameter(f"monitors.{name}.sensor", None, f"one of {', '.join(known)}" if known else none)
+        return self.sensor or known[0]

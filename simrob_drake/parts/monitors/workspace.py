@@ -9,8 +9,7 @@ from pydantic import model_validator
 
 from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector
-from simrob_drake.parts.monitors.monitor import worst
-from simrob_drake.parts.monitors.of_poses import PoseMonitorSection
+from simrob_drake.parts.monitors.monitor import PoseMonitorSection, worst
 from simrob_drake.parts.site import Surroundings
 from simrob_drake.quantities import Triple
 

@@ -1,4 +1,4 @@
-"""Go to a posture with continuous acceleration."""
+"""Go to one posture, with continuous acceleration or at constant speed."""
 
 from __future__ import annotations
 
@@ -6,10 +6,36 @@ from typing import Literal
 
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.blocks.references import move
+from simrob_drake.blocks.references import move, ramp
 from simrob_drake.frames import Vector
-from simrob_drake.parts.references.reference import ToOnePosture, si_positions
+from simrob_drake.parts.captions import positions_told
+from simrob_drake.parts.references.reference import Reference, si_positions
 from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.robots.catalog import AxisValues, RobotModel
+
+
+class ToOnePosture(Reference):
+    """What moves to one posture share."""
+
+    kind: str
+    target_deg: AxisValues = 0.0
+    """Posture at the end, per axis."""
+    duration: Positive = 1.0
+    """Time that the move takes [s]."""
+    start: NotNegative = 0.0
+    """When it begins [s]."""
+
+    def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+        """Return the trajectory, shape (n, 1) [rad or m]."""
+        go = move if self.kind == "move" else ramp
+        target = si_positions(self.target_deg, robot, start)
+        return go(start, target, duration=self.duration, start_time=self.start)
+
+    def caption(self, model: RobotModel) -> str:
+        """Return it in words."""
+        late = f", from {self.start:g} s" if self.start else ""
+        return f"{self.kind} to {positions_told(self.target_deg, model)} in {self.duration:g} s{late}"
 
 
 class Move(ToOnePosture):
@@ -17,7 +43,8 @@ class Move(ToOnePosture):
 
     kind: Literal["move"]
 
-    def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
-        target = si_positions(self.target_deg, robot, start)
-        return move(start, target, duration=self.duration, start_time=self.start)
+
+class Ramp(ToOnePosture):
+    """Go to a posture at constant speed, as SimRob's interpolated moves do, and stay there."""
+
+    kind: Literal["ramp"]

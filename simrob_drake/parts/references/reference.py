@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.parts.captions import positions_told
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.yaml_files import Strict
 
 
@@ -22,23 +20,6 @@ class Reference(Strict):
     def axis_values(self) -> dict[str, AxisValues | None]:
         """Return the figures per axis, by their keys, to be checked against a robot's axes: all that are in degrees."""
         return {key: value for key, value in self if key.endswith("_deg")}
-
-
-class ToOnePosture(Reference):
-    """What moves to one posture share."""
-
-    kind: str
-    target_deg: AxisValues = 0.0
-    """Posture at the end, per axis."""
-    duration: Positive = 1.0
-    """Time that the move takes [s]."""
-    start: NotNegative = 0.0
-    """When it begins [s]."""
-
-    def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
-        late = f", from {self.start:g} s" if self.start else ""
-        return f"{self.kind} to {positions_told(self.target_deg, model)} in {self.duration:g} s{late}"
 
 
 def si_positions(values: AxisValues, robot: ResolvedRobot, otherwise: Vector) -> Vector:

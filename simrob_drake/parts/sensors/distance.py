@@ -7,6 +7,7 @@ from typing import Literal
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.distance_sensor import DistanceSensor
+from simrob_drake.blocks.wiring import fed
 from simrob_drake.parts.sensors.sensor import Sensor, check_contact, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, shapes_of
@@ -42,9 +43,8 @@ class Distance(Sensor):
         body, other = (shapes_of(site.plant, site.station, target) for target in (self.body, self.other))
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
-        builder.AddNamedSystem(f"sensor.{name}", block)
+        distance = fed(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
         site.draw(f"sensor.{name}", "sensor", sensor_label("Distance sensor", name, self.rate))
-        builder.Connect(scene_graph.get_query_output_port(), block.get_input_port())
-        port, output = sampled(builder, f"sensor.{name}.hold", block.get_output_port(), self.rate), f"distance.{name}"
+        port, output = sampled(builder, f"sensor.{name}.hold", distance, self.rate), f"distance.{name}"
         panel = sensor_panel(f"distance '{name}'", "distance", [output], ["m"])
         site.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))

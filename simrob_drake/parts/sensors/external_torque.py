@@ -8,6 +8,7 @@ from typing import Literal
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.momentum_observer import MomentumObserver
+from simrob_drake.lifetime import release_with
 from simrob_drake.parts.sensors.sensor import Sensor, axis_names, replayed, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.quantities import Positive
@@ -55,6 +56,8 @@ class ExternalTorque(Sensor):
             site.draw(f"sensor.{name}", "sensor", sensor_label("Momentum observer", name), robot)
             for port, source in inputs.items():
                 builder.Connect(source, observer.GetInputPort(port))
+        else:
+            release_with(site.plant.plant, observer)
         contents = {"external_torque": (robot.axes, robot.model.effort_units)}
         if robot.tcp:
             contents["external_force"] = (["x", "y", "z"], ["N"] * 3)

@@ -8,8 +8,8 @@ from pydrake.geometry import GeometryId
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
-from simrob_drake.blocks.contacts import ContactReader
-from simrob_drake.blocks.force_sensor import ForceSensor
+from simrob_drake.blocks.contacts import ContactReader, ForceSensor
+from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.sensors.momentum_balance import Balance
 from simrob_drake.parts.sensors.sensor import Sensor, axis_names, check_contact, sampled, sensor_label
@@ -63,13 +63,11 @@ class Force(Sensor):
         block = ForceSensor(
             plant=plant, body=body, other=other, frame=frame, normal_only=site.station.scheme == "cenic"
         )
-        builder.AddNamedSystem(f"sensor.{name}", block)
+        poses = plant.get_body_poses_output_port()
+        wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
         site.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
-        builder.Connect(_contacts(builder, site), block.GetInputPort("contacts"))
-        builder.Connect(plant.get_body_poses_output_port(), block.GetInputPort("body_poses"))
-        wrench = sampled(builder, f"sensor.{name}.hold", block.get_output_port(), self.rate)
-        split = builder.AddNamedSystem(f"sensor.{name}.split", Demultiplexer([3, 3]))
-        builder.Connect(wrench, split.get_input_port())
+        split = Demultiplexer([3, 3])
+        fed(builder, f"sensor.{name}.split", split, sampled(builder, f"sensor.{name}.hold", wrench, self.rate))
         tangential = self._tangential(site, body[0])
         balance = Balance(site, frame, body, other) if tangential == "momentum balance" else None
         site.notes[name]["tangential"] = tangential
@@ -100,7 +98,6 @@ class Force(Sensor):
 def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
     """Return the port of the block that reads the plant's contacts for all sensors; the first one adds it."""
     if not builder.HasSubsystemNamed(_CONTACTS):
-        reader = builder.AddNamedSystem(_CONTACTS, ContactReader())
+        fed(builder, _CONTACTS, ContactReader(), site.plant.plant.get_contact_results_output_port())
         site.draw_nothing(_CONTACTS)
-        builder.Connect(site.plant.plant.get_contact_results_output_port(), reader.get_input_port())
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()

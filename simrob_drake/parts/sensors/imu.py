@@ -23,7 +23,7 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Disc
 
 from simrob_drake.blocks.block import Block
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion, xyz_quaternion_from_transform
-from simrob_drake.lifetime import weakly
+from simrob_drake.lifetime import release_with, weakly
 from simrob_drake.parts.sensors.sensor import Sensor, axis_names, replayed, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -87,6 +87,8 @@ class Imu(Sensor):
             builder.AddNamedSystem(f"sensor.{name}", block)
             site.draw(f"sensor.{name}", "sensor", sensor_label("IMU", name))
             builder.Connect(site.state, block.GetInputPort("state"))
+        else:
+            release_with(site.plant.plant, block)
         site.notes[name] = {"kind": self.kind, "frame": frame}
         for part, (columns, axes, unit) in _PARTS.items():
             names, output = axis_names(part, name, axes), f"{part}.{name}"

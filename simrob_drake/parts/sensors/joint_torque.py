@@ -7,6 +7,7 @@ from typing import Literal
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.blocks.joint_torque_sensor import JointTorqueSensor
+from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.sensors.sensor import Sensor, axis_names, sensor_label
 from simrob_drake.parts.site import Site, StationRobot, Surroundings
@@ -40,7 +41,5 @@ def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -
     if site.station.mode == "kinematic":  # what inverse dynamics gives is what the joints hand on
         return site.outputs[f"{robot.prefix}torque"]
     block = JointTorqueSensor(joints=robot.joints, signs=robot.axis_map.signs)
-    builder.AddNamedSystem(f"sensor.{name}", block)
     site.draw(f"sensor.{name}", "sensor", sensor_label("Joint torques", name), robot)
-    builder.Connect(site.plant.plant.get_reaction_forces_output_port(), block.get_input_port())
-    return block.get_output_port()
+    return fed(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())

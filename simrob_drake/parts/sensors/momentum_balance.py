@@ -66,10 +66,8 @@ class Balance:
     def _across(self, totals: Vector, contacts: Contacts, rows: npt.NDArray[np.intp]) -> Vector:
         """Return the sensor's share of what is across the normals, shape (m, 3) [N], in the world's axes.
 
-        Args:
-            totals: of all forces on the sensor's model, shape (m, 3) [N].
-            contacts: of all times.
-            rows: to which time each of them belongs, shape (k,).
+        ``totals`` are of all forces on the sensor's model, shape (m, 3) [N]; ``rows`` (k,) tells to which time each
+        contact belongs.
         """
 
         def summed(values: Vector) -> Vector:

@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
+from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Surroundings
@@ -39,11 +40,7 @@ def check_contact(key: str, sensor: str, station: Surroundings) -> None:
 
 def sampled(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:
     """Hold a port's value between samples, ``rate`` a second [Hz]; as it is where that is None."""
-    if rate is None:
-        return port
-    hold = builder.AddNamedSystem(name, ZeroOrderHold(1 / rate, port.size()))
-    builder.Connect(port, hold.get_input_port())
-    return hold.get_output_port()
+    return port if rate is None else fed(builder, name, ZeroOrderHold(1 / rate, port.size()), port)
 
 
 def replayed(
@@ -56,15 +53,11 @@ def replayed(
 ) -> Vector:
     """Let a sampled block go through a run that is over, as it would have while stepping.
 
-    Args:
-        recorded: the run.
-        times: of the run, shape (m,) [s].
-        block: with one periodic discrete update; part of no diagram.
-        inputs: by the names of its ports what they read.
-        output: the port that is wanted.
+    The block has one periodic discrete update and is part of no diagram; ``inputs`` tells, by the names of its ports,
+    what they read.
 
     Returns:
-        the output at the last sample before each time, shape (m, size).
+        its output at the last sample before each of the times (m,) [s], shape (m, size).
     """
     attribute = block.GetUniquePeriodicDiscreteUpdateAttribute()
     period = attribute.period_sec()

@@ -1,12 +1,19 @@
-"""The feet of a robot seen in walking direction: where each touches the floor, and which axes move it."""
+r"""The feet of a robot seen in walking direction: where each touches the floor, and which axes move it.
+
+Feet that are balls roll while they stand: their middle moves over the floor as the leg turns. A ball of radius r that
+turns at :math:`\omega` without slipping moves by :math:`\dot c = \omega \times r e_z`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from simrob_drake.blocks.references import smooth
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
@@ -18,29 +25,18 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Foot:
-    """A foot, in the frame in which the robot walks along x and has y at its left.
+    """A foot, in the frame in which the robot walks along x and has y at its left."""
 
-    Attributes:
-        name: such as left_foot.
-        link: the frame of its link.
-        axes: of the leg, the hip first.
-        leg: these axes from the root to the point, in a frame that is the world's when the foot stands and looks ahead.
-        point: middle of the contact, in the link [m]: of the spheres' middles, or of a sole's top and bottom.
-        over: height of the point over the floor when the foot stands [m].
-        upright: rotation of the link when the foot stands flat and looks ahead, shape (3, 3).
-        home: the point when all axes are zero, seen from the root [m].
-        half: half of the contact's length and width, from the middle [m]; zeros for a ball.
-    """
-
-    name: str
-    link: str
-    axes: tuple[int, ...]
+    name: str  # such as left_foot
+    link: str  # the frame of its link
+    axes: tuple[int, ...]  # of the leg, the hip first
+    # these axes from the root to the point, in a frame that is the world's when the foot stands and looks ahead
     leg: Chain
-    point: Vector
-    over: float
-    upright: Vector
-    home: Vector
-    half: Vector
+    point: Vector  # middle of the contact, in the link [m]: of the spheres' middles, or of a sole's top and bottom
+    over: float  # height of the point over the floor when the foot stands [m]
+    upright: Vector  # rotation of the link when the foot stands flat and looks ahead, shape (3, 3)
+    home: Vector  # the point when all axes are zero, seen from the root [m]
+    half: Vector  # half of the contact's length and width, from the middle [m]; zeros for a ball
 
     def poses(self, angles: Vector, root: Vector) -> Vector:
         """Return the poses of the point, turned from flat and ahead, for angles (m, n) of all axes: (m, 4, 4)."""
@@ -112,3 +108,32 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             )
         )
     return feet
+
+
+def rolled(rotation: Vector, standing: npt.NDArray[np.bool_], radius: float) -> Vector:
+    """Return how far the middle of a ball has rolled since it landed.
+
+    Args:
+        rotation: of the ball at m times, shape (m, 3, 3).
+        standing: when it stands, shape (m,) of truth values.
+        radius: r [m].
+
+    Returns:
+        ahead and to the left, shape (m, 2) [m]; in the air it goes back to zero, where the next landing is planned.
+    """
+    turned = rotation[1:] @ rotation[:-1].transpose(0, 2, 1)
+    about = np.stack([turned[:, 2, 1] - turned[:, 1, 2], turned[:, 0, 2] - turned[:, 2, 0]], axis=1) / 2  # x, y
+    move = radius * np.column_stack([about[:, 1], -about[:, 0]])
+    both = standing[1:] & standing[:-1]
+    way = np.vstack([np.zeros((1, 2)), np.cumsum(move * both[:, np.newaxis], axis=0)])
+    changes = np.flatnonzero(np.diff(standing.astype(int))) + 1
+    edges = [0, *changes, len(standing)]
+    result, last = np.zeros((len(standing), 2)), np.zeros(2)
+    for start, end in pairwise(edges):
+        if standing[start]:
+            result[start:end] = way[start:end] - way[start]
+            last = result[end - 1]
+        else:
+            share = np.arange(1, end - start + 1) / (end - start + 1)
+            result[start:end] = np.outer(1.0 - smooth(share), last)
+    return result

@@ -31,7 +31,7 @@ class JointMotion:
         times: shape (m,) [s].
         positions: of the axes, shape (m, n) [rad].
         root: planned poses of the root in the world, shape (m, 4, 4).
-        servo: figures of the servos for it, in place of the station's: kp, kd.
+        servo: gains of the servos for it, in place of the station's: kp, kd.
         feed_velocity: whether the servos are told the reference's velocity, too.
     """
 
@@ -85,7 +85,7 @@ class JointMotion:
     ) -> StationConfig:
         """Return a station on which a robot can perform the motion; a kinematic one is as it was.
 
-        Its servos have the motion's figures, and are told the velocity if it feeds it; the floor is large enough
+        Its servos have the motion's gains, and are told the velocity if it feeds it; the floor is large enough
         wherever the robot goes; steps of `cenic` are short enough for servos to follow.
 
         Args:
@@ -96,8 +96,8 @@ class JointMotion:
         """
         if config.mode == "kinematic":
             return config
-        figures = {key: value for key, value in self.servo.items() if f"servo.{key}" not in given}
-        servo = ServoConfig(**{**config.servo_of(robot).model_dump(exclude_unset=True), **figures})
+        gains = {key: value for key, value in self.servo.items() if f"servo.{key}" not in given}
+        servo = ServoConfig(**{**config.servo_of(robot).model_dump(exclude_unset=True), **gains})
         entry = config.robots[robot].model_copy(update={"servo": servo})
         changes: dict[str, Any] = {"robots": {**config.robots, robot: entry}}
         if config.floor is not None and "floor.size" not in given:

@@ -1,4 +1,4 @@
-"""The figures of a robot's gaits, read from the `gaits.yaml` beside its `robot.yaml`."""
+"""The parameters of a robot's gaits, read from the `gaits.yaml` beside its `robot.yaml`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class _Gait(Strict):
     rest: NotNegative = 1.0
     """Time to stand at the end [s]."""
     servo: Mapping[str, AxisValues] = Field(default_factory=dict)
-    """Servo figures for it, in place of the station's: kp, kd."""
+    """Servo gains for it, in place of the station's: kp, kd."""
 
 
 class _Planned(_Gait):
@@ -123,6 +123,10 @@ class Stand(_Planned):
     """How long it stays there [s]."""
     inside: Positive = 0.04
     """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
+
+
+SolvedGait = Walk | Trot | Crawl | Stand
+"""Gaits whose legs are solved for."""
 
 
 class March(_Gait):

@@ -1,4 +1,4 @@
-"""Phases of a gait: who swings where, and where the zero-moment point goes meanwhile."""
+"""Phases of a gait: who swings where, and where the zero-moment point goes meanwhile; and the steps of all walks."""
 
 from __future__ import annotations
 
@@ -13,32 +13,24 @@ from simrob_drake.frames import Vector
 
 SAMPLE = 0.01
 """Time between the samples of a plan [s]."""
+FEWEST_STEPS = 2
+"""Of a gait that ends as it begins: the last step brings the feet together."""
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of time in which the same feet stand.
+    """A stretch of time in which the same feet stand."""
 
-    Attributes:
-        duration: of the phase [s].
-        zmp: where the zero-moment point rests at the end, shape (2,) [m].
-        transfer: time that it takes to get there, from the start of the phase on [s].
-        swing: feet in the air, with where each lands: ahead, left and turn, shape (3,) [m, rad].
-        lift: height of the swinging feet half-way [m].
-        delay: time before the feet lift [s].
-        rest: time that they stand before the phase ends [s].
-        heading: of the trunk at the end [rad].
-        hold: how long a foot stays up at its full height, within the swing [s]; it then rises and sinks in the rest.
-    """
-
-    duration: float
-    zmp: Vector
-    transfer: float
+    duration: float  # of the phase [s]
+    zmp: Vector  # where the zero-moment point rests at the end, shape (2,) [m]
+    transfer: float  # time that it takes to get there, from the start of the phase on [s]
+    # feet in the air, with where each lands: ahead, left and turn, shape (3,) [m, rad]
     swing: Mapping[str, Vector] = field(default_factory=dict)
-    lift: float = 0.0
-    delay: float = 0.0
-    rest: float = 0.0
-    heading: float = 0.0
+    lift: float = 0.0  # height of the swinging feet half-way [m]
+    delay: float = 0.0  # time before the feet lift [s]
+    rest: float = 0.0  # time that they stand before the phase ends [s]
+    heading: float = 0.0  # of the trunk at the end [rad]
+    # how long a foot stays up at its full height, within the swing [s]; it then rises and sinks in the rest
     hold: float = 0.0
 
     def __post_init__(self) -> None:
@@ -55,19 +47,12 @@ class Phase:
 
 @dataclass(frozen=True)
 class Course:
-    """What feet, trunk and zero-moment point do, at m equal steps of time.
+    """What feet, trunk and zero-moment point do, at m equal steps of time."""
 
-    Attributes:
-        times: shape (m,) [s].
-        feet: places of the soles by foot, ahead, left, up and turn, shape (m, 4) [m, rad].
-        zmp: shape (m, 2) [m].
-        heading: of the trunk, shape (m,) [rad].
-    """
-
-    times: Vector
-    feet: dict[str, Vector]
-    zmp: Vector
-    heading: Vector
+    times: Vector  # shape (m,) [s]
+    feet: dict[str, Vector]  # places of the soles by foot, ahead, left, up and turn, shape (m, 4) [m, rad]
+    zmp: Vector  # shape (m, 2) [m]
+    heading: Vector  # of the trunk, shape (m,) [rad]
 
 
 def course(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> Course:
@@ -115,3 +100,27 @@ def _bump(since: Vector, length: float, hold: float) -> Vector:
 
 def _ratio(part: Vector, whole: float) -> Vector:
     return np.clip(part / whole, 0.0, 1.0) if whole > 0 else np.asarray(part >= 0, dtype=float)
+
+
+def check_steps(steps: int, fewest: int = FEWEST_STEPS) -> None:
+    """Check that a gait goes enough steps.
+
+    Raises:
+        InvalidParameter: it does not.
+    """
+    if steps < fewest:
+        raise InvalidParameter("steps", steps, f"at least {fewest}")
+
+
+def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:
+    """Return the pose (x, y, turn) that is ahead, to the left and turned from another, shape (3,) [m, rad]."""
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    return np.asarray(pose + np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, turn]))
+
+
+def ramp_shares(steps: int, ramp_steps: int) -> Vector:
+    """Return how much of the full step each step goes ahead, shape (steps,): rising, level, falling, the last one 0."""
+    number = np.arange(steps, dtype=float)
+    rising = (number + 1) / (ramp_steps + 1)
+    falling = (steps - 1 - number) / (ramp_steps + 1)
+    return np.minimum(1.0, np.minimum(rising, falling))

@@ -10,8 +10,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot
-from simrob_drake.programs.gaits.phases import Phase, course
-from simrob_drake.programs.gaits.stepping import carriage, check_steps, on_path, ramp_shares
+from simrob_drake.programs.gaits.phases import Phase, check_steps, course, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.robots.catalog import RobotModel
@@ -34,7 +33,7 @@ def trot(
         steps: how many, at least two.
         name: of the trot in the robot's `gaits.yaml`.
         amplitude: scales length, way sideways and turn of the steps.
-        changes: figures of :class:`Trot` to change.
+        changes: parameters of :class:`Trot` to change.
 
     Raises:
         OutOfReach: steps that are too long or too high for the legs.
@@ -42,30 +41,22 @@ def trot(
         UnknownName: no such trot.
     """
     walker = Walker.of(robot)
-    figures: Trot = walker.gait("trots", name, changes, amplitude)
+    gait: Trot = walker.gait("trots", name, changes, amplitude)
     check_steps(steps)
-    start = _stance(walker, figures)
-    phases, pose = [Phase(figures.settle, np.zeros(2), 0.0)], np.zeros(3)
-    move = np.array([figures.step_length, figures.sideways, np.deg2rad(figures.turn_deg)])
-    stand = figures.all_stand * figures.step_time
-    for number, share in enumerate(ramp_shares(steps, figures.ramp_steps)):
+    start = _stance(walker, gait)
+    phases, pose = [Phase(gait.settle, np.zeros(2), 0.0)], np.zeros(3)
+    move = np.array([gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)])
+    stand = gait.all_stand * gait.step_time
+    for number, share in enumerate(ramp_shares(steps, gait.ramp_steps)):
         landing = on_path(pose, *(share * move))
-        between = on_path((pose + landing) / 2, *(share * figures.lead * move))  # of pairs that stand and that land
+        between = on_path((pose + landing) / 2, *(share * gait.lead * move))  # of pairs that stand and that land
         goals = {foot: on_path(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
-        phases.append(
-            Phase(
-                figures.step_time,
-                between[:2],
-                figures.step_time,
-                goals,
-                lift=figures.lift,
-                rest=stand,
-                heading=between[2],
-            )
-        )
+        *over, heading = between
+        time = gait.step_time
+        phases.append(Phase(time, np.array(over), time, goals, lift=gait.lift, rest=stand, heading=heading))
         pose = landing
-    phases.append(Phase(figures.settle + figures.rest, pose[:2], figures.settle, heading=pose[2]))
-    return _solved(walker, figures, start, phases)
+    phases.append(Phase(gait.settle + gait.rest, pose[:2], gait.settle, heading=pose[2]))
+    return _solved(walker, gait, start, phases)
 
 
 def crawl(
@@ -78,7 +69,7 @@ def crawl(
         legs: how many legs swing in all; a multiple of four ends as it began.
         name: of the crawl in the robot's `gaits.yaml`.
         amplitude: scales the stride.
-        changes: figures of :class:`Crawl` to change.
+        changes: parameters of :class:`Crawl` to change.
 
     Raises:
         OutOfReach: strides that are too long or too high for the legs.
@@ -86,31 +77,22 @@ def crawl(
         UnknownName: no such crawl.
     """
     walker = Walker.of(robot)
-    figures: Crawl = walker.gait("crawls", name, changes, amplitude)
+    gait: Crawl = walker.gait("crawls", name, changes, amplitude)
     check_steps(legs, FEWEST_LEGS)
-    start = _stance(walker, figures)
+    start = _stance(walker, gait)
     place = {foot: at.copy() for foot, at in start.items()}
-    shift = figures.shift * figures.leg_time
-    phases = [Phase(figures.settle, np.zeros(2), 0.0)]
+    shift = gait.shift * gait.leg_time
+    phases = [Phase(gait.settle, np.zeros(2), 0.0)]
     for number in range(legs):
         swinging = CRAWL_ORDER[number % 4]
         triangle = np.array([place[foot][:2] for foot in place if foot != swinging])
         middle = np.mean([at[:2] for at in place.values()], axis=0)
-        goal = on_path(place[swinging], figures.stride)
-        phases.append(
-            Phase(
-                figures.leg_time,
-                moved_inside(middle, triangle, figures.inside),
-                shift,
-                {swinging: goal},
-                lift=figures.lift,
-                delay=shift,
-            )
-        )
+        goal, over = on_path(place[swinging], gait.stride), moved_inside(middle, triangle, gait.inside)
+        phases.append(Phase(gait.leg_time, over, shift, {swinging: goal}, lift=gait.lift, delay=shift))
         place[swinging] = goal
     end = np.mean([at[:2] for at in place.values()], axis=0)
-    phases.append(Phase(figures.settle + figures.rest, end, figures.settle))
-    return _solved(walker, figures, start, phases)
+    phases.append(Phase(gait.settle + gait.rest, end, gait.settle))
+    return _solved(walker, gait, start, phases)
 
 
 def three_legs(robot: str | RobotModel, name: str = "three_legs", **changes: Any) -> JointMotion:
@@ -119,7 +101,7 @@ def three_legs(robot: str | RobotModel, name: str = "three_legs", **changes: Any
     Args:
         robot: its name, or its model.
         name: of the stand in the robot's `gaits.yaml`.
-        changes: figures of :class:`Stand` to change, such as ``foot``.
+        changes: parameters of :class:`Stand` to change, such as ``foot``.
 
     Raises:
         OutOfReach: a foot that cannot be lifted so high.
@@ -127,20 +109,20 @@ def three_legs(robot: str | RobotModel, name: str = "three_legs", **changes: Any
         InvalidConfig: a height or a time that is not positive.
     """
     walker = Walker.of(robot)
-    figures: Stand = walker.gait("stands", name, changes)
-    start, foot = _stance(walker, figures), figures.foot
+    gait: Stand = walker.gait("stands", name, changes)
+    start, foot = _stance(walker, gait), gait.foot
     if foot not in start:
         raise UnknownName(f"foot of {walker.model.name}", foot, start)
     triangle = np.array([at[:2] for other, at in start.items() if other != foot])
-    over = moved_inside(np.zeros(2), triangle, figures.inside)
+    over = moved_inside(np.zeros(2), triangle, gait.inside)
     rise = 0.6
     phases = [
         Phase(0.5, np.zeros(2), 0.0),
         Phase(1.0, over, 1.0),
-        Phase(figures.seconds + 2 * rise, over, 0.0, {foot: start[foot]}, lift=figures.height, hold=figures.seconds),
-        Phase(1.0 + figures.rest, np.zeros(2), 1.0),
+        Phase(gait.seconds + 2 * rise, over, 0.0, {foot: start[foot]}, lift=gait.height, hold=gait.seconds),
+        Phase(1.0 + gait.rest, np.zeros(2), 1.0),
     ]
-    return _solved(walker, figures, start, phases)
+    return _solved(walker, gait, start, phases)
 
 
 def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
@@ -154,7 +136,7 @@ def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     Raises:
         InvalidParameter: a triangle too small for the margin.
     """
-    corners = triangle if _doubled_area(*triangle) > 0 else triangle[::-1]  # counterclockwise
+    corners = triangle if np.linalg.det(triangle[1:] - triangle[0]) > 0 else triangle[::-1]  # counterclockwise
     sides = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([-sides[:, 1], sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, np.newaxis]
     offsets = np.einsum("kx,kx->k", normals, corners) + margin
@@ -167,22 +149,16 @@ def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     return min(inside, key=lambda place: float(np.linalg.norm(place - point)))
 
 
-def _doubled_area(a: Vector, b: Vector, c: Vector) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-
-def _stance(walker: Walker, figures: Trot | Crawl | Stand) -> dict[str, Vector]:
+def _stance(walker: Walker, gait: Trot | Crawl | Stand) -> dict[str, Vector]:
     """Return where the feet stand about the middle of them, shape (3,) each [m, rad]."""
     feet = walker.feet()
     if sorted(foot.name for foot in feet) != sorted(CRAWL_ORDER):
         raise InvalidParameter(
             f"robot {walker.model.name}", f"one with {len(feet)} feet", "one with four feet, to walk so"
         )
-    return {foot.name: np.array([foot.home[0], foot.home[1] + foot.side * figures.widen, 0.0]) for foot in feet}
+    return {foot.name: np.array([foot.home[0], foot.home[1] + foot.side * gait.widen, 0.0]) for foot in feet}
 
 
-def _solved(
-    walker: Walker, figures: Trot | Crawl | Stand, start: dict[str, Vector], phases: list[Phase]
-) -> JointMotion:
+def _solved(walker: Walker, gait: Trot | Crawl | Stand, start: dict[str, Vector], phases: list[Phase]) -> JointMotion:
     way = course(start, np.zeros(2), phases)
-    return WholeBody(walker, carriage(walker, figures), way).solve()[0]
+    return WholeBody(walker, gait, way).solve()[0]

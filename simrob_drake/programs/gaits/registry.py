@@ -13,12 +13,12 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.phases import FEWEST_STEPS
 from simrob_drake.programs.gaits.quadruped import FEWEST_LEGS, crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
-from simrob_drake.programs.gaits.stepping import FEWEST_STEPS
-from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.robots.catalog import RobotModel
 
 
@@ -27,7 +27,7 @@ class Section:
     """What the gaits of a section of ``gaits.yaml`` have in common.
 
     Attributes:
-        plan: makes the motion of the robot's model, the steps if there are any, the gait's name, and changed figures.
+        plan: makes the motion of the robot's model, the steps if any, the gait's name, and changed parameters.
         fewest: steps that it goes; 0 for gaits that go none. Those that do are told how many, and how large they are
             (``amplitude``).
         on_feet: whether it is for a robot that stands on the feet that it is made for.
@@ -52,7 +52,7 @@ _AS_LARGE = 0.8
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Section, Any]]:
-    """Return the gaits of a robot that go some steps, or the others: by name, their section and their figures.
+    """Return the gaits of a robot that go some steps, or the others: by name, their section and their parameters.
 
     Raises:
         InvalidParameter: a robot without gaits.
@@ -62,9 +62,9 @@ def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Section
     return {name: (section, own) for key, section in fitting.items() for name, own in getattr(gaits, key).items()}
 
 
-def made_for(model: RobotModel, figures: Any) -> str | None:
+def made_for(model: RobotModel, gait: Any) -> str | None:
     """Return the kind of feet that a gait is made for: what it names, else the robot's default one."""
-    named: str | None = getattr(figures, "feet", None)
+    named: str | None = getattr(gait, "feet", None)
     return named or (model.feet.default if model.feet else None)
 
 
@@ -82,7 +82,7 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, tuple[Se
     Raises:
         InvalidParameter: there is none; tells which feet have one.
     """
-    made = {name: made_for(model, figures) for name, (_, figures) in known.items()}
+    made = {name: made_for(model, gait) for name, (_, gait) in known.items()}
     fitting = [name for name in made if made[name] == worn] or [
         name for name in made if carries(model, worn, made[name])
     ]

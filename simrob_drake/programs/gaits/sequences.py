@@ -13,12 +13,10 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.skeleton import Skeleton
-from simrob_drake.programs.gaits.mirror import mirrored
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import March, Posing
-from simrob_drake.programs.gaits.phases import SAMPLE
-from simrob_drake.programs.gaits.stepping import check_steps
-from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.phases import SAMPLE, check_steps
+from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
 
@@ -28,26 +26,26 @@ def posing(robot: str | RobotModel, name: str, **changes: Any) -> JointMotion:
     Args:
         robot: its name, or its model.
         name: of the sequence in the robot's `gaits.yaml`.
-        changes: figures of :class:`Posing` to change.
+        changes: parameters of :class:`Posing` to change.
 
     Raises:
         UnknownName: no such sequence, or an axis that is none.
-        InvalidConfig: a figure that cannot be.
+        InvalidConfig: a parameter that cannot be.
         InvalidParameter: targets whose times do not rise.
     """
     walker = Walker.of(robot)
-    figures: Posing = walker.gait("sequences", name, changes)
+    gait: Posing = walker.gait("sequences", name, changes)
     model = walker.model
-    start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
+    start = _vector(model, gait.start_deg, np.zeros(len(model.axes)))
     times, postures = [0.0], [start]
-    for number in range(figures.repeat):
-        begun = number * figures.targets[-1].time
-        for target in figures.targets:
+    for number in range(gait.repeat):
+        begun = number * gait.targets[-1].time
+        for target in gait.targets:
             times.append(begun + target.time)
             postures.append(_vector(model, target.target_deg, postures[-1]))
     if (np.diff(times) <= 0).any():
-        raise InvalidParameter("targets", f"at {[target.time for target in figures.targets]} s", "one after the other")
-    return _motion(walker, figures.feet, times, postures, figures.ramps, figures.rest)
+        raise InvalidParameter("targets", f"at {[target.time for target in gait.targets]} s", "one after the other")
+    return _motion(walker, gait.feet, times, postures, gait.ramps, gait.rest)
 
 
 def march(
@@ -60,29 +58,29 @@ def march(
         steps: how many, at least two; the first and the last one are half as long.
         name: of the march in the robot's `gaits.yaml`.
         amplitude: scales how far all joints go from the posture at the start, which keeps their proportions.
-        changes: figures of :class:`March` to change.
+        changes: parameters of :class:`March` to change.
 
     Raises:
         InvalidParameter: fewer than two steps, or an amplitude that is not positive.
         UnknownName: no such march.
     """
     walker = Walker.of(robot)
-    figures: March = walker.gait("marches", name, changes)
+    gait: March = walker.gait("marches", name, changes)
     check_steps(steps)
     if not amplitude > 0:
         raise InvalidParameter("amplitude", amplitude, "positive")
     model = walker.model
-    start = _vector(model, figures.start_deg, np.zeros(len(model.axes)))
-    left = [_vector(model, posture, start) for posture in figures.left]
+    start = _vector(model, gait.start_deg, np.zeros(len(model.axes)))
+    left = [_vector(model, posture, start) for posture in gait.left]
     moves = {0: left, 1: [mirrored(model, posture) for posture in left]}
     postures = [start]
     for step in range(steps):
         share = amplitude * (0.5 if step == 0 else 1.0)
         sub_moves = moves[step % 2] if step < steps - 1 else [*moves[step % 2][:-1], start]
         postures += [start + share * (posture - start) for posture in sub_moves]
-    times = np.arange(len(postures)) * figures.move_time
-    motion = _motion(walker, figures.feet, list(times), postures, "linear", figures.rest)
-    return replace(motion, servo=figures.servo, feed_velocity=figures.feed_velocity)
+    times = np.arange(len(postures)) * gait.move_time
+    motion = _motion(walker, gait.feet, list(times), postures, "linear", gait.rest)
+    return replace(motion, servo=gait.servo, feed_velocity=gait.feed_velocity)
 
 
 def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None) -> float:

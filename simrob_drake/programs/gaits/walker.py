@@ -1,4 +1,4 @@
-"""A robot as its gaits are planned for it: its skeleton, its feet, and the figures of its gaits."""
+"""A robot as its gaits are planned for it: its skeleton, its feet, and the parameters of its gaits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from simrob_drake.errors import UnknownName
+from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import Skeleton, skeleton_of
 from simrob_drake.programs.gaits.feet import Foot, feet_of
 from simrob_drake.programs.gaits.parameters import Gaits, load_gaits
@@ -14,6 +17,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.yaml_files import validated
 
 _SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
+_SIDES = {"left": "right", "right": "left"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,17 +48,17 @@ class Walker:
         return self.skeleton.model
 
     def gait(self, section: str, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
-        """Return the figures of a gait, some of them changed.
+        """Return the parameters of a gait, some of them changed.
 
         Args:
             section: of its file, such as ``walks``.
             name: which.
-            changes: figures in place of the gait's own.
+            changes: parameters in place of the gait's own.
             amplitude: scales lengths and turns of its steps.
 
         Raises:
             UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
-            InvalidConfig: a figure that cannot be.
+            InvalidConfig: a parameter that cannot be.
         """
         known: Mapping[str, Any] = getattr(self.gaits, section)
         if name not in known:
@@ -68,3 +72,14 @@ class Walker:
     def feet(self, kind: str | None = None) -> list[Foot]:
         """Return the feet of a kind, of the default one unless given; see :func:`feet_of`."""
         return feet_of(self.skeleton, self.gaits.facing_deg, kind)
+
+
+def mirrored(model: RobotModel, values: Vector) -> Vector:
+    """Return per-axis values (n,) with left and right exchanged; turns to a side change their sense."""
+    names = list(model.axes)
+    result = np.empty_like(values)
+    for place, name in enumerate(names):
+        side, _, rest = name.partition("_")
+        other = names.index(f"{_SIDES[side]}_{rest}") if side in _SIDES else place
+        result[place] = -values[other] if name.endswith("yaw") else values[other]
+    return result

@@ -11,23 +11,17 @@ with :math:`Z = \sum m (z\,\partial y/\partial\varphi - y\,\partial z/\partial\v
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.feet import UP, facing_rotation, rotations_about
-from simrob_drake.programs.gaits.leg_angles import leg_angles
-from simrob_drake.programs.gaits.lipm import com_from_zmp
-from simrob_drake.programs.gaits.mirror import mirrored
+from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about
+from simrob_drake.programs.gaits.legs import leg_angles
 from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.parameters import SolvedGait, Walk
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
-from simrob_drake.programs.gaits.rolling import rolled
-from simrob_drake.programs.gaits.walker import Walker
-from simrob_drake.programs.gaits.zmp import whole_body_zmp
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.programs.gaits.walker import Walker, mirrored
+from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 ROUNDS = 4
@@ -35,45 +29,21 @@ ROUNDS = 4
 _NUDGE = 1e-3  # lean whose effect is measured [rad]
 
 
-@dataclass(frozen=True)
-class Carriage:
-    """How a robot carries itself while its feet go their way.
-
-    Attributes:
-        height: of the root over the floor [m].
-        pitch: of the trunk, forward [rad].
-        posture: angles of all axes, shape (n,) [rad]; those of the legs are where the solution begins.
-        arms: angle of each axis for a lean to the right of one radian, shape (n,); a lean to the left mirrors it.
-        swing: angle of each axis for a metre that the left foot is ahead of the right one, shape (n,) [rad/m].
-        feet: the kind of feet; the default one if None.
-        servo: figures of the servos for it, in place of the station's.
-    """
-
-    height: float
-    pitch: float
-    posture: Vector
-    arms: Vector
-    swing: Vector
-    feet: str | None = None
-    servo: Mapping[str, AxisValues] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Trunk:
-    """The trunk's place on the floor (m, 2) [m], and its lean to the right (m,) [rad]."""
-
-    place: Vector
-    lean: Vector
-
-
 class WholeBody:
     """Solves the posture of a robot for a course."""
 
-    def __init__(self, walker: Walker, carriage: Carriage, course: Course) -> None:
-        """Prepare for a course."""
-        self.walker, self.carriage, self.course = walker, carriage, course
+    def __init__(self, walker: Walker, gait: SolvedGait, course: Course) -> None:
+        """Prepare for a course, on which the robot carries itself as its gait says."""
+        self.walker, self.gait, self.course = walker, gait, course
         self.skeleton, self.facing_deg = walker.skeleton, walker.gaits.facing_deg
-        self.feet = walker.feet(carriage.feet)
+        model, bearing = walker.model, gait.bearing
+        self._posture = np.deg2rad(model.axis_vector(bearing.posture_deg, "posture_deg"))
+        self._arms = model.axis_vector(
+            bearing.lean_arms_deg, "lean_arms_deg"
+        )  # of each axis, a radian of lean to the right
+        self._swing = np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg"))
+        self._kind = gait.feet if isinstance(gait, Walk) else None
+        self.feet = walker.feet(self._kind)
         self.leans = any(len(foot.axes) == 4 for foot in self.feet)
         self._rolled = {foot.name: np.zeros((len(course.times), 2)) for foot in self.feet}
 
@@ -87,30 +57,34 @@ class WholeBody:
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))
         wanted = self.course.zmp
-        trunk = _Trunk(com_from_zmp(wanted, step=SAMPLE, height=height), np.zeros(count))
-        angles, root = self._postures(trunk, angles)
+        place, lean = com_from_zmp(wanted, step=SAMPLE, height=height), np.zeros(count)
+        angles, root = self._postures(place, lean, angles)
         zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
         for _ in range(rounds):
             missing = wanted - zmp
             move = com_from_zmp(missing, step=SAMPLE, height=height)
             if self.leans:
-                side = com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height)[:, 0]
-                trunk = _Trunk(trunk.place + move * [1, 0], trunk.lean + side / factor)
-            else:
-                trunk = _Trunk(trunk.place + move, trunk.lean)
+                lean = lean + com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height)[:, 0] / factor
+                move[:, 1] = 0.0
+            place = place + move
             self._roll(angles, root)
-            angles, root = self._postures(trunk, angles)
+            angles, root = self._postures(place, lean, angles)
             zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
         return self._in_the_world(angles, root), zmp
 
-    def _postures(self, trunk: _Trunk, angles: Vector) -> tuple[Vector, Vector]:
-        """Return the angles (m, n) for a motion of the trunk, and the poses of the root (m, 4, 4)."""
-        carriage, course = self.carriage, self.course
-        lean, count = trunk.lean, len(trunk.lean)
+    def _postures(self, place: Vector, lean: Vector, angles: Vector) -> tuple[Vector, Vector]:
+        """Return the angles (m, n) for a motion of the trunk, and the poses of the root (m, 4, 4).
+
+        The trunk goes over places (m, 2) [m] of the floor, and leans to the right by angles (m,) [rad].
+        """
+        course, bearing = self.course, self.gait.bearing
+        count = len(lean)
         turned = rotations_about(UP, course.heading)
-        rotation = turned @ rotations_about(LEFT, np.full(count, carriage.pitch)) @ rotations_about(AHEAD, lean)
+        rotation = (
+            turned @ rotations_about(LEFT, np.full(count, np.deg2rad(bearing.pitch_deg))) @ rotations_about(AHEAD, lean)
+        )
         rotation = rotation @ facing_rotation(self.facing_deg)
-        root = stacked(np.column_stack([trunk.place, np.full(count, carriage.height)]), rotation)
+        root = stacked(np.column_stack([place, np.full(count, bearing.height)]), rotation)
         angles = self._with_arms(angles, lean)
         apart = np.zeros(count)
         for foot in self.feet:
@@ -133,14 +107,13 @@ class WholeBody:
 
     def _with_arms(self, angles: Vector, lean: Vector) -> Vector:
         """Return the angles with the axes that are in no leg set: posture, counterweight of a lean, and swing."""
-        carriage = self.carriage
         free = [axis for axis in range(angles.shape[1]) if not any(axis in foot.axes for foot in self.feet)]
         right, left = np.maximum(lean, 0.0), np.maximum(-lean, 0.0)
         course = self.course.feet
         stride = course["left_foot"][:, 0] - course["right_foot"][:, 0] if "left_foot" in course else 0.0 * lean
-        other = mirrored(self.skeleton.model, carriage.arms)
-        all_ = carriage.posture + np.outer(right, carriage.arms) + np.outer(left, other)
-        all_ = all_ + np.outer(stride, carriage.swing)
+        other = mirrored(self.skeleton.model, self._arms)
+        all_ = self._posture + np.outer(right, self._arms) + np.outer(left, other)
+        all_ = all_ + np.outer(stride, self._swing)
         result = angles.copy()
         result[:, free] = all_[:, free]
         return result
@@ -150,10 +123,12 @@ class WholeBody:
 
         A lean moves the centre of mass to the left [m/rad], as a pendulum of some height would [m].
         """
-        short = WholeBody(self.walker, self.carriage, _first_sample(self.course))
-        angles, points = self.carriage.posture[np.newaxis], []
+        way = self.course
+        first = Course(way.times[:1], {foot: path[:1] for foot, path in way.feet.items()}, way.zmp[:1], way.heading[:1])
+        short = WholeBody(self.walker, self.gait, first)
+        angles, points = self._posture[np.newaxis], []
         for lean in (_NUDGE, 0.0):  # to one side: arms answer to each side by themselves
-            angles, root = short._postures(_Trunk(self.course.zmp[:1], np.array([lean])), angles)
+            angles, root = short._postures(first.zmp, np.array([lean]), angles)
             points.append(self.skeleton.mass_points(self.skeleton.frames(angles, root))[0])
         masses = self.skeleton.point_masses / self.skeleton.mass
         height = float(masses @ points[1][:, 2])
@@ -169,12 +144,4 @@ class WholeBody:
         facing = facing_rotation(-self.facing_deg)
         places = (root[:, :3, 3] - root[0, :3, 3] * [1.0, 1.0, 0.0]) @ facing.T
         turned = stacked(places, facing @ root[:, :3, :3])
-        return JointMotion(
-            self.walker.model, self.carriage.feet, self.course.times, angles, turned, self.carriage.servo
-        )
-
-
-def _first_sample(course: Course) -> Course:
-    return Course(
-        course.times[:1], {name: path[:1] for name, path in course.feet.items()}, course.zmp[:1], course.heading[:1]
-    )
+        return JointMotion(self.walker.model, self._kind, self.course.times, angles, turned, self.gait.servo)

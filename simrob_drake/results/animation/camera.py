@@ -10,8 +10,8 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.site import StationPlant
-from simrob_drake.results.record.locomotion import headings, legged_robots
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
+from simrob_drake.results.record.walks import headings, legged_robots
 
 FIELD_OF_VIEW = np.deg2rad(35.0)
 """Vertical opening of the cameras [rad]; narrow, so that links keep their proportions."""

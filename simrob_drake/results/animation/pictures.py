@@ -35,8 +35,7 @@ from simrob_drake.results.animation.camera import (
     side,
     walked_way,
 )
-from simrob_drake.results.animation.floor_grid import with_floor_under
-from simrob_drake.results.animation.scene import RENDERER, Scene
+from simrob_drake.results.animation.scene import RENDERER, Scene, with_floor_under
 from simrob_drake.results.record.run import RecordedRun
 
 Image = npt.NDArray[np.uint8]
@@ -190,7 +189,9 @@ class Studio:
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
         self._shape = height, oversampling, width, oversampling, 3
         distance = float(np.linalg.norm(self._camera.target - self._camera.eye))
-        self._lens = _render_camera(width * oversampling, height * oversampling, distance)
+        lens = CameraInfo(width=width * oversampling, height=height * oversampling, fov_y=FIELD_OF_VIEW)
+        depth = ClippingRange(distance / 20, distance * 20)
+        self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
 
     def images(self, times: Vector) -> Iterator[Image]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
@@ -216,13 +217,6 @@ def _engine_params() -> RenderEngineVtkParams:
     ]
     return RenderEngineVtkParams(
         default_clear_color=_BACKGROUND, lights=lights, cast_shadows=True, shadow_map_size=_SHADOW_MAP
-    )
-
-
-def _render_camera(width: int, height: int, distance: float) -> ColorRenderCamera:
-    info = CameraInfo(width=width, height=height, fov_y=FIELD_OF_VIEW)
-    return ColorRenderCamera(
-        RenderCameraCore(RENDERER, info, ClippingRange(distance / 20, distance * 20), RigidTransform())
     )
 
 

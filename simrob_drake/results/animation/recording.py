@@ -18,8 +18,7 @@ from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.folders import writing
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera, camera_on, frame_times, side, walked_way
-from simrob_drake.results.animation.floor_grid import SPACING, floor_lines, with_floor_under
-from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.animation.scene import SPACING, Scene, floor_lines, with_floor_under
 from simrob_drake.results.record.run import RecordedRun
 
 ASPECT = 1.4

@@ -13,8 +13,8 @@ from pydrake.visualization import AddFrameTriadIllustration
 
 from simrob_drake.results.animation.camera import camera_on
 from simrob_drake.results.animation.recording import ASPECT, look, open_meshcat
-from simrob_drake.robots.alone import lone_robot
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.parse import lone_robot
 
 _TRIAD = 0.12  # length of a tool frame's axes, as a part of the robot's size
 _STOP = "Stop"

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from simrob_drake.parts.captions import BlockRole
-from simrob_drake.results.block_diagram.graph import Arrow, Block, BlockGraph
-from simrob_drake.results.block_diagram.places import BARS, ROLES
+from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, Block, BlockGraph
 
 TITLES: dict[BlockRole, str] = {
     "reference": "reference",
@@ -111,14 +110,10 @@ def _arrow(graph: BlockGraph, arrow: Arrow) -> str:
     if graph.blocks[source].role == graph.blocks[target].role == "servo" and graph.blocks[source].shape == "block":
         look["weight"] = "8"  # a joint is a row
     if arrow.text:
-        look["xlabel" if _stacked(graph, source, target) else "label"] = f" {arrow.text} "
+        stacked = graph.blocks[source].role == graph.blocks[target].role == "robot"  # in one column
+        look["xlabel" if stacked else "label"] = f" {arrow.text} "
     ends = f"{_slot(graph, source, target, 'e')} -> {_slot(graph, target, source, 'w')}"
     return f"  {ends} {_attributes(look)};" if look else f"  {ends};"
-
-
-def _stacked(graph: BlockGraph, source: str, target: str) -> bool:
-    """Tell whether two blocks stand in one column."""
-    return {graph.blocks[source].role, graph.blocks[target].role} == {"robot"}
 
 
 def _slot(graph: BlockGraph, key: str, other: str, side: str) -> str:

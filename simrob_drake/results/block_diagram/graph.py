@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 from simrob_drake.parts.captions import BlockRole
-from simrob_drake.results.block_diagram.places import BARS, ROLES, Shape
+
+ROLES: tuple[BlockRole, ...] = get_args(BlockRole)
+"""In the order of the signal flow."""
+
+Shape = Literal["block", "mux", "bus", "port", "sum"]
+"""Of them two are thin bars: a mux brings signals together, a bus hands them out."""
+
+BARS: tuple[Shape, ...] = ("mux", "bus")
 
 _FAN = 3
 """From how many arrows of one block into one cluster on they branch from a bus bar."""
@@ -14,23 +22,14 @@ _FAN = 3
 
 @dataclass
 class Block:
-    """A block of the picture.
+    """A block of the picture."""
 
-    Attributes:
-        key: its identifier in the graph.
-        role: what it is for, which makes its colour and cluster.
-        robot: whose it is; empty for what the robots share.
-        label: its lines.
-        shape: block, one of the thin bars, port of the station, or sum.
-        systems: names of the systems of the Diagram that it stands for.
-    """
-
-    key: str
-    role: BlockRole
-    robot: str
-    label: str = ""
-    shape: Shape = "block"
-    systems: list[str] = field(default_factory=list)
+    key: str  # its identifier in the graph
+    role: BlockRole  # what it is for, which makes its colour and cluster
+    robot: str  # whose it is; empty for what the robots share
+    label: str = ""  # its lines
+    shape: Shape = "block"  # block, one of the thin bars, port of the station, or sum
+    systems: list[str] = field(default_factory=list)  # names of the systems of the Diagram that it stands for
 
 
 @dataclass(frozen=True)

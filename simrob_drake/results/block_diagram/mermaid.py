@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from simrob_drake.results.block_diagram.dot import COLOURS, TITLES, WIRE
-from simrob_drake.results.block_diagram.graph import Block, BlockGraph
-from simrob_drake.results.block_diagram.places import BARS, ROLES
+from simrob_drake.results.block_diagram.graph import BARS, ROLES, Block, BlockGraph
 
 
 def mermaid_text(graph: BlockGraph) -> str:

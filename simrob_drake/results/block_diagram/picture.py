@@ -8,7 +8,8 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.folders import writing
 from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
@@ -63,10 +64,8 @@ def save_block_picture(config: StationConfig, file: Path) -> Path:
         raise InvalidParameter("the picture's file", file.name, f"one of .dot, .mmd, {', '.join(DRAWN_SUFFIXES)}")
     text = station_mermaid(config) if suffix == ".mmd" else station_dot(config)
     content = _drawn(text, suffix[1:]) if suffix in DRAWN_SUFFIXES else text.encode()
-    try:
+    with writing(file):
         file.write_bytes(content)
-    except OSError as problem:
-        raise OutputError(f"{file} cannot be written ({problem.strerror})") from problem
     return file
 
 
@@ -85,9 +84,8 @@ def _graph(config: StationConfig) -> BlockGraph:
 def _drawn(text: str, kind: str) -> bytes:
     """Return what Graphviz draws from a text: ``kind`` is svg, png or pdf."""
     try:
-        done = subprocess.run(
-            ["dot", f"-T{kind}"], input=text.encode(), capture_output=True, timeout=_TIMEOUT, check=True
-        )
+        dot = ["dot", f"-T{kind}"]
+        return subprocess.run(dot, input=text.encode(), capture_output=True, timeout=_TIMEOUT, check=True).stdout
     except FileNotFoundError as problem:
         raise SimrobError(
             f"a .{kind} picture needs Graphviz, whose program `dot` is not found; "
@@ -98,7 +96,6 @@ def _drawn(text: str, kind: str) -> bytes:
     except subprocess.CalledProcessError as problem:
         said = " ".join(problem.stderr.decode(errors="replace").split())
         raise SimrobError(f"Graphviz failed: {said}; choose a .dot or .mmd file") from problem
-    return done.stdout
 
 
 if __name__ == "__main__":

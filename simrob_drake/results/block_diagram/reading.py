@@ -1,13 +1,21 @@
-"""Read the blocks and arrows of a station's picture from its Diagram."""
+"""Read the blocks and arrows of a station's picture from its Diagram, and where each system stands in it.
+
+Whoever added a system to the station said in which block it stands (:meth:`simrob_drake.parts.site.Site.draw`). Of the
+others some are wiring, bars or sums; what is left is a user's own.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
-from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
+import numpy as np
+from pydrake.systems.framework import Diagram, InputPort, LeafSystem, OutputPort, System
+from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer, PassThrough, Selector
 
-from simrob_drake.results.block_diagram.graph import Block, BlockGraph
-from simrob_drake.results.block_diagram.places import place_of
+from simrob_drake.blocks.events import EventTimes, SteadySteps
+from simrob_drake.parts.captions import BlockRole, Drawn, wrapped
+from simrob_drake.results.block_diagram.graph import Block, BlockGraph, Shape
 from simrob_drake.stations.ports import StationPorts
 
 _SYMBOLS = {  # of a station's ports; the first that a signal has is its name
@@ -29,6 +37,7 @@ _PORT_SYMBOLS = {
 }
 _STATE = ("q", "v")
 _ORDER = list(_SYMBOLS.values())
+_SILENT = (PassThrough, Demultiplexer, EventTimes, SteadySteps)
 
 Signals = tuple[str, ...]
 Side = Literal["in", "out"]
@@ -146,3 +155,51 @@ def _port_symbols(ports: StationPorts) -> dict[tuple[str, Side, int], Signals]:
 
 def _identity(port: OutputPort | InputPort) -> tuple[str, Side, int]:
     return port.get_system().get_name(), "out" if isinstance(port, OutputPort) else "in", int(port.get_index())
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a system is drawn: systems of one key share a block."""
+
+    key: str
+    role: BlockRole
+    label: str = ""
+    robot: str = ""  # empty for what the robots share
+    shape: Shape = "block"
+
+
+def place_of(name: str, system: System, ports: StationPorts) -> Place | None:
+    """Return where a system is drawn, or None for wiring that is part of the arrows."""
+    robot = next((r for r in ports.plant.robots.values() if name.startswith(r.prefix)), None)
+    local = name if robot is None else name.removeprefix(robot.prefix)
+    owner = robot.name if robot is not None and robot.prefix else ""
+    said = _said(name, ports)
+    if isinstance(system, _SILENT) or said is None:
+        return None
+    if isinstance(said, Drawn):
+        return Place(said.key, said.role, said.label, said.robot)
+    if _is_wire(local, system):
+        return None
+    bars: list[tuple[type, Shape, str]] = [(Multiplexer, "mux", ""), (Selector, "bus", ""), (Adder, "sum", "+")]
+    for kind, shape, label in bars:
+        if isinstance(system, kind):
+            return Place(name, "servo", label, owner, shape)
+    told = type(system).__name__ if type(system) is not LeafSystem else system.GetSystemType().split("::")[-1]
+    return Place(name, "own", f"{wrapped(name)}\n{told}")
+
+
+def _is_wire(local: str, system: System) -> bool:
+    """Tell whether a system only hands values on: in a joint's row, or from one order of axes to another."""
+    if isinstance(system, Multiplexer):
+        return "." in local
+    return isinstance(system, MatrixGain) and bool(np.isin(np.asarray(system.D()), (-1.0, 0.0, 1.0)).all())
+
+
+def _said(name: str, ports: StationPorts) -> Drawn | str | None:
+    """Return the block that was said to hold a system, None for wiring, and its name where nothing was said."""
+    known = name
+    while known not in ports.drawn:
+        known, dot, _ = known.rpartition(".")
+        if not dot:
+            return name
+    return ports.drawn[known]

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, style, trusted
-from simrob_drake.results.record.locomotion import headings
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.walks import headings, tilts
 
 _WIDTH, _LEFT, _RIGHT = 11.0, 0.95, 5.2  # inches: of the figure, and where the path begins and ends beside the curves
 _BLUE, _ORANGE, _GREEN, _PURPLE, _FACING, *_ = COLOURS
@@ -29,12 +29,11 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
     """
     pose = result.pose("base", robot.name)
     heading = headings(result.plant, robot, pose)
-    tilt = np.rad2deg(np.arccos(np.clip(1.0 - 2.0 * (pose[:, 4] ** 2 + pose[:, 5] ** 2), -1.0, 1.0)))
     yaw = np.rad2deg(heading - heading[0])
     plots = [
         Plot("x, y [m]", [Curve(pose[:, 0], "x", _BLUE), Curve(pose[:, 1], "y", _ORANGE)]),
         Plot("height z [m]", [Curve(pose[:, 2], "z", _GREEN)]),
-        Plot("tilt [deg]", [Curve(tilt, "tilt", _PURPLE)]),
+        Plot("tilt [deg]", [Curve(np.rad2deg(tilts(pose)), "tilt", _PURPLE)]),
         Plot("yaw [deg]", [Curve(yaw, "yaw", _FACING)]),
     ]
     figure = grid_figure(result, title, [Stack("over time", plots)], width=_WIDTH, beside=_RIGHT + 0.2)

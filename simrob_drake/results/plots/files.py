@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import cycle, product
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -10,15 +11,18 @@ from matplotlib.figure import Figure
 from simrob_drake.folders import writing
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.plots.base_plot import base_figure
-from simrob_drake.results.plots.grid import grid_figure, is_dense
+from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, is_dense
 from simrob_drake.results.plots.joint_plots import position_stacks, tcp_stacks, torque_stacks
-from simrob_drake.results.plots.panel_plots import panel_figures
-from simrob_drake.results.record.locomotion import legged_robots
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.walks import legged_robots
+from simrob_drake.signals import Panel
 
 _DPI = 110
 _LONG = 10.0  # a run of more than so many seconds whose curves run together is shown a second time, in part
 _DETAIL = 3.0  # seconds of that part
+_LOOKS = [(colour, line) for line, colour in product(("-", "--", ":"), COLOURS)]
+_WIDTH, _HEIGHT = 9.0, 1.8  # inches, of a figure and of a frame
+_ENTRY, _HANDLE, _CHARACTER = 0.18, 0.45, 0.065  # inches: height of a legend's entry, width of its line and letters
 
 
 def save_plots(result: RecordedRun, folder: Path) -> list[Path]:
@@ -67,3 +71,27 @@ def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iter
         yield "tcp", grid_figure(result, title, tcp_stacks(result, robot))
     if robot.name in legged_robots(result):
         yield "base", base_figure(result, robot, f"way of the base{whose}")
+
+
+def panel_figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
+    """Yield the figures of a run's panels with their names, such as ``piece_<piece>`` and ``sensors``."""
+    for name in dict.fromkeys(panel.figure for panel in result.panels):
+        panels = [panel for panel in result.panels if panel.figure == name]
+        stacks = [_stack(result, panel) for panel in panels]
+        explained = [_part(column) for panel in panels if len(panel.columns) > 1 for column in panel.columns]
+        beside = _HANDLE + _CHARACTER * max(map(len, explained), default=0)
+        yield name, grid_figure(result, panels[0].heading, stacks, columns=1, width=_WIDTH, beside=beside)
+
+
+def _stack(result: RecordedRun, panel: Panel) -> Stack:
+    first = 1.4 if len(panel.columns) > 1 else 1.0  # weight of a line; later ones are thinner: equal ones are all seen
+    curves = [
+        Curve(result[column], _part(column), colour, max(first - 0.3 * place, 0.8), line)
+        for place, (column, (colour, line)) in enumerate(zip(panel.columns, cycle(_LOOKS), strict=False))
+    ]
+    return Stack(panel.title, [Plot(panel.label, curves, max(_HEIGHT, _ENTRY * len(curves)))])
+
+
+def _part(column: str) -> str:
+    """Return what a column is of its signal: "x", "joint_1"."""
+    return column.rpartition(".")[2]

@@ -58,19 +58,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class Plot:
-    """Curves in one frame.
+    """Curves in one frame."""
 
-    Attributes:
-        label: of the upright axis, with the unit: "force [N]".
-        curves: one at least.
-        height: inches.
-        note: a few words over its right corner.
-    """
-
-    label: str
-    curves: Sequence[Curve]
-    height: float = 1.5
-    note: str = ""
+    label: str  # of the upright axis, with the unit: "force [N]"
+    curves: Sequence[Curve]  # one at least
+    height: float = 1.5  # inches
+    note: str = ""  # a few words over its right corner
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,10 @@ _ERROR_HEIGHT = 0.65  # inches
 
 @dataclass(frozen=True)
 class SideGroup:
-    """An axis, or the right and the left one of a name.
+    """An axis, or the right and the left one of a name."""
 
-    Attributes:
-        name: without the sides, if both are there.
-        places: in the robot's axes, by side; an axis alone has the side "middle" where others have two, else "".
-    """
-
-    name: str
+    name: str  # without the sides, if both are there
+    # in the robot's axes, by side; an axis alone has the side "middle" where others have two, else ""
     places: dict[str, int]
 
     @property

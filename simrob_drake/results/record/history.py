@@ -119,19 +119,8 @@ def _sane(states: Vector) -> npt.NDArray[np.bool_]:
 class PlantSlice:
     """Where a continuous plant's positions and velocities lie in the state of its diagram."""
 
-    start: int
-    num_positions: int
-    num_velocities: int
-
-    @property
-    def positions(self) -> slice:
-        """The places of the positions."""
-        return slice(self.start, self.start + self.num_positions)
-
-    @property
-    def velocities(self) -> slice:
-        """The places of the velocities."""
-        return slice(self.positions.stop, self.positions.stop + self.num_velocities)
+    positions: slice
+    velocities: slice
 
 
 def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> PlantSlice | None:
@@ -140,7 +129,8 @@ def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> Pl
     for system in diagram.GetSystems():
         size = system.GetMyContextFromRoot(context).num_continuous_states()
         if system is plant:
-            return PlantSlice(start, plant.num_positions(), plant.num_velocities()) if size else None
+            middle = start + plant.num_positions()
+            return PlantSlice(slice(start, middle), slice(middle, start + size)) if size else None
         start += size
     return None
 
@@ -231,9 +221,8 @@ class History:
 
     def last(self) -> History:
         """Return the last state alone."""
-        return History(
-            self.times[-1:], self.continuous[-1:], [group[-1:] for group in self.discrete], self.abstract[-1:]
-        )
+        discrete = [group[-1:] for group in self.discrete]
+        return History(self.times[-1:], self.continuous[-1:], discrete, self.abstract[-1:])
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:

@@ -76,7 +76,7 @@ class Sampler:
         known: dict[OutputPort, Any] = {}
         linear = [port for port in ports if port == state_port or port in self._of_state]
         if linear and where is not None:  # the state was recorded
-            known[state_port] = states.continuous[:, where.start : where.velocities.stop]
+            known[state_port] = states.continuous[:, where.positions.start : where.velocities.stop]
         wanted = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
         known |= self._evaluated([port for port in wanted if port not in known], states)
         known |= {port: self._of_state[port].of(known[state_port]) for port in linear if port != state_port}
@@ -106,6 +106,15 @@ class Sampler:
                 raise
             return np.nan
 
+    @property
+    def looked_at(self) -> Context:
+        """The diagram's context as it was looked at last."""
+        return self._context
+
+    def cut(self, time: float) -> None:
+        """End the run at a time at which all was well [s]; what cannot be evaluated there is no number."""
+        self.history, self._tolerant = self._history.joined(self._at(np.array([time]))), True
+
     def contact_results(self, times: Vector) -> Iterator[ContactResults]:
         """Yield the plant's contact results at times (k,) of the run."""
         yield from self.sample([self._plant.get_contact_results_output_port()], times)[0]
@@ -130,7 +139,7 @@ class Sampler:
         if plant.IsVelocityEqualToQDot():
             return velocities
         context = plant.CreateDefaultContext()
-        rates = np.empty((len(velocities), where.num_positions))
+        rates = np.empty((len(velocities), plant.num_positions()))
         for row, state in enumerate(history.continuous):
             plant.SetPositions(context, state[where.positions])
             rates[row] = plant.MapVelocityToQDot(context, state[where.velocities])

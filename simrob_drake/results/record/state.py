@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
@@ -60,20 +60,26 @@ class State:
     blocks: dict[str, BlockState] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, diagram: Diagram, ports: Site, context: Context) -> State:
+    def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> State:
         """Return the state of a closed station.
 
         Args:
             diagram: that holds the station.
             ports: the station's.
             context: of the diagram, at the moment wanted.
+            tolerant: what cannot be evaluated is no number, as after a run in which a block failed.
         """
 
         def of_robots(signal: str) -> dict[str, Vector]:
             values = {}
             for robot in ports.plant.robots.values():
                 port = ports.outputs[f"{robot.prefix}{signal}"]
-                values[robot.name] = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
+                try:
+                    values[robot.name] = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
+                except Exception:
+                    if not tolerant:
+                        raise
+                    values[robot.name] = np.full(port.size(), np.nan)
             return values
 
         plant, blocks = ports.plant.plant, {}
@@ -133,7 +139,10 @@ class State:
         """
         return json.dumps(
             {
-                **{key: _lists(getattr(self, key)) for key in ("positions", "velocities", "references")},
+                **{
+                    key: {name: vector.tolist() for name, vector in getattr(self, key).items()}
+                    for key in ("positions", "velocities", "references")
+                },
                 "joints": {name: [s.position.tolist(), s.velocity.tolist()] for name, s in self.joints.items()},
                 "blocks": {
                     name: [s.continuous.tolist(), [group.tolist() for group in s.discrete], _json_values(s.abstract)]
@@ -157,7 +166,10 @@ class State:
                 _arrays(content["velocities"]),
                 _arrays(content["references"]),
                 {name: JointState(np.array(q), np.array(v)) for name, (q, v) in content["joints"].items()},
-                {name: _read_block(*kept) for name, kept in content["blocks"].items()},
+                {
+                    name: BlockState(np.array(continuous), tuple(map(np.array, discrete)), tuple(*abstract))
+                    for name, (continuous, discrete, *abstract) in content["blocks"].items()
+                },
             )
         except (ValueError, TypeError, KeyError, AttributeError) as problem:
             raise InvalidParameter("state", text, "the text of a state, as State.to_json() writes it") from problem
@@ -219,13 +231,11 @@ def _joints(plant: MultibodyPlant) -> Iterator[tuple[str, slice, slice]]:
 
 def _block_state(context: Context) -> BlockState:
     has_continuous = context.num_continuous_states() > 0
-    continuous = context.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0)
-    discrete = tuple(
-        context.get_discrete_state(group).value().copy() for group in range(context.num_discrete_state_groups())
-    )
-    values = range(context.num_abstract_states())
+    groups, values = range(context.num_discrete_state_groups()), range(context.num_abstract_states())
     return BlockState(
-        continuous, discrete, tuple(deepcopy(context.get_abstract_state(index).get_value()) for index in values)
+        context.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0),
+        tuple(context.get_discrete_state(group).value().copy() for group in groups),
+        tuple(deepcopy(context.get_abstract_state(index).get_value()) for index in values),
     )
 
 
@@ -239,14 +249,6 @@ def _json_values(values: tuple[Any, ...]) -> list[Any]:
             return False
 
     return [value if known(value) else None for value in values]
-
-
-def _read_block(continuous: list[float], discrete: list[list[float]], abstract: Sequence[Any] = ()) -> BlockState:
-    return BlockState(np.array(continuous), tuple(map(np.array, discrete)), tuple(abstract))
-
-
-def _lists(values: dict[str, Vector]) -> dict[str, list[float]]:
-    return {name: vector.tolist() for name, vector in values.items()}
 
 
 def _arrays(values: dict[str, Any]) -> dict[str, Vector]:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
-from simrob_drake.results.record.locomotion import legged_robots, locomotion
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
+from simrob_drake.results.record.walks import legged_robots, locomotion
 
 
 def pose_vector(pose: Vector) -> list[float]:
@@ -21,8 +21,7 @@ def pose_vector(pose: Vector) -> list[float]:
 
 def summary_of(run: RecordedRun) -> dict[str, Any]:
     """Return how a run ended and why, final and largest values, measures of walks, speed and versions."""
-    robots = run.plant.robots
-    only = run.config.only_robot
+    robots, only, torques = run.plant.robots, run.config.only_robot, _columns(run, "tau")
     names = {name: robot.model.name for name, robot in robots.items()}
     return {
         "station": run.config.name,
@@ -37,13 +36,16 @@ def summary_of(run: RecordedRun) -> dict[str, Any]:
         "wall_time": run.wall_time,
         "realtime_rate": run.realtime_rate,
         "final": {
-            "joint_position": _by_axis(run, "q", -1),
-            "joint_torque": _by_axis(run, "tau", -1),
+            "joint_position": {axis: float(values[-1]) for axis, values in _columns(run, "q").items()},
+            "joint_torque": {axis: float(values[-1]) for axis, values in torques.items()},
             "base_pose": _final_pose(run, "base"),
             "tcp_pose": _final_pose(run, "tcp"),
             "piece_pose": {piece: pose_vector(run.piece_pose(piece)[-1]) for piece in run.config.free_pieces},
         },
-        "peak": {"joint_torque": _peaks(run, "tau"), "force": _peak_forces(run)},
+        "peak": {
+            "joint_torque": {axis: float(values[np.argmax(np.abs(values))]) for axis, values in torques.items()},
+            "force": _peak_forces(run),
+        },
         "locomotion": _locomotion(run),
         "sensors": {name: run.notes[name] for name in run.config.sensors},
         "units": run.units,
@@ -71,20 +73,12 @@ def _peak_forces(run: RecordedRun) -> dict[str, float]:
 
 
 def _columns(run: RecordedRun, signal: str) -> dict[str, Vector]:
+    """Return a signal by axis."""
     return {
         f"{robot.prefix}{axis}": run[f"{robot.prefix}{signal}.{axis}"]
         for robot in run.plant.robots.values()
         for axis in robot.axes
     }
-
-
-def _by_axis(run: RecordedRun, signal: str, row: int) -> dict[str, float]:
-    return {axis: float(values[row]) for axis, values in _columns(run, signal).items()}
-
-
-def _peaks(run: RecordedRun, signal: str) -> dict[str, float]:
-    """Return the value of largest size of a signal, with its sign, by axis."""
-    return {axis: float(values[np.argmax(np.abs(values))]) for axis, values in _columns(run, signal).items()}
 
 
 def _final_pose(run: RecordedRun, signal: str) -> Any:

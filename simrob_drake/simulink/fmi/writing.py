@@ -41,7 +41,7 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
     """
     if not 0 < step <= 0.1:
         raise InvalidParameter("--step", step, "a time of at most 0.1 s")
-    if any(config.servo_of(robot).yield_gain for robot in config.robots):
+    if any(config.servo_of(robot).admittance_gain for robot in config.robots):
         raise InvalidParameter("--step", step, "left out with servos that yield: they need their own blocks")
     solver = ContinuousSolver(kind="continuous", scheme="cenic", max_step=step, error_control=False)
     servo = config.servo.model_copy(update={"realization": "implicit"})

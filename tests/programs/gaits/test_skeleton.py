@@ -7,8 +7,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
 from simrob_drake.kinematics.skeleton import skeleton_of
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.phases import SAMPLE
-from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes

@@ -9,9 +9,9 @@ import pytest
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.paths import models_root
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import GAITS_FILE
-from simrob_drake.programs.gaits.walk import walk
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.legged_gait import planned_gait
 from simrob_drake.robots.catalog import ROBOT_FILE, load_robot_file

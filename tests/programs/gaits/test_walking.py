@@ -5,12 +5,12 @@ import pytest
 
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.kinematics.skeleton import skeleton_of
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.motion import MAX_STEP
 from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
-from simrob_drake.programs.gaits.walk import walk
-from simrob_drake.results.record.locomotion import locomotion
+from simrob_drake.results.record.walks import locomotion
 
 
 def walked(motion, overrides=None):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from simrob_drake.stations.tools import flange, tool_in_use
+from simrob_drake.stations.resolve import flange, tool_in_use
 
 OWN = {"hand": "hand_frame", "camera": "camera_frame"}
 

@@ -6,10 +6,10 @@ import pytest
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.skeleton import skeleton_of
+from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.feet import facing_rotation, feet_of
-from simrob_drake.programs.gaits.leg_angles import ROWS, OutOfReach, leg_angles
+from simrob_drake.programs.gaits.legs import ROWS, OutOfReach, leg_angles
 from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.programs.gaits.walk import walk
 
 COUNT = 50
 

@@ -90,6 +90,8 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     ahead = np.array([np.cos(heading[0]), np.sin(heading[0])])
     distance = float(np.linalg.norm(way))
     work = mechanical_work(result, name)
+    plant = result.plant.plant
+    weight = float(plant.CalcTotalMass(plant.CreateDefaultContext(), [own.instance]) * abs(result.config.gravity))  # N
     shares = np.abs(result.axes("tau", name)) / own.gains.torque_limit
     return Locomotion(
         distance=distance,
@@ -97,21 +99,20 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         drift=float(way @ [-ahead[1], ahead[0]]),
         speed=distance / result.stop_time if result.stop_time > 0 else 0.0,
         yaw=float(heading[-1] - heading[0]),
-        tilt=_tilt(base),
+        tilt=float(tilts(base).max()),
         smallest_height=float(base[:, 2].min()),
         fall_time=result.stop_time if fallen(result) == name else None,
         peak_torque=_peak_torque(result, own),
         saturated=float((shares > _AT_LIMIT).mean(axis=0).max()),
         work=work,
-        cost_of_transport=work / (_weight(result, own) * distance) if distance > _SHORTEST_WAY else None,
+        cost_of_transport=work / (weight * distance) if distance > _SHORTEST_WAY else None,
         foot_slip=foot_slip(result, name),
     )
 
 
-def _tilt(base: Vector) -> float:
-    """Return the largest angle of the z axis of poses (m, 7) from the vertical [rad]."""
-    qx, qy = base[:, 4], base[:, 5]
-    return float(np.arccos(np.clip(1.0 - 2.0 * (qx**2 + qy**2), -1.0, 1.0)).max())
+def tilts(base: Vector) -> Vector:
+    """Return the angles (m,) of the z axis of poses (m, 7) from the vertical [rad]."""
+    return np.asarray(np.arccos(np.clip(1.0 - 2.0 * (base[:, 4] ** 2 + base[:, 5] ** 2), -1.0, 1.0)))
 
 
 def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector:
@@ -198,9 +199,3 @@ def _peak_torque(result: RecordedRun, robot: StationRobot) -> dict[str, Any]:
         "limit": float(limit[axis]),
         "ratio": float(torque[axis] / limit[axis]),
     }
-
-
-def _weight(result: RecordedRun, robot: StationRobot) -> float:
-    """Return the weight of a robot with what it carries [N]."""
-    plant = result.plant.plant
-    return float(plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance]) * abs(result.config.gravity))

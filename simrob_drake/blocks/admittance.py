@@ -1,4 +1,4 @@
-r"""Servos that give in to forces from outside: the law of the Simulink station ``D30S2_Irb120_qLC_Fext``.
+r"""Admittance: servos that give in to forces from outside; the law of the Simulink station ``D30S2_Irb120_qLC_Fext``.
 
 To the torque of a servo comes the integral of what the model of the arm does not explain,
 
@@ -22,46 +22,31 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 
 from simrob_drake.blocks.servo import ServoGains, ServoSignals
-from simrob_drake.blocks.wiring import joined, mapped
+from simrob_drake.blocks.wiring import fed, joined, mapped
 from simrob_drake.frames import Vector
 
 
 def add_model_torque(
     builder: DiagramBuilder, plant: MultibodyPlant, state: OutputPort, *, pick: Vector, prefix: str = ""
 ) -> OutputPort:
-    """Add the torque that keeps a robot's velocity as it is.
+    """Add the torque (n) [N·m] that keeps a robot's velocity as it is, from the ``state`` of its whole finalized plant.
 
-    Args:
-        builder: the diagram under construction.
-        plant: finalized.
-        state: positions and velocities of the whole plant.
-        pick: matrix (n, nv) from the plant's generalized forces to the robot's axes.
-        prefix: stands before the names of all blocks.
-
-    Returns:
-        the torques, size n [N·m].
+    ``pick`` is the matrix (n, nv) from the plant's generalized forces to the robot's axes.
     """
     mode = InverseDynamics.InverseDynamicsMode.kInverseDynamics
     dynamics = builder.AddNamedSystem(f"{prefix}model_torque", InverseDynamics(plant, mode))
-    steady = ConstantVectorSource(np.zeros(plant.num_velocities()))
-    builder.AddNamedSystem(f"{prefix}model_torque.acceleration", steady)
+    steady = fed(builder, f"{prefix}model_torque.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
     builder.Connect(state, dynamics.get_input_port_estimated_state())
-    builder.Connect(steady.get_output_port(), dynamics.get_input_port_desired_acceleration())
+    builder.Connect(steady, dynamics.get_input_port_desired_acceleration())
     return mapped(builder, f"{prefix}model_torque.axes", pick, dynamics.get_output_port_generalized_force())
 
 
-def add_yielding(
+def add_admittance(
     builder: DiagramBuilder, signals: ServoSignals, gains: ServoGains, model: OutputPort, *, gain: float, prefix: str
 ) -> OutputPort:
-    """Add the integrator of a robot's servos that yield.
+    """Add the integrator of a gain K_t [1/s], positive, that gives a robot's servos their admittance.
 
-    Args:
-        builder: the diagram under construction.
-        signals: what the servos read.
-        gains: the figures of the servos.
-        model: the torque of the arm's model, size n [N·m].
-        gain: K_t [1/s], positive.
-        prefix: stands before the names of all blocks.
+    It reads what the servos read, and the torque of the arm's model, size n [N·m].
 
     Returns:
         x, size n [N·m], which belongs into the sum before the saturation.
@@ -75,6 +60,4 @@ def add_yielding(
         parts, columns = [*parts, signals.feedforward], [*columns, -each]
     inputs = gain * np.hstack(columns)
     block = LinearSystem(A=-gain * each, B=inputs, C=each, D=np.zeros_like(inputs))
-    builder.AddNamedSystem(f"{prefix}yielding", block)
-    builder.Connect(joined(builder, f"{prefix}yielding.bus", *parts), block.get_input_port())
-    return block.get_output_port()
+    return fed(builder, f"{prefix}admittance", block, joined(builder, f"{prefix}admittance.bus", *parts))

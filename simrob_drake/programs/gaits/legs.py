@@ -73,7 +73,7 @@ def leg_angles(
 
 
 def _digits(value: float) -> str:
-    """Return a figure that is never shown as zero: at least two digits that count."""
+    """Return a number that is never shown as zero: at least two digits that count."""
     return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 

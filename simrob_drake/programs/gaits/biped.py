@@ -1,0 +1,89 @@
+"""Walking on two legs: footsteps, and the posture for every moment of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.feet import Foot
+from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.parameters import Walk
+from simrob_drake.programs.gaits.phases import Phase, check_steps, course, on_path, ramp_shares
+from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.programs.gaits.whole_body import WholeBody
+from simrob_drake.robots.catalog import RobotModel
+
+SIDES = ("right_foot", "left_foot")
+"""Who steps first, and who next."""
+
+
+def walk(
+    robot: str | RobotModel, steps: int, name: str = "walk", *, amplitude: float = 1.0, **changes: Any
+) -> JointMotion:
+    """Plan a walk of a robot with two legs.
+
+    Args:
+        robot: its name, or its model.
+        steps: how many, at least two; the last one brings the feet side by side.
+        name: of the walk in the robot's `gaits.yaml`.
+        amplitude: scales length, way sideways and turn of the steps.
+        changes: parameters of :class:`Walk` to change.
+
+    Raises:
+        OutOfReach: steps that are too long or too high for the legs.
+        InvalidParameter: a robot that cannot walk so.
+        UnknownName: no such walk.
+    """
+    walker = Walker.of(robot)
+    gait: Walk = walker.gait("walks", name, changes, amplitude)
+    return planned_walk(walker, steps, gait)[0]
+
+
+def planned_walk(walker: Walker, steps: int, gait: Walk) -> tuple[JointMotion, Vector, Vector]:
+    """Return a walk, and its zero-moment point as asked for and as planned, each (m, 2) [m]."""
+    feet = {foot.name: foot for foot in walker.feet(gait.feet)}
+    _check(walker.model.name, steps, gait, feet)
+    start = {name: np.array([0.0, foot.home[1] + foot.side * gait.widen, 0.0]) for name, foot in feet.items()}
+    way = course(start, np.array([gait.zmp_ahead, 0.0]), _phases(steps, gait, start))
+    motion, zmp = WholeBody(walker, gait, way).solve()
+    return motion, way.zmp, zmp
+
+
+def _phases(steps: int, gait: Walk, start: dict[str, Vector]) -> list[Phase]:
+    shift = gait.double_support * gait.step_time
+    place = {name: at.copy() for name, at in start.items()}
+    pose = np.zeros(3)
+
+    def under(name: str) -> Vector:
+        inward = -np.sign(start[name][1]) * gait.zmp_inward
+        return on_path(place[name], gait.zmp_ahead, inward)[:2]
+
+    phases = [Phase(gait.settle, under(SIDES[1]), gait.settle)]
+    for number, share in enumerate(ramp_shares(steps, gait.ramp_steps)):
+        swinging, standing = SIDES[number % 2], SIDES[(number + 1) % 2]
+        move = share * np.array([gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)])
+        pose = on_path(pose, *move)
+        goal = on_path(pose, left=start[swinging][1])
+        delay = shift if number else 0.0  # at first the weight is on the standing foot already
+        step = Phase(gait.step_time, under(standing), delay, {swinging: goal}, gait.lift, delay, heading=pose[2])
+        phases.append(step)
+        place[swinging] = goal
+    middle = on_path(pose, gait.zmp_ahead)[:2]
+    phases.append(Phase(gait.settle, middle, gait.settle, heading=pose[2]))
+    if gait.rest > 0:
+        phases.append(Phase(gait.rest, middle, 0.0, heading=pose[2]))
+    return phases
+
+
+def _check(robot: str, steps: int, gait: Walk, feet: dict[str, Foot]) -> None:
+    if sorted(feet) != sorted(SIDES):
+        raise InvalidParameter(f"robot {robot}", f"one with {len(feet)} feet", "one with two feet, to walk so")
+    check_steps(steps)
+    if not gait.double_support < 1:
+        raise InvalidParameter("double_support", gait.double_support, "a part of the step, less than 1")
+    if any(len(foot.axes) == 4 for foot in feet.values()) and (gait.turn_deg or gait.sideways):
+        raise InvalidParameter("turn_deg, sideways", (gait.turn_deg, gait.sideways),
+                               f"0, since the legs of {robot} cannot turn or roll their feet")  # fmt: skip
