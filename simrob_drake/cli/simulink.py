@@ -18,7 +18,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
 
 if TYPE_CHECKING:
-    from simrob_drake.simulink.reading_model import SimulinkModel
+    from simrob_drake.simulink.simulink_model import SimulinkModel
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
 
@@ -108,7 +108,7 @@ def import_model(file: Path, out: Path | None, options: dict[str, Any], *, force
 def examine_model(file: Path, options: dict[str, Any]) -> None:
     """Report on a model without writing anything."""
     from simrob_drake.simulink.importing import check_importable
-    from simrob_drake.simulink.reading_model import read_simulink
+    from simrob_drake.simulink.simulink_model import read_simulink
 
     with errors.status(Text(f"reading {file}")):
         model = read_simulink(file, **options)

@@ -9,7 +9,7 @@ from typing import Any
 
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.simulink.reading_model import SimulinkModel, read_simulink, undefined_variables
+from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.writing.contact_sections import StationFiles
 from simrob_drake.simulink.writing.names import plain
 from simrob_drake.simulink.writing.station import StationWriter
@@ -44,7 +44,7 @@ def import_simulink(path: Path, folder: Path, *, force: bool = False, **options:
         path: `.slx` or `.mdl`.
         folder: where to; it appears at once, when everything is in it.
         force: replace an import that is there.
-        options: of :func:`~simrob_drake.simulink.reading_model.read_simulink`.
+        options: of :func:`~simrob_drake.simulink.simulink_model.read_simulink`.
 
     Raises:
         InvalidModel: the model cannot be read, uses variables that are not known, or holds what no station can be.

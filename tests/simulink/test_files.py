@@ -11,7 +11,7 @@ from simrob_drake.errors import InvalidModel, SimrobError
 from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.reading.model_file import read_model
 from simrob_drake.simulink.reading.package import LARGEST_PART
-from simrob_drake.simulink.reading_model import read_simulink
+from simrob_drake.simulink.simulink_model import read_simulink
 
 
 def with_part(tmp_path, name, text):

@@ -16,7 +16,7 @@ from simrob_drake.simulink.mechanics.solids import moved, read_solid, together
 from simrob_drake.simulink.mechanics.transforms import rigid_transform
 from simrob_drake.simulink.model.nodes import Findings, Node
 from simrob_drake.simulink.reading.graph import Block
-from simrob_drake.simulink.reading_model import read_simulink
+from simrob_drake.simulink.simulink_model import read_simulink
 from simrob_drake.simulink.values.workspace import Workspace
 
 

@@ -11,7 +11,7 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidModel, OutputError
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.reading_model import read_simulink
+from simrob_drake.simulink.simulink_model import read_simulink
 from simrob_drake.simulink.values.workspace import given_variables
 
 

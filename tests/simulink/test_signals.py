@@ -7,7 +7,7 @@ from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level,
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.reading_model import read_simulink
+from simrob_drake.simulink.simulink_model import read_simulink
 
 
 class Plant(Level):

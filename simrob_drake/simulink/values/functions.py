@@ -189,7 +189,6 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "flipud": lambda value: matrix(value)[::-1],
     "horzcat": _joined(1),
     "vertcat": _joined(0),
-    "isa": lambda *_: 1.0,
     "strcmp": lambda first, second: float(isinstance(first, str) and first == second),
     "strcmpi": lambda first, second: float(str(first).lower() == str(second).lower()),
 }

@@ -7,7 +7,7 @@ from typing import Any
 
 from simrob_drake.simulink.mechanics.bodies import Body
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading_model import SimulinkModel
+from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.names import Names, plain
 from simrob_drake.simulink.writing.touching import Touching, bounded_dissipation
 from simrob_drake.simulink.writing.urdf import RobotFile

@@ -20,8 +20,8 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.reading_model import SimulinkModel
 from simrob_drake.simulink.signals.laws import Law, is_zero
+from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.contact_sections import StationFiles, contact_sections
 from simrob_drake.simulink.writing.names import Names, plain
 from simrob_drake.simulink.writing.pieces import pose_list, write_piece
