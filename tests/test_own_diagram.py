@@ -136,3 +136,18 @@ def test_cenic_needs_the_station_at_the_top():
 def test_a_duration_that_cannot_be():
     with pytest.raises(SimrobError, match="duration"):
         simulate_diagram(*wired(arm()), duration=-1)
+
+
+def test_the_forces_of_its_station_act():
+    push = {"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}
+    overrides = {"reference": {"kind": "hold"}, "forces": {"push": push}, "monitors": {"fall": {"tilt_deg": 30}}}
+    config = load_station("humanoid_dynamic", {**overrides, "duration": 3})
+    builder = DiagramBuilder()
+    ports = add_station(builder, config)
+    (robot,) = ports.plant.robots.values()
+    where = builder.AddNamedSystem("where", ConstantVectorSource(robot.initial))
+    builder.Connect(where.get_output_port(), ports.inputs["reference"])
+    inside, alone = simulate_diagram(builder.Build(), ports, progress=False), simulate(config, progress=False)
+    assert inside.stopped_by == alone.stopped_by == "fall"
+    assert inside.stop_time == pytest.approx(alone.stop_time, abs=2e-3)
+    np.testing.assert_array_equal(inside["applied_force.push.y"][21:50], -40)

@@ -170,13 +170,8 @@ def draft(robot: RobotModel, report: ImportReport) -> str:
         midway = ", ".join(robot.home_deg)
         report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
     if not robot.links_without_inertia:
-        content["servo"] = _servo(robot)
+        gains = vars(first_gains(robot)).items()
+        content["servo"] = {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in gains}
         report.add("defaulted", "robot.yaml", "servo gains from the mass matrix")
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _HEADER + text
-
-
-def _servo(robot: RobotModel) -> dict[str, Any]:
-    gains = first_gains(robot)
-    per_axis = {"kp": gains.kp, "kd": gains.kd}
-    return {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in per_axis.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,10 +28,14 @@ def save_film(runs: Sequence[SimulationResult], file: Path | str) -> Path:
         InvalidParameter: no run, a piece that changes hands between them, or another kind of file.
         OutputError: the file cannot be written.
     """
-    path, writers = Path(file), _writers()
-    if path.suffix not in writers:
-        raise InvalidParameter("file", path.name, f"one that ends in {', '.join(writers)}")
-    return writers[path.suffix](joined(runs), path)
+    from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which load matplotlib
+    from simrob_drake.results.animation.recording import save_recording
+
+    save: dict[str, Callable[[SimulationResult, Path], Path]]
+    save, path = {".html": save_recording, ".png": save_film_strip, ".mp4": save_video}, Path(file)
+    if path.suffix not in save:
+        raise InvalidParameter("file", path.name, f"one that ends in {', '.join(save)}")
+    return save[path.suffix](joined(runs), path)
 
 
 def joined(runs: Sequence[SimulationResult]) -> SimulationResult:
@@ -75,10 +79,3 @@ def joined(runs: Sequence[SimulationResult]) -> SimulationResult:
 
 def _places(run: SimulationResult) -> dict[str, Any]:
     return {name: (piece.parent, piece.frame, piece.pose) for name, piece in run.config.pieces.items()}
-
-
-def _writers() -> Mapping[str, Callable[[SimulationResult, Path], Path]]:
-    from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which load matplotlib
-    from simrob_drake.results.animation.recording import save_recording
-
-    return {".html": save_recording, ".png": save_film_strip, ".mp4": save_video}

@@ -35,15 +35,10 @@ class Take:
 
 @dataclass
 class Tape:
-    """The runs of a workcell since :meth:`record`, in order.
+    """The runs of a workcell since :meth:`record`, in order."""
 
-    Attributes:
-        takes: what was recorded.
-        running: whether what comes next is recorded too.
-    """
-
-    takes: list[Take] = field(default_factory=list)
-    running: bool = False
+    takes: list[Take] = field(default_factory=list)  # what was recorded
+    running: bool = False  # whether what comes next is recorded too
 
     def record(self) -> None:
         """Forget everything, and record from now on (SimRob's ``Rec()``)."""

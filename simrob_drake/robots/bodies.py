@@ -1,13 +1,14 @@
-"""Links that are rigidly joined are one body: which links those are, who carries them, and how they become one link.
+"""Links that are rigidly joined are one body: which links those are, who carries them, how they become one link.
 
 A solver visits every body at every evaluation, welded or not. The flange, gripper and load of an arm are a third of
 its bodies, and published robots have dozens of fixed links that only name a frame. Merging changes no motion: masses,
 centres of mass and inertias add up by the parallel axis theorem, shapes keep their places, and each merged link stays
-on as a frame of its name.
+on as a frame of its name. What is joined to the last body of a chain tells where that carries its tool.
 """
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
@@ -18,6 +19,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, mass_of, name_of, outward, root_link
 from simrob_drake.robots.urdf_elements import add_frame, moments_of, place, pose_of, set_inertia
 
+_USUAL = re.compile(r"tool|tcp|flange|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
+"""Names that published robots give to the place of the tool."""
 _SHAPES = ("visual", "collision")
 
 
@@ -110,3 +113,25 @@ def _inertia(link: ET.Element) -> _Inertia | None:
     if inertial is None or mass_of(link) == 0:
         return None
     return _Inertia(mass_of(link), np.zeros(3), moments_of(inertial)).seen_from(pose_of(inertial))
+
+
+def tool_links(root: ET.Element) -> list[str]:
+    """Return the links of a robot, at least one joint of which moves, that can carry a tool, the likeliest first.
+
+    These are the ends of the kinematic chains: of every chain the link with a usual name (``tool0``, ``tcp`` ...) that
+    is rigidly attached to its last moving link, else the outermost such link. Chains whose end has a usual name come
+    first, then those with more joints, then file order.
+    """
+    carrier, starts = carriers(root), joints_at(root)
+    moving = [joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    inner = {carrier[link_of(joint, "parent")] for joint in moving}
+    counts = {root_link(root): 0}  # of the joints that move each link
+    for joint in outward(starts, root_link(root)):
+        counts[link_of(joint, "child")] = counts[link_of(joint, "parent")] + (joint.get("type") in MOVABLE_JOINTS)
+    ends = []
+    for end in [link_of(joint, "child") for joint in moving]:
+        if end not in inner:
+            attached = [end, *(link_of(joint, "child") for joint in outward(starts, end, rigid=True))]
+            usual = [link for link in attached if _USUAL.search(link)]
+            ends.append((not usual, -counts[end], (usual or attached)[-1]))
+    return [tool for _, _, tool in sorted(ends, key=lambda end: end[:2])]

@@ -14,20 +14,12 @@ from pydantic import BeforeValidator, Field, model_validator
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.paths import models_root
-from simrob_drake.robots.bodies import links_without_inertia
+from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.feet import Feet
-from simrob_drake.robots.tools import tool_links
 from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
-from simrob_drake.robots.urdf import (
-    joint_effort,
-    joint_limits,
-    movable_joints,
-    name_of,
-    read_urdf,
-    root_link,
-)
+from simrob_drake.robots.urdf import joint_effort, joint_limits, movable_joints, name_of, read_urdf, root_link
 from simrob_drake.robots.urdf_check import check_urdf
 from simrob_drake.yaml_files import FileName, Number, Strict, is_file_name, read_yaml, validated
 

@@ -31,26 +31,20 @@ def add_piece(robot: ET.Element, *, name: str, piece: PieceModel, parent: str, p
     frame = next((frame for frame in robot.iterfind("frame") if frame.get("name") == parent), None)
     if frame is not None:
         parent, pose = frame.get("link", ""), pose_of(frame) @ pose
-    robot.append(_link_element(name, piece))
+    _add_link(robot, name, piece)
     add_joint(robot, f"{name}_mount", parent=parent, child=name, pose=pose)
-    _add_frames(robot, name, piece)
 
 
 def piece_robot(name: str, piece: PieceModel) -> ET.Element:
     """Return the URDF of a piece that stands alone, with the frames ``<name>_tcp`` and ``<name>_<frame>``."""
     robot = ET.Element("robot", name=name)
-    robot.append(_link_element(name, piece))
-    _add_frames(robot, name, piece)
+    _add_link(robot, name, piece)
     return robot
 
 
-def _add_frames(robot: ET.Element, name: str, piece: PieceModel) -> None:
-    for frame, pose in piece.frame_poses.items():
-        add_frame(robot, f"{name}_{frame}", name, transform_from_pose(pose))
-
-
-def _link_element(name: str, piece: PieceModel) -> ET.Element:
-    link = ET.Element("link", name=name)
+def _add_link(robot: ET.Element, name: str, piece: PieceModel) -> None:
+    """Add the link that a piece is, with its frames."""
+    link = ET.SubElement(robot, "link", name=name)
     if piece.mass > 0:
         set_inertia(link, mass=piece.mass, moments=piece.inertia, pose=RigidTransform(np.array(piece.com)))
     for index, (shape, shape_name) in enumerate(zip(piece.shapes, piece.shape_names, strict=True)):
@@ -60,4 +54,5 @@ def _link_element(name: str, piece: PieceModel) -> ET.Element:
             add_colour(visual, f"{name}_{index}_colour", shape.colour or piece.colour)
         if shape.collides:
             add_contact(add_solid(link, "collision", f"{name}.{shape_name}", solid), FRICTION)
-    return link
+    for frame, pose in piece.frame_poses.items():
+        add_frame(robot, f"{name}_{frame}", name, transform_from_pose(pose))

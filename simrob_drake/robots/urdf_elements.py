@@ -39,10 +39,15 @@ def pose_of(element: ET.Element) -> RigidTransform:
     return RigidTransform(RollPitchYaw(rpy), xyz)
 
 
+def child_of(element: ET.Element, tag: str) -> ET.Element:
+    """Return the first child of a tag, which is added if there is none."""
+    child = element.find(tag)
+    return ET.SubElement(element, tag) if child is None else child
+
+
 def place(element: ET.Element, pose: RigidTransform) -> None:
     """Write a pose into an element's ``<origin>``, or into a ``frame`` itself."""
-    origin = element if element.tag == "frame" else element.find("origin")
-    origin = ET.SubElement(element, "origin") if origin is None else origin
+    origin = element if element.tag == "frame" else child_of(element, "origin")
     origin.set("xyz", text(pose.translation()))
     origin.set("rpy", text(RollPitchYaw(pose.rotation()).vector()))
 
@@ -123,8 +128,7 @@ def set_inertia(link: ET.Element, *, mass: float, moments: Sequence[float] | Vec
 
 def set_moments(inertial: ET.Element, moments: Sequence[float] | Vector) -> None:
     """Write moments into an ``<inertial>``, as :func:`set_inertia` does."""
-    element = inertial.find("inertia")
-    element = ET.SubElement(inertial, "inertia") if element is None else element
+    element = child_of(inertial, "inertia")
     numbers = six_moments(moments) if isinstance(moments, np.ndarray) and moments.ndim == 2 else (*moments, 0, 0, 0)
     for key, value in zip(MOMENTS, numbers, strict=False):
         element.set(key, written(value))

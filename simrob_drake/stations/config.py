@@ -6,10 +6,11 @@ slides. A value "per axis" is one number for all axes, a list in axis order, or 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
@@ -33,35 +34,55 @@ MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
 
 
-def _moved(content: Any, key: str, now: str) -> Any:
-    """Tell of a key that was given another place or name."""
-    if isinstance(content, dict) and key in content:
-        raise ValueError(f"{key} is now {now}")
-    return content
+def _every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
+    """Check every number of values per axis."""
+
+    def checked(values: AxisValues) -> AxisValues:
+        listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
+        if not all(map(accepts, listed)):
+            raise ValueError(meaning)
+        return values
+
+    return AfterValidator(checked)
 
 
-class ServoConfig(Strict):
-    """The joint servos: PID and saturation. What is not given comes from the robot's own file."""
+_Gain = Annotated[AxisValues, _every(lambda value: value >= 0, "a gain must not be negative")]
+_Limit = Annotated[AxisValues, _every(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
 
-    realization: Realization = "per_joint"
-    """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
-    kp: AxisValues | None = None
-    """Proportional gain, per axis [N·m/rad, or N/m where it slides]."""
-    ki: AxisValues | None = None
-    """Integral gain, per axis [N·m/(rad·s) or N/(m·s)]; 0 leaves the integrators out."""
-    kd: AxisValues | None = None
-    """Derivative gain, per axis [N·m·s/rad or N·s/m]."""
-    torque_limit: AxisValues | None = None
-    """Saturation, per axis [N·m or N]; the URDF's effort unless given."""
-    integral_limit: AxisValues | None = None
-    """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
-    admittance_gain: NotNegative = 0.0
-    """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
+
+class _Section(Strict):
+    """A section that tells of its keys that were given another place or name."""
+
+    moved: ClassVar[Mapping[str, str]] = {}
 
     @model_validator(mode="before")
     @classmethod
-    def _told_of_admittance(cls, content: Any) -> Any:
-        return _moved(content, "yield_gain", "admittance_gain")
+    def _told(cls, content: Any) -> Any:
+        for key, now in cls.moved.items():
+            if isinstance(content, dict) and key in content:
+                raise ValueError(f"{key} is now {now}")
+        return content
+
+
+class ServoConfig(_Section):
+    """The joint servos: PID and saturation. What is not given comes from the robot's own file."""
+
+    moved: ClassVar[Mapping[str, str]] = {"yield_gain": "admittance_gain"}
+
+    realization: Realization = "per_joint"
+    """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
+    kp: _Gain | None = None
+    """Proportional gain, per axis [N·m/rad, or N/m where it slides]."""
+    ki: _Gain | None = None
+    """Integral gain, per axis [N·m/(rad·s) or N/(m·s)]; 0 leaves the integrators out."""
+    kd: _Gain | None = None
+    """Derivative gain, per axis [N·m·s/rad or N·s/m]."""
+    torque_limit: _Limit | None = None
+    """Saturation, per axis [N·m or N]; the URDF's effort unless given."""
+    integral_limit: _Limit | None = None
+    """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
+    admittance_gain: NotNegative = 0.0
+    """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
 
     @model_validator(mode="after")
     def _torque_is_known(self) -> ServoConfig:
@@ -69,19 +90,13 @@ class ServoConfig(Strict):
             raise ValueError("admittance_gain needs realization per_joint or vector: implicit hides the servo's torque")
         return self
 
-    @field_validator("kp", "ki", "kd")
-    @classmethod
-    def _not_negative(cls, values: AxisValues | None) -> AxisValues | None:
-        return _each(values, lambda value: value >= 0, "a gain must not be negative")
 
-    @field_validator("torque_limit", "integral_limit")
-    @classmethod
-    def _positive(cls, values: AxisValues | None) -> AxisValues | None:
-        return _each(values, lambda value: value > 0, "a torque limit must be positive [N·m or N]")
-
-
-class RobotConfig(Strict):
+class RobotConfig(_Section):
     """A robot of the station: one of the package by name, or any URDF by path."""
+
+    moved: ClassVar[Mapping[str, str]] = {
+        "pushes": "one of the station's forces: {push: {start: 1, duration: 0.1, force: [5, 0, 0]}}"
+    }
 
     model: str | None = None
     """A robot's name, of `simrob list`, or the path of a `robot.yaml`; relative paths start at the station's file."""
@@ -103,13 +118,6 @@ class RobotConfig(Strict):
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
     """This robot's reference, in place of the station's."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _told_of_forces(cls, content: Any) -> Any:
-        return _moved(
-            content, "pushes", "one of the station's forces: {push: {start: 1, duration: 0.1, force: [5, 0, 0]}}"
-        )
 
     @model_validator(mode="after")
     def _one_origin(self) -> RobotConfig:
@@ -190,8 +198,12 @@ class JointStops(Strict):
     """Damper of a stop [N·m·s/rad or N·s/m]; 10 N·m·s/deg."""
 
 
-class StationConfig(Strict):
+class StationConfig(_Section):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
+
+    moved: ClassVar[Mapping[str, str]] = {
+        "external_force": "one of forces: {hand: {kind: sine, at: tool0, amplitude: [0, 0, 5], frequency: 1}}"
+    }
 
     name: FileName
     """What results and pictures call it; the file's name unless given."""
@@ -240,12 +252,6 @@ class StationConfig(Strict):
         check_samples(self.duration, self.sample_rate)
         return self
 
-    @model_validator(mode="before")
-    @classmethod
-    def _told_of_forces(cls, content: Any) -> Any:
-        example = "one of forces: {hand: {kind: sine, at: tool0, amplitude: [0, 0, 5], frequency: 1}}"
-        return _moved(content, "external_force", example)
-
     @field_validator("robots", "pieces", "sensors", "monitors", "forces", "controllers")
     @classmethod
     def _plain_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
@@ -286,11 +292,3 @@ def check_samples(duration: float, rate: float) -> None:
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
-
-
-def _each(values: AxisValues | None, accepts: Any, meaning: str) -> AxisValues | None:
-    """Return per-axis values if every number in them is accepted."""
-    listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
-    if values is not None and not all(accepts(value) for value in listed):
-        raise ValueError(meaning)
-    return values

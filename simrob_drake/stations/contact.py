@@ -74,7 +74,7 @@ def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: R
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         stiffness = _material(config, config.contact, piece_of_shape(station, inspector, shape)).stiffness
         if stiffness is not None and not plant.IsAnchored(body):
-            check_stiffness(config.solver, body, stiffness)
+            _check_stiffness(config.solver, body, stiffness)
 
 
 def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector) -> list[str]:
@@ -140,12 +140,7 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
     return mass * (_STABLE / _FINEST_STEP) ** 2
 
 
-def check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) -> None:
-    """Check that a solver can hold the contacts of a body.
-
-    Raises:
-        InvalidParameter: names the body and the largest stiffness.
-    """
+def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) -> None:
     largest = largest_stiffness(solver, body.default_mass())
     if stiffness > largest:
         step = f"steps of {solver.time_step:g} s" if isinstance(solver, DiscreteSolver) else solver.kind

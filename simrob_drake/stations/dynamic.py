@@ -40,8 +40,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
 def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> Signal:
     """Return what an output of one value an axis is."""
     units = robot.model.units
-    per_role = {"effort": [unit.effort for unit in units], "motion": [f"{unit.si}/s" for unit in units]}
-    shown = per_role["motion"] if columns == "v" else per_role["effort"] if role == "effort" else [u.si for u in units]
+    shown = [f"{unit.si}/s" if columns == "v" else unit.effort if role == "effort" else unit.si for unit in units]
     names = tuple(f"{robot.prefix}{columns}.{axis}" for axis in robot.axes)
     return Signal(names, tuple(shown), role, f"{robot.prefix}{output}")
 

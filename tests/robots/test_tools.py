@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from simrob_drake.robots.tools import tool_links
+from simrob_drake.robots.bodies import tool_links
 
 
 def robot(*joints: str) -> ET.Element:

@@ -10,10 +10,9 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.errors import InvalidModel, UnknownName
-from simrob_drake.robots.bodies import links_without_inertia
+from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.catalog import Axis, load_robot_from_urdf
 from simrob_drake.robots.parse import add_urdf
-from simrob_drake.robots.tools import tool_links
 from simrob_drake.robots.urdf import (
     joint_effort,
     joint_limits,

@@ -271,11 +271,8 @@ def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | 
     for folder in (*around, *_children(around[1:3])):
         if _may_be(folder, name, beside=root.parent):
             return folder
-    return next((folder for top in mesh_path for folder in _below(top) if _is(folder, name)), None)
-
-
-def _is(folder: Path, name: str) -> bool:
-    return folder.name == name or _manifest_name(folder) == name
+    below = (folder for top in mesh_path for folder in _below(top))
+    return next((folder for folder in below if folder.name == name or _manifest_name(folder) == name), None)
 
 
 def _may_be(folder: Path, name: str, *, beside: Path) -> bool:

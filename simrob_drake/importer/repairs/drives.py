@@ -26,7 +26,7 @@ from simrob_drake.robots.urdf import (
     outward,
     root_link,
 )
-from simrob_drake.robots.urdf_elements import add_motor, pose_of, written
+from simrob_drake.robots.urdf_elements import add_motor, child_of, pose_of, written
 
 SIMPLE = "SimpleTransmission"
 
@@ -231,7 +231,7 @@ def _effort(load: _Load, whole: float, prismatic: bool) -> float:
 
 
 def _set_effort(joint: ET.Element, held: float, least: float, known: bool, report: ImportReport) -> None:
-    limit, effort = _limit(joint), _rounded_up(min(max(held, least), _ENDLESS))
+    limit, effort = child_of(joint, "limit"), _rounded_up(min(max(held, least), _ENDLESS))
     text = limit.get("effort")
     limit.set("effort", written(effort))
     said = "has no effort" if text is None else f"effort {text} would not move it"
@@ -246,15 +246,10 @@ def _set_velocities(joints: list[ET.Element], prismatic: bool, report: ImportRep
     slow = [joint for joint in joints if (number(joint.find("limit"), "velocity") or 0.0) <= 0]
     speed, unit = (PRISMATIC_SPEED, "m/s") if prismatic else (REVOLUTE_SPEED, "rad/s")
     for joint in slow:
-        _limit(joint).set("velocity", written(speed))
+        child_of(joint, "limit").set("velocity", written(speed))
     if slow:
         listed = "', '".join(name_of(joint) for joint in slow)
         report.add("defaulted", f"joints '{listed}' <limit>", f"no velocity above 0; {speed:.4g} {unit}")
-
-
-def _limit(joint: ET.Element) -> ET.Element:
-    limit = joint.find("limit")
-    return ET.SubElement(joint, "limit") if limit is None else limit
 
 
 def _rounded_up(value: float) -> float:

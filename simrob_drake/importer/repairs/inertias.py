@@ -45,10 +45,11 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
         if figures is not None:
             unusable[name_of(link)] = figures
     unusable |= _take_out_points_on_axes(robot)
+    taken_out = [(link, unusable[name_of(link)]) for link in robot.iterfind("link") if name_of(link) in unusable]
     if options.estimate_inertia:
-        _estimate_unusable(robot, unusable, folder, options, report)
+        _estimate_unusable(taken_out, folder, options, report)
     else:
-        _leave_out(robot, unusable, report)
+        _leave_out(robot, taken_out, report)
     for carrier in _bodies_without_mass(robot, options):
         if options.estimate_inertia:
             _estimate_body(carrier, bodies(robot)[carrier], folder, options, report)
@@ -86,14 +87,11 @@ def _repair(link: ET.Element, report: ImportReport) -> Figures | None:
     return figures
 
 
-def _leave_out(robot: ET.Element, unusable: dict[str, Figures], report: ImportReport) -> None:
+def _leave_out(robot: ET.Element, taken_out: list[tuple[ET.Element, Figures]], report: ImportReport) -> None:
     """Tell which inertias were taken out; a mass on a body that has moments already stays, as a point."""
     carrier = carriers(robot)
     heavy = {carrier[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0}
-    for link in robot.iterfind("link"):
-        figures = unusable.get(name_of(link))
-        if figures is None:
-            continue
+    for link, figures in taken_out:
         where = f"link '{name_of(link)}' <inertial>"
         if figures.mass > 0 and figures.moments is None and carrier[name_of(link)] in heavy:
             place = figures.place.translation()
@@ -104,12 +102,9 @@ def _leave_out(robot: ET.Element, unusable: dict[str, Figures], report: ImportRe
 
 
 def _estimate_unusable(
-    robot: ET.Element, unusable: dict[str, Figures], folder: Path | None, options: ImportOptions, report: ImportReport
+    taken_out: list[tuple[ET.Element, Figures]], folder: Path | None, options: ImportOptions, report: ImportReport
 ) -> None:
-    for link in robot.iterfind("link"):
-        figures = unusable.get(name_of(link))
-        if figures is None:
-            continue
+    for link, figures in taken_out:
         where = f"link '{name_of(link)}' <inertial>"
         estimate = inertia_of_shapes(link, folder, options.density)
         if estimate is not None and figures.mass > 0:

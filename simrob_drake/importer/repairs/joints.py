@@ -16,7 +16,7 @@ from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.structure import drop_lost_frames
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, movable_joints, name_of
-from simrob_drake.robots.urdf_elements import place, pose_of, written
+from simrob_drake.robots.urdf_elements import child_of, place, pose_of, written
 
 _TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")
 _OF_OTHER_FORMATS = ("revolute2", "screw", "ball", "universal", "gearbox", "spherical", "cylindrical")
@@ -99,9 +99,8 @@ def _drop_mimic(joint: ET.Element, where: str, report: ImportReport) -> None:
 
 
 def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
-    axis = joint.find("axis")
-    if axis is None or "xyz" not in axis.attrib:
-        axis = ET.SubElement(joint, "axis") if axis is None else axis
+    axis = child_of(joint, "axis")
+    if "xyz" not in axis.attrib:
         axis.set("xyz", _DEFAULT_AXIS)
         report.add("defaulted", where, f"has no axis; {_DEFAULT_AXIS}, as the format has it")
         return
@@ -226,8 +225,7 @@ def _fix_at(joint: ET.Element, value: float) -> None:
 
 
 def _set_range(joint: ET.Element, lower: float, upper: float) -> None:
-    limit = joint.find("limit")
-    limit = ET.SubElement(joint, "limit") if limit is None else limit
+    limit = child_of(joint, "limit")
     for key, value in (("lower", lower), ("upper", upper)):
         if number(limit, key) != value:
             limit.set(key, written(value))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from itertools import chain, count
 
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
@@ -11,8 +12,7 @@ from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 WORLD = "world"
 """Drake's own link; no robot's link can have its name."""
 
-_HELD = ("parent", "child", "frame")
-_PLACES = {"link", "visual", "collision", "inertial"}
+_NAMES_A_LINK = ("parent", "child", "frame", f"{DRAKE}member")
 
 
 def repair_names(robot: ET.Element, report: ImportReport) -> None:
@@ -35,12 +35,7 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
 def free_name(wanted: str, taken: Iterable[str]) -> str:
     """Return a name that nobody has yet: the wanted one, or that with a number."""
     names = set(taken)
-    if wanted not in names:
-        return wanted
-    number = 2
-    while f"{wanted}_{number}" in names:
-        number += 1
-    return f"{wanted}_{number}"
+    return next(name for name in chain([wanted], (f"{wanted}_{number}" for number in count(2))) if name not in names)
 
 
 def names(robot: ET.Element, tag: str) -> list[str]:
@@ -58,14 +53,6 @@ def _content(element: ET.Element) -> str:
     text = (element.text or "").strip()
     children = ",".join(_content(child) for child in element)
     return f"{element.tag}{sorted(element.attrib.items())}{text}[{children}]"
-
-
-def _references(robot: ET.Element) -> Iterator[tuple[ET.Element, str]]:
-    """Yield every attribute that names a link: element and key."""
-    for top in robot:
-        for element in top.iter():
-            if element.tag in _HELD or element.tag == f"{DRAKE}member":
-                yield element, "link"
 
 
 def _strip(robot: ET.Element, report: ImportReport) -> None:
@@ -142,9 +129,10 @@ def _part_joints(robot: ET.Element, report: ImportReport) -> None:
 
 def _rename_world(robot: ET.Element, report: ImportReport) -> None:
     """Give a link called like Drake's world another name, and make one where a joint starts at it without it."""
-    references = [(element, key) for element, key in _references(robot) if element.get(key) == WORLD]
+    elements = [element for top in robot for element in top.iter() if element.tag in _NAMES_A_LINK]
+    references = [element for element in elements if element.get("link") == WORLD]
     own = next((link for link in robot.iterfind("link") if name_of(link) == WORLD), None)
-    meant = own is not None or any(element.tag == "parent" for element, _ in references)
+    meant = own is not None or any(element.tag == "parent" for element in references)
     if not meant:
         return
     new = free_name(f"robot_{WORLD}", names(robot, "link"))
@@ -154,5 +142,5 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
     else:
         own.set("name", new)
         report.add("repaired", f"link '{new}'", f"was called '{WORLD}', as is Drake's own link")
-    for element, key in references:
-        element.set(key, new)
+    for element in references:
+        element.set("link", new)

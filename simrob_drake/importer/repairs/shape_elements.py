@@ -57,11 +57,8 @@ def check_geometry(element: ET.Element, where: str, report: ImportReport) -> str
     for child in [child for child in geometry if child is not shapes[0]]:
         geometry.remove(child)
         report.add("dropped", where, f"<{child.tag}>: a <geometry> holds one shape; <{shapes[0].tag}> stays")
-    return "" if shapes[0].tag == "mesh" else _titled(shapes[0], shape_defect(shapes[0]))
-
-
-def _titled(shape: ET.Element, defect: str) -> str:
-    return f"<{shape.tag.rpartition('}')[2]}> {defect}" if defect else ""
+    defect = "" if shapes[0].tag == "mesh" else shape_defect(shapes[0])
+    return f"<{shapes[0].tag.rpartition('}')[2]}> {defect}" if defect else ""
 
 
 def drop(link: ET.Element, element: ET.Element, where: str, problem: str, report: ImportReport) -> None:

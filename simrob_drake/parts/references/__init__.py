@@ -5,7 +5,8 @@ from typing import Annotated
 from pydantic import Field
 
 from simrob_drake.parts.references.hold import Hold
-from simrob_drake.parts.references.move import Move, Ramp
+from simrob_drake.parts.references.move import Move
+from simrob_drake.parts.references.ramp import Ramp
 from simrob_drake.parts.references.sequence import Sequence
 from simrob_drake.parts.references.sine import SineWave
 from simrob_drake.parts.references.table import Table

@@ -1,4 +1,4 @@
-"""Go to one posture, with continuous acceleration or at constant speed."""
+"""Go to one posture with continuous acceleration; what moves to one posture share."""
 
 from __future__ import annotations
 
@@ -42,9 +42,3 @@ class Move(ToOnePosture):
     """Go to a posture with continuous acceleration (a polynomial of degree five), and stay there."""
 
     kind: Literal["move"]
-
-
-class Ramp(ToOnePosture):
-    """Go to a posture at constant speed, as SimRob's interpolated moves do, and stay there."""
-
-    kind: Literal["ramp"]

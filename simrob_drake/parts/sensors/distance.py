@@ -8,28 +8,18 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.distance_sensor import DistanceSensor
 from simrob_drake.blocks.wiring import fed
-from simrob_drake.parts.sensors.sensor import Sensor, check_contact, sampled, sensor_label
+from simrob_drake.parts.sensors.sensor import ShapeSensor, check_contact, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, shapes_of
-from simrob_drake.quantities import Positive
 from simrob_drake.signals import Signal, sensor_panel
 
 
-class Distance(Sensor):
+class Distance(ShapeSensor):
     """Signed distance between two things [m]; negative: how deep they are in each other."""
 
     kind: Literal["distance"]
-    body: str
-    """A robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
     other: str = "floor"
-    """The same, or `floor`."""
-    rate: Positive | None = None
-    """Samples a second that a loop or a monitor gets [Hz]; it may always look unless given."""
-
-    @property
-    def stepped(self) -> bool:
-        """Whether it takes samples."""
-        return self.rate is not None
+    """A robot, a link, a piece, a shape of a piece, or `floor`."""
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that both things exist, and that the plant has shapes."""

@@ -12,10 +12,9 @@ from simrob_drake.blocks.contacts import ContactReader, ForceSensor
 from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.sensors.momentum_balance import Balance
-from simrob_drake.parts.sensors.sensor import Sensor, axis_names, check_contact, sampled, sensor_label
+from simrob_drake.parts.sensors.sensor import ShapeSensor, axis_names, check_contact, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
-from simrob_drake.quantities import Positive
 from simrob_drake.signals import Signal, sensor_panel
 
 _CONTACTS = "contacts"
@@ -26,23 +25,14 @@ from the momentum of the model that the sensor sits on, if that stands free; of 
 loop it cannot be told."""
 
 
-class Force(Sensor):
+class Force(ShapeSensor):
     """Contact force [N] and moment [N·m] on a body."""
 
     kind: Literal["force"]
-    body: str
-    """What feels it: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
     other: str | None = None
-    """What presses on it: one of these, or `floor`; everything unless given."""
+    """What presses on the body: a robot, a link, a piece, a shape of a piece, or `floor`; everything unless given."""
     frame: str = "world"
     """In whose axes force and moment are given, and about whose origin the moment: `world`, a tool, link or piece."""
-    rate: Positive | None = None
-    """Samples a second that a loop or a monitor gets [Hz]; it may always look unless given."""
-
-    @property
-    def stepped(self) -> bool:
-        """Whether it takes samples."""
-        return self.rate is not None
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that its bodies and its frame exist, and that the station computes contacts."""

@@ -19,27 +19,27 @@ import numpy as np
 from pydantic import Field
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, DiscreteValues, OutputPort
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, DiscreteValues
 
 from simrob_drake.blocks.block import Block
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion, xyz_quaternion_from_transform
-from simrob_drake.lifetime import release_with, weakly
-from simrob_drake.parts.sensors.sensor import Sensor, axis_names, replayed, sensor_label
+from simrob_drake.lifetime import weakly
+from simrob_drake.parts.sensors.sampled import SampledSensor
+from simrob_drake.parts.sensors.sensor import axis_names
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
-from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.signals import Panel, Recorded, Signal
+from simrob_drake.quantities import NotNegative
+from simrob_drake.signals import Panel, Signal
 
 _PARTS = {
     "specific_force": (slice(0, 3), ("x", "y", "z"), "m/s²"),
     "angular_velocity": (slice(3, 6), ("x", "y", "z"), "rad/s"),
     "orientation": (slice(6, 10), ("qw", "qx", "qy", "qz"), "1"),
 }
-_WHOLE = slice(0, 10)
 _NO_SAMPLE = np.array([0.0, 0, 0, 0, 0, 0, 1, 0, 0, 0])
 
 
-class Imu(Sensor):
+class Imu(SampledSensor):
     """Specific force, angular velocity and orientation of a frame, in its axes, as an inertial measurement unit tells.
 
     At rest the specific force is 9.80665 m/s² upward, in free fall zero: the mean over a sample.
@@ -48,8 +48,6 @@ class Imu(Sensor):
     kind: Literal["imu"]
     frame: str | None = None
     """A link or a tool of a robot, or a piece (its TCP); the root link of the only robot unless given."""
-    rate: Positive = 200.0
-    """Samples a second [Hz]."""
     seed: int = Field(default=0, ge=0)
     """Of noise and biases: the same seed, the same figures."""
     accelerometer_noise: NotNegative = 0.0
@@ -60,13 +58,6 @@ class Imu(Sensor):
     """Standard deviation of the constant error of each axis, drawn from the seed [m/s²]."""
     gyroscope_bias: NotNegative = 0.0
     """Likewise [rad/s]."""
-    in_loop: bool = False
-    """Sample while stepping, so that blocks can read it; otherwise it is computed after the run and costs nothing."""
-
-    @property
-    def stepped(self) -> bool:
-        """Whether it samples while stepping."""
-        return self.in_loop
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the frame exists."""
@@ -83,24 +74,13 @@ class Imu(Sensor):
             noise=(self.accelerometer_noise, self.gyroscope_noise),
             bias=(self.accelerometer_bias, self.gyroscope_bias),
         )
-        if self.in_loop:
-            builder.AddNamedSystem(f"sensor.{name}", block)
-            site.draw(f"sensor.{name}", "sensor", sensor_label("IMU", name))
-            builder.Connect(site.state, block.GetInputPort("state"))
-        else:
-            release_with(site.plant.plant, block)
-        site.notes[name] = {"kind": self.kind, "frame": frame}
-        for part, (columns, axes, unit) in _PARTS.items():
-            names, output = axis_names(part, name, axes), f"{part}.{name}"
-            quantity = part.replace("_", " ")
+        signals = {}
+        for part, (_, axes, unit) in _PARTS.items():
+            names, quantity = axis_names(part, name, axes), part.replace("_", " ")
             panel = Panel(f"imu_{name}", f"the IMU '{name}'", quantity, f"{quantity} [{unit}]", names)
-            compute = None if self.in_loop else partial(_computed, block=block, state=site.state, columns=columns)
-            read, units = output if self.in_loop else "", (unit,) * len(names)
-            signal = Signal(names, units, "inertial", read, compute=compute, part=name, panel=panel)
-            if self.in_loop:
-                site.add(output, block.GetOutputPort(part), signal)
-            else:
-                site.signals.append(signal)
+            signals[part] = Signal(names, (unit,) * len(names), "inertial", part=name, panel=panel)
+        self._give(builder, site, name, block=block, title="IMU", inputs={"state": site.state}, signals=signals)
+        site.notes[name] = {"kind": self.kind, "frame": frame}
 
     def _frame_name(self, station: Surroundings, key: str) -> str:
         if self.frame is not None:
@@ -117,7 +97,7 @@ class InertialUnit(Block):
     Ports:
         in  ``state`` (nq + nv): positions and velocities of the whole plant.
         out ``specific_force`` (3) [m/s²], ``angular_velocity`` (3) [rad/s], both in the frame's axes;
-        ``orientation`` (4): of the frame in the world, qw qx qy qz; ``sample`` (10): all three.
+        ``orientation`` (4): of the frame in the world, qw qx qy qz.
     """
 
     def __init__(
@@ -149,8 +129,7 @@ class InertialUnit(Block):
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         unknown = np.concatenate([_NO_SAMPLE, np.zeros(4)])
         self._memory = self.DeclareDiscreteState(unknown)  # sample, velocity of the origin, number of samples
-        ports = {"sample": _WHOLE, **{part: columns for part, (columns, *_) in _PARTS.items()}}
-        for name, columns in ports.items():
+        for name, (columns, *_) in _PARTS.items():
             calc = partial(weakly(self._calc), columns)
             self.DeclareVectorOutputPort(name, len(_NO_SAMPLE[columns]), calc, {self.xd_ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
@@ -178,11 +157,3 @@ class InertialUnit(Block):
 
     def _calc(self, columns: slice, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_discrete_state(self._memory).value()[columns])
-
-
-def _computed(recorded: Recorded, times: Vector, *, block: InertialUnit, state: OutputPort, columns: slice) -> Vector:
-    """Return columns of the samples of a run that is over; they are computed once."""
-    key = (block, times.tobytes())
-    if key not in recorded.memo:
-        recorded.memo[key] = replayed(recorded, times, block=block, inputs={"state": state}, output="sample")
-    return np.asarray(recorded.memo[key][:, columns])

@@ -1,18 +1,16 @@
-"""What the kinds of sensor share: their samples, while stepping or after the run."""
+"""What the kinds of sensor share."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import numpy as np
-from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
 from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.signals import Recorded
+from simrob_drake.quantities import Positive
 from simrob_drake.yaml_files import Strict
 
 
@@ -32,6 +30,21 @@ class Sensor(Strict):
         return False
 
 
+class ShapeSensor(Sensor):
+    """What sensors at the collision shapes of a body share."""
+
+    kind: str
+    body: str
+    """What it is at: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
+    rate: Positive | None = None
+    """Samples a second that a loop or a monitor gets [Hz]; it may always look unless given."""
+
+    @property
+    def stepped(self) -> bool:
+        """Whether it takes samples."""
+        return self.rate is not None
+
+
 def check_contact(key: str, sensor: str, station: Surroundings) -> None:
     """Check that a station has the contact section that a sensor needs."""
     if not station.has_contact:
@@ -41,40 +54,6 @@ def check_contact(key: str, sensor: str, station: Surroundings) -> None:
 def sampled(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:
     """Hold a port's value between samples, ``rate`` a second [Hz]; as it is where that is None."""
     return port if rate is None else fed(builder, name, ZeroOrderHold(1 / rate, port.size()), port)
-
-
-def replayed(
-    recorded: Recorded,
-    times: Vector,
-    *,
-    block: LeafSystem,
-    inputs: Mapping[str, OutputPort],
-    output: str,
-) -> Vector:
-    """Let a sampled block go through a run that is over, as it would have while stepping.
-
-    The block has one periodic discrete update and is part of no diagram; ``inputs`` tells, by the names of its ports,
-    what they read.
-
-    Returns:
-        its output at the last sample before each of the times (m,) [s], shape (m, size).
-    """
-    attribute = block.GetUniquePeriodicDiscreteUpdateAttribute()
-    period = attribute.period_sec()
-    ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
-    held = np.clip((times / period + 1e-9).astype(int), 0, len(ticks) - 1)
-    values = dict(zip(inputs, recorded.sample(list(inputs.values()), ticks), strict=True))
-    context, port = block.CreateDefaultContext(), block.GetOutputPort(output)
-    wanted, rows = set(held.tolist()), np.empty((len(ticks), port.size()))
-    for tick, time in enumerate(ticks):
-        context.SetTime(time)
-        for name, row in values.items():
-            block.GetInputPort(name).FixValue(context, row[tick])
-        update = block.EvalUniquePeriodicDiscreteUpdate(context)
-        context.get_mutable_discrete_state().SetFrom(update)
-        if tick in wanted:
-            rows[tick] = port.Eval(context)
-    return np.asarray(rows[held])
 
 
 def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[str, ...]:

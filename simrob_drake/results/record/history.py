@@ -137,19 +137,12 @@ def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> Pl
 
 @dataclass(frozen=True)
 class History:
-    """States at the accepted steps of a run.
+    """States at the accepted steps of a run."""
 
-    Attributes:
-        times: of the steps' ends, shape (m,) [s], rising.
-        continuous: continuous states, shape (m, nx).
-        discrete: for every discrete group its values, shape (m, size).
-        abstract: for every step the abstract values; empty where there are none.
-    """
-
-    times: Vector
-    continuous: Vector
-    discrete: list[Vector] = field(default_factory=list)
-    abstract: list[list[AbstractValue]] = field(default_factory=list)
+    times: Vector  # of the steps' ends, shape (m,) [s], rising
+    continuous: Vector  # continuous states, shape (m, nx)
+    discrete: list[Vector] = field(default_factory=list)  # for every discrete group its values, shape (m, size)
+    abstract: list[list[AbstractValue]] = field(default_factory=list)  # for every step, where there are any
 
     @property
     def end(self) -> float:

@@ -162,10 +162,18 @@ def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
     sample to the next each point that touches in both is followed as a point of its link, and the foot slides by the
     mean of their horizontal displacements. A foot that rolls does not slide.
     """
-    own = result.plant.robots[robot]
+    own, plant = result.plant.robots[robot], result.plant.plant
     assert own.feet is not None  # the caller asks for robots with feet only
+    frames, context = (
+        [plant.GetFrameByName(link, own.instance) for link in own.feet.links],
+        plant.CreateDefaultContext(),
+    )
+    rows = []
+    for positions in result.positions_at(result.times):
+        plant.SetPositions(context, positions)
+        rows.append([frame.CalcPoseInWorld(context).GetAsMatrix4() for frame in frames])
     slips = {}
-    for link, poses in _link_poses(result, own).items():
+    for link, poses in zip(own.feet.links, np.array(rows).swapaxes(0, 1), strict=True):
         turns, places = poses[:, :3, :3], poses[:, :3, 3]
         points = own.feet.lowest_points(link, poses)
         local = np.einsum("mji,mkj->mki", turns[:-1], points[:-1] - places[:-1, np.newaxis])
@@ -174,20 +182,6 @@ def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
         ways = np.linalg.norm((moved - points[:-1])[..., :2], axis=2) * touches
         slips[link] = float((ways.sum(axis=1) / np.maximum(touches.sum(axis=1), 1)).sum())
     return slips
-
-
-def _link_poses(result: RecordedRun, robot: StationRobot) -> dict[str, Vector]:
-    """Return the poses of the feet's links in the world at the samples of a run, (m, 4, 4) each."""
-    plant = result.plant.plant
-    assert robot.feet is not None  # checked by the caller
-    frames = {link: plant.GetFrameByName(link, robot.instance) for link in robot.feet.links}
-    context = plant.CreateDefaultContext()
-    found: dict[str, list[Vector]] = {link: [] for link in frames}
-    for positions in result.positions_at(result.times):
-        plant.SetPositions(context, positions)
-        for link, frame in frames.items():
-            found[link].append(frame.CalcPoseInWorld(context).GetAsMatrix4())
-    return {link: np.array(poses) for link, poses in found.items()}
 
 
 def _peak_torque(result: RecordedRun, robot: StationRobot) -> dict[str, Any]:

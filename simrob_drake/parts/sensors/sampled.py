@@ -1,0 +1,103 @@
+"""Sensors that sample: while stepping where something reads them, else through the run when it is over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+
+from simrob_drake.frames import Vector
+from simrob_drake.lifetime import release_with
+from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
+from simrob_drake.parts.site import Site, StationRobot
+from simrob_drake.quantities import Positive
+from simrob_drake.signals import Recorded, Signal
+
+
+class SampledSensor(Sensor):
+    """What sensors whose block has one periodic discrete update share."""
+
+    rate: Positive = 200.0
+    """Samples a second [Hz]."""
+    in_loop: bool = False
+    """Sample while stepping, so that blocks can read it; otherwise it is computed after the run and costs nothing."""
+
+    @property
+    def stepped(self) -> bool:
+        """Whether it samples while stepping."""
+        return self.in_loop
+
+    def _give(
+        self,
+        builder: DiagramBuilder,
+        site: Site,
+        name: str,
+        *,
+        block: LeafSystem,
+        title: str,
+        inputs: Mapping[str, OutputPort],
+        signals: Mapping[str, Signal],
+        robot: StationRobot | None = None,
+    ) -> None:
+        """Add the outputs ``<port>.<sensor>`` of a block, or what computes them after the run.
+
+        ``inputs`` tells, by the names of the block's ports, what they read; ``signals`` what its outputs are.
+        """
+        if self.in_loop:
+            builder.AddNamedSystem(f"sensor.{name}", block)
+            site.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
+            for port, source in inputs.items():
+                builder.Connect(source, block.GetInputPort(port))
+        else:
+            release_with(site.plant.plant, block)
+        for port, signal in signals.items():
+            if self.in_loop:
+                output = f"{port}.{name}"
+                site.add(output, block.GetOutputPort(port), replace(signal, output=output))
+            else:
+                compute = partial(_after_the_run, block=block, inputs=inputs, output=port)
+                site.signals.append(replace(signal, compute=compute))
+
+
+def _after_the_run(
+    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort], output: str
+) -> Vector:
+    """Return an output of a block as :func:`replayed` gives it; the block goes through the run once."""
+    key = (block, times.tobytes())
+    if key not in recorded.memo:
+        recorded.memo[key] = replayed(recorded, times, block=block, inputs=inputs)
+    return np.asarray(recorded.memo[key][output])
+
+
+def replayed(
+    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort]
+) -> dict[str, Vector]:
+    """Let a sampled block go through a run that is over, as it would have while stepping.
+
+    The block is part of no diagram.
+
+    Returns:
+        each output at the last sample before each of the times (m,) [s], shape (m, size).
+    """
+    attribute = block.GetUniquePeriodicDiscreteUpdateAttribute()
+    period = attribute.period_sec()
+    ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
+    held = np.clip((times / period + 1e-9).astype(int), 0, len(ticks) - 1)
+    values = dict(zip(inputs, recorded.sample(list(inputs.values()), ticks), strict=True))
+    context = block.CreateDefaultContext()
+    ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
+    rows = {port.get_name(): np.empty((len(ticks), port.size())) for port in ports}
+    wanted = set(held.tolist())
+    for tick, time in enumerate(ticks):
+        context.SetTime(time)
+        for name, row in values.items():
+            block.GetInputPort(name).FixValue(context, row[tick])
+        update = block.EvalUniquePeriodicDiscreteUpdate(context)
+        context.get_mutable_discrete_state().SetFrom(update)
+        if tick in wanted:
+            for port in ports:
+                rows[port.get_name()][tick] = port.Eval(context)
+    return {name: row[held] for name, row in rows.items()}
