@@ -23,6 +23,7 @@ ROAD = [
     "identification",
     "kinematics",
     "programs",
+    "simulink",
     "cli",
 ]
 BASE = {

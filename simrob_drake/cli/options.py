@@ -27,7 +27,9 @@ Live = Annotated[bool, typer.Option("--live", help="Show the motion in the brows
 NoRecording = Annotated[bool, typer.Option("--no-recording", help="No recording and no film strip.")]
 Video = Annotated[bool, typer.Option("--video", help="Write an MP4, too (needs the extra `video`).")]
 
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A URDF or xacro file.")]
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A URDF or xacro file, or a Simulink model (import).")
+]
 
 
 def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

@@ -12,6 +12,16 @@ from rich.text import Text
 from simrob_drake.cli.given import check_file, is_robot_file, refuse_import
 from simrob_drake.cli.options import FileArgument, Force, with_import_options
 from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.simulink import (
+    Assume,
+    Library,
+    ModelSettings,
+    Variables,
+    import_model,
+    is_model_file,
+    model_options,
+    refuse_model,
+)
 from simrob_drake.cli.tables import report_table, robot_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import written_at_once
@@ -29,8 +39,24 @@ def import_file(
     out: Annotated[Path | None, typer.Option(help="Folder of the result; NAME_imported unless given.")] = None,
     options: ImportOptions | None,
     force: Force = False,
+    library: Library = None,
+    set_: ModelSettings = None,
+    variables: Variables = None,
+    assume: Assume = False,
 ) -> None:
-    """Make a published robot run: convert its meshes, repair its URDF, and tell all that was done."""
+    """Make a published robot run, or a Simulink model: convert, repair, and tell all that was done.
+
+    For example:
+
+        simrob import arm.urdf --out robots/arm
+
+        simrob import station.slx --library subsystems --set q0='[0 0 0]'
+    """
+    if is_model_file(file):
+        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume)
+        import_model(file, out, given, force=force)
+        return
+    refuse_model(library=library, set=set_, variables=variables, assume=assume)
     folder = out or Path(f"{file.stem}_imported")
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)

@@ -25,6 +25,15 @@ from simrob_drake.cli.options import (
 from simrob_drake.cli.robots import examine_file
 from simrob_drake.cli.saving import exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
+from simrob_drake.cli.simulink import (
+    Assume,
+    Library,
+    Variables,
+    examine_model,
+    is_model_file,
+    model_options,
+    refuse_model,
+)
 from simrob_drake.cli.tables import convergence_table, findings_table
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.results.result import SimulationResult
@@ -83,12 +92,22 @@ def run(
 @with_import_options("mesh_path", "estimate_inertia")
 def check(
     *,
-    station: Annotated[str, typer.Argument(metavar="STATION|FILE.urdf", help="A station, or a robot's file.")],
+    station: Annotated[
+        str, typer.Argument(metavar="STATION|FILE", help="A station, a robot's file, or a Simulink model.")
+    ],
     set_: Settings = None,
     options: ImportOptions | None,
     allow_code: AllowCode = False,
+    library: Library = None,
+    variables: Variables = None,
+    assume: Assume = False,
 ) -> None:
     """Say before any run what a station's robots need, and what will go wrong; or what an import would do."""
+    if is_model_file(station):
+        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume)
+        examine_model(Path(station), given)
+        return
+    refuse_model(library=library, variables=variables, assume=assume)
     if is_robot_file(station):
         refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
         examine_file(Path(station), options)

@@ -1,0 +1,186 @@
+"""What `simrob import` and `simrob check` do with a Simulink model, and `simrob fmu`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from simrob_drake.cli.given import given_station, refuse, refuse_import
+from simrob_drake.cli.options import Force, Settings, StationArgument
+from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.tables import report_table
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.importer.options import ImportOptions
+
+if TYPE_CHECKING:
+    from simrob_drake.simulink.simulink_model import SimulinkModel
+
+SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
+
+Library = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--library",
+        metavar="DIR",
+        exists=True,
+        file_okay=False,
+        help="A folder with libraries of a Simulink model; may be given often.",
+    ),
+]
+Variables = Annotated[
+    list[Path] | None,
+    typer.Option("--variables", metavar="FILE", help="Variables of a Simulink model: .mat, or an .m of assignments."),
+]
+Assume = Annotated[
+    bool, typer.Option("--assume", help="Take a block's default where a variable of a Simulink model is unknown.")
+]
+ModelSettings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A variable of a Simulink model; may be given often."),
+]
+
+
+def is_model_file(file: str | Path) -> bool:
+    """Tell whether an argument is a Simulink model."""
+    return Path(file).suffix.lower() in SUFFIXES
+
+
+def refuse_model(**options: Any) -> None:
+    """Refuse options that go with a Simulink model."""
+    refuse("given with a Simulink model only", **options)
+
+
+def model_options(
+    options: ImportOptions | None,
+    *,
+    library: list[Path] | None,
+    set_: list[str] | None,
+    variables: list[Path] | None,
+    assume: bool,
+) -> dict[str, Any]:
+    """Return the options of reading a model.
+
+    Raises:
+        InvalidParameter: a setting that is none, a file of variables that cannot be read, or a choice that only the
+            import of a URDF has.
+    """
+    chosen = options or ImportOptions()
+    refuse_import("left out with a Simulink model", chosen.model_copy(update={"mesh_path": ()}))
+    from simrob_drake.simulink.values.workspace import given_variables
+
+    settings = {}
+    for setting in set_ or []:
+        name, equals, value = setting.partition("=")
+        if not (equals and all(part.isidentifier() for part in name.strip().split("."))):
+            raise InvalidParameter("--set", setting, "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1")
+        settings[name.strip()] = value
+    return {
+        "libraries": tuple(library or ()),
+        "meshes": chosen.mesh_path,
+        "variables": given_variables(settings, variables or []),
+        "assume": assume,
+    }
+
+
+def import_model(file: Path, out: Path | None, options: dict[str, Any], *, force: bool) -> None:
+    """Write the robots, pieces and station of a model, and tell what became of its blocks."""
+    from simrob_drake.simulink.importing import import_simulink
+
+    folder = out or Path(f"{file.stem}_imported")
+    with errors.status(Text(f"importing {file}")):
+        imported = import_simulink(file, folder, force=force, **options)
+    _tell(imported.model)
+    for name, robot in imported.files.robots.items():
+        joints = ", ".join(robot.axes.values())
+        console.print(f"robot   {name}: {joints}", soft_wrap=True, highlight=False)
+    if imported.files.pieces:
+        console.print(f"pieces  {', '.join(imported.files.pieces)}", soft_wrap=True, highlight=False)
+    if imported.station is not None:
+        console.print(f"station {imported.station}", soft_wrap=True, highlight=False)
+        console.print(f"next    simrob run {imported.station}", soft_wrap=True, highlight=False)
+
+
+def examine_model(file: Path, options: dict[str, Any]) -> None:
+    """Report on a model without writing anything."""
+    from simrob_drake.simulink.importing import check_importable
+    from simrob_drake.simulink.simulink_model import read_simulink
+
+    with errors.status(Text(f"reading {file}")):
+        model = read_simulink(file, **options)
+    if model.findings.undefined:
+        table = Table("variable that only MATLAB knows", "where it is used", box=None, pad_edge=False)
+        for name, places in model.findings.undefined.items():
+            table.add_row(Text(name), Text("; ".join(places[:4]) + (" …" if len(places) > 4 else "")))
+        console.print(table)
+    _tell(model)
+    check_importable(model)
+
+
+def fmu(
+    station: StationArgument,
+    out: Annotated[Path | None, typer.Option(help="FILE.fmu; STATION.fmu unless given.")] = None,
+    set_: Settings = None,
+    step: Annotated[
+        float | None,
+        typer.Option(help="Take steps of this length [s], the fastest way at a given communication step."),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write a station as an FMI 2.0 co-simulation unit, for Simulink, OpenModelica and others.
+
+    For example:
+
+        simrob fmu irb120_dynamic --step 1e-3 --out irb120.fmu
+    """
+    from simrob_drake.simulink.fmi.writing import with_fixed_steps, write_fmu
+
+    config = given_station(station, set_)
+    if step is not None:
+        config = with_fixed_steps(config, step)
+    target = out or Path(f"{config.name}.fmu")
+    console.print(f"unit    {write_fmu(config, target, force=force)}", soft_wrap=True, highlight=False)
+
+
+def _tell(model: SimulinkModel) -> None:
+    joints = len(model.bodies.links)
+    told = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
+    console.print(report_table(model.report))
+    console.print(f"{model.path.name}: {told}; {model.report.summary()}", soft_wrap=True, highlight=False)
+
+
+def compare(
+    station: StationArgument,
+    with_: Annotated[Path, typer.Option("--with", metavar="FILE", help="Logged signals: CSV with a header, or .mat.")],
+    map_: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="THEIRS=OURS", help="What a logged signal is called here, as yout.1=q.joint_1."),
+    ] = None,
+    set_: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for pictures of each signal with its log.")] = None,
+) -> None:
+    """Hold logged signals of the original against a station's, in numbers and pictures.
+
+    For example:
+
+        simrob compare irb120_dynamic --with logged.mat --map yout.1=q.joint_1
+    """
+    from simrob_drake.simulink import comparing
+
+    names = dict(entry.partition("=")[::2] for entry in map_ or [])
+    times, logged = comparing.read_log(with_, names)
+    _, differences = comparing.compare(given_station(station, set_), times, logged)
+    table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
+    for found in differences:
+        table.add_row(found.signal, f"{found.largest:.3g}", f"{found.at:.3f}", f"{found.rms:.3g}")
+    console.print(table)
+    if out is not None:
+        comparing.save_pictures(differences, out)
+        console.print(f"pictures {out}", soft_wrap=True, highlight=False)
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu, "compare": compare}

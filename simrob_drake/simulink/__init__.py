@@ -1,0 +1,1 @@
+"""Simulink models with Simscape Multibody read without MATLAB, and stations written for Simulink."""

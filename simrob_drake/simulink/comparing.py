@@ -1,0 +1,158 @@
+"""Hold logged signals of the original against ours: differences in numbers and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from simrob_drake import simulate
+from simrob_drake.csv_files import read_columns
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.workspace import given_variables
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
+
+TIMES = ("time", "tout", "t")
+"""What the column of times may be called."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How one signal differs.
+
+    Attributes:
+        signal: its name in ours.
+        times, logged, ours: of the log, shape (m,) each.
+    """
+
+    signal: str
+    times: Vector
+    logged: Vector
+    ours: Vector
+
+    @property
+    def largest(self) -> float:
+        """The largest difference."""
+        return float(np.abs(self.logged - self.ours).max())
+
+    @property
+    def rms(self) -> float:
+        """The root mean square difference."""
+        return float(np.sqrt(np.mean((self.logged - self.ours) ** 2)))
+
+    @property
+    def at(self) -> float:
+        """When the difference is largest [s]."""
+        return float(self.times[np.argmax(np.abs(self.logged - self.ours))])
+
+
+def read_log(file: Path, names: Mapping[str, str]) -> tuple[Vector, dict[str, Vector]]:
+    """Return the times (m,) [s] and the signals of a log, by our names.
+
+    Args:
+        file: `.csv` with a header, or `.mat`; of a matrix, ``yout.1`` is the first column.
+        names: ours by theirs, for those that are called otherwise.
+
+    Raises:
+        InvalidParameter: a file that cannot be read, without times, or with columns of other lengths.
+        UnknownName: a name that the log does not have.
+    """
+    columns = _of_mat(file) if file.suffix.lower() == ".mat" else _of_csv(file)
+    clock = next((name for name in TIMES if name in columns), None)
+    if clock is None:
+        raise InvalidParameter("--with", str(file), f"a log with a column {', '.join(TIMES)}")
+    times = columns.pop(clock)
+    if len(times) < 2 or np.any(np.diff(times) <= 0) or not np.all(np.isfinite(times)):
+        raise InvalidParameter("--with", str(file), "a log whose times rise")
+    for theirs in names:
+        if theirs not in columns:
+            raise UnknownName("signal of the log", theirs, columns)
+    odd = [name for name, values in columns.items() if len(values) != len(times)]
+    return times, {names.get(name, name): values for name, values in columns.items() if name not in odd}
+
+
+def _of_csv(file: Path) -> dict[str, Vector]:
+    try:
+        header = file.read_text(encoding="utf-8").partition("\n")[0]
+    except (OSError, ValueError) as problem:
+        raise InvalidParameter("--with", str(file), f"a CSV or .mat file that can be read ({problem})") from problem
+    names = [name.strip() for name in header.strip().split(",")]
+    values, _ = read_columns(file, names)
+    return dict(zip(names, values.T, strict=True))
+
+
+def _of_mat(file: Path) -> dict[str, Vector]:
+    columns: dict[str, Vector] = {}
+    for name, value in given_variables({}, [file]).items():
+        if isinstance(value, str | dict):
+            continue
+        array = matrix(value)
+        if 1 in array.shape:
+            columns[name] = array.reshape(-1)
+        else:
+            columns |= {f"{name}.{index + 1}": column for index, column in enumerate(array.T)}
+    return columns
+
+
+def compare(
+    config: StationConfig, times: Vector, logged: Mapping[str, Vector]
+) -> tuple[SimulationResult, list[Difference]]:
+    """Run a station and hold its signals against logged ones.
+
+    Columns ``q_ref.<axis>``, if there is one for every axis of the only robot, become its reference.
+
+    Args:
+        config: the station.
+        times: of the log, shape (m,) [s].
+        logged: signals by our names, shape (m,) each.
+
+    Raises:
+        InvalidParameter: none of the signals is one of the station's.
+    """
+    reference = _reference(config, times, logged)
+    result = simulate(config, duration=float(times[-1]), reference=reference, progress=False)
+    known = [name for name in logged if name in result.names]
+    if not known:
+        given = ", ".join(list(logged)[:5])
+        raise InvalidParameter("--with", given, "signals such as q.<axis>; rename them with --map THEIRS=OURS")
+    inside = times <= result.times[-1]
+    return result, [
+        Difference(name, times[inside], logged[name][inside], np.interp(times[inside], result.times, result[name]))
+        for name in known
+    ]
+
+
+def _reference(config: StationConfig, times: Vector, logged: Mapping[str, Vector]) -> Vector | None:
+    if config.only_robot is None:
+        return None
+    names = [f"q_ref.{axis}" for axis in resolve(config).robots[config.only_robot].model.axes]
+    if not all(name in logged for name in names):
+        return None
+    return np.column_stack([times, *(logged[name] for name in names)])
+
+
+def save_pictures(differences: list[Difference], folder: Path) -> list[Path]:
+    """Draw each signal with its log, and their difference below; return the files."""
+    from matplotlib.figure import Figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for difference in differences:
+        figure = Figure(figsize=(7, 5), layout="constrained")
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        upper.plot(difference.times, difference.logged, label="logged")
+        upper.plot(difference.times, difference.ours, "--", label="ours")
+        upper.set_title(difference.signal)
+        upper.legend()
+        lower.plot(difference.times, difference.ours - difference.logged, color="tab:red")
+        lower.set_ylabel("ours - logged")
+        lower.set_xlabel("time [s]")
+        files.append(folder / f"{difference.signal}.png")
+        figure.savefig(files[-1], dpi=110)
+    return files

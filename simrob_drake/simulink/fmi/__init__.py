@@ -1,0 +1,1 @@
+"""Stations as Functional Mock-up Units (FMI 2.0, co-simulation)."""

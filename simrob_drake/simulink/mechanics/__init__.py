@@ -1,0 +1,1 @@
+"""Simscape Multibody blocks as rigid bodies, joints and contacts."""

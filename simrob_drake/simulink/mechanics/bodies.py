@@ -1,0 +1,206 @@
+"""Frames that are rigidly joined are one body: which frames those are, and what each body carries."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+from xml.etree.ElementTree import Element
+
+from pydrake.math import RigidTransform
+
+from simrob_drake.errors import InvalidModel
+from simrob_drake.simulink.mechanics.joints import JOINTS, REFUSED_JOINTS, Joint, read_joint
+from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.solid_ports import REFERENCE, frame_pose, solid_ports
+from simrob_drake.simulink.mechanics.solids import SOLIDS, SolidBody, read_solid
+from simrob_drake.simulink.mechanics.transforms import rigid_transform
+from simrob_drake.simulink.model.network import Network, Place
+from simrob_drake.simulink.model.nodes import Node
+
+_SAME = 1e-6
+"""How far apart two ways to one frame may put it [m, and of rotation]."""
+
+
+@dataclass(eq=False)
+class Body:
+    """A rigid body: frames, and what hangs on them.
+
+    Attributes:
+        frames: pose of each of its physical nodes in the first one.
+        solids: with their poses there.
+        marks: Reference Frames, and where external forces act, with their poses.
+        grounded: whether it is the world.
+    """
+
+    frames: dict[Place, RigidTransform] = field(default_factory=dict)
+    solids: list[SolidBody] = field(default_factory=list)
+    marks: list[tuple[Node, RigidTransform]] = field(default_factory=list)
+    grounded: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A joint between two bodies.
+
+    Attributes:
+        joint: what it lets free.
+        base, follower: the bodies, and the pose of the joint's frame in each.
+    """
+
+    joint: Joint
+    base: Body
+    follower: Body
+    in_base: RigidTransform
+    in_follower: RigidTransform
+
+
+@dataclass
+class Bodies:
+    """The mechanics of a model.
+
+    Attributes:
+        bodies: all of them; the world first, if there is one.
+        links: the joints that connect them.
+        by_place: which body a physical node is on.
+        roots: physical nodes that no transform or joint leads to.
+    """
+
+    bodies: list[Body]
+    links: list[Link]
+    by_place: dict[Place, Body]
+    roots: set[Place]
+
+
+PUSH = "External Force and Torque"
+_MARKS = ("Reference Frame", PUSH)
+_GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", "Point Cloud", "Grid Surface", "Spline", "Line Segment"}
+"""Curves and surfaces: their frame is the left port."""
+
+
+def frame_place(network: Network, node: Node) -> Place:
+    """Return the physical node of a solid's reference frame, or of a surface's; one of its own where it is hidden."""
+    if node.kind in _GEOMETRY_ONLY:
+        return network.net(node, "lconn")
+    if node.kind not in SOLIDS:
+        return network.net(node, "rconn")
+    for port in solid_ports(node):
+        if port.what == REFERENCE:
+            return network.net(node, port.side, port.number)
+    return (id(node), REFERENCE, 0)
+
+
+def read_bodies(network: Network, meshes: MeshFiles) -> Bodies:
+    """Return the bodies and joints of a model.
+
+    Raises:
+        InvalidModel: a block's figures cannot be, or frames contradict each other.
+    """
+    frames = _Frames(network)
+    for node in network.expanded.nodes:
+        if node.block.commented == "off":
+            frames.take(node)
+    bodies = Bodies([], [], {}, set())
+    worlds = {place for node, place in frames.attached if node.kind == "World Frame"}
+    _gather(frames.edges, worlds, bodies)
+    for _, place in frames.attached:
+        if place not in bodies.by_place:
+            _gather({**frames.edges, place: []}, {place}, bodies, grounded=False)
+    _attach(frames.attached, bodies, meshes)
+    for joint, base, follower in frames.joints:
+        one, other = bodies.by_place[base], bodies.by_place[follower]
+        bodies.links.append(Link(joint, one, other, one.frames[base], other.frames[follower]))
+    bodies.roots = {place for place in bodies.by_place if place not in frames.entered}
+    return bodies
+
+
+Edges = dict[Place, list[tuple[Place, RigidTransform, Node]]]
+"""By physical node: which others are rigidly joined with it, with their poses in it, and by which block."""
+
+
+class _Frames:
+    """What is on which physical node, and how these are joined."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self.edges: Edges = {}
+        self.entered: set[Place] = set()
+        self.joints: list[tuple[Joint, Place, Place]] = []
+        self.attached: list[tuple[Node, Place]] = []
+
+    def take(self, node: Node) -> None:
+        """Note what a block is."""
+        if node.kind in REFUSED_JOINTS:
+            raise node.refusal(f"a {node.kind} {REFUSED_JOINTS[node.kind]}, which no URDF can")
+        if node.kind == "Rigid Transform":
+            self._join(*self._ends(node), rigid_transform(node), node)
+        elif node.kind == "Weld Joint":
+            self._join(*self._ends(node), RigidTransform(), node)
+        elif node.kind in JOINTS:
+            self.joints.append((read_joint(node), *self._ends(node)))
+        elif node.kind in SOLIDS:
+            self._take_solid(node)
+        elif node.kind in ("World Frame", *_MARKS) or node.kind in _GEOMETRY_ONLY:
+            self.attached.append((node, frame_place(self._network, node)))
+
+    def _ends(self, node: Node) -> tuple[Place, Place]:
+        base, follower = self._network.net(node, "lconn"), self._network.net(node, "rconn")
+        self.entered.add(follower)
+        for place in (base, follower):
+            self.edges.setdefault(place, [])
+        return base, follower
+
+    def _join(self, base: Place, follower: Place, pose: RigidTransform, node: Node) -> None:
+        self.edges.setdefault(base, []).append((follower, pose, node))
+        self.edges.setdefault(follower, []).append((base, pose.inverse(), node))
+
+    def _take_solid(self, node: Node) -> None:
+        place = frame_place(self._network, node)
+        self.attached.append((node, place))
+        for port in solid_ports(node):
+            if isinstance(port.what, Element):
+                self._join(place, self._network.net(node, port.side, port.number), frame_pose(node, port.what), node)
+
+
+def _gather(
+    edges: Edges,
+    worlds: set[Place],
+    bodies: Bodies,
+    *,
+    grounded: bool = True,
+) -> None:
+    """Walk along rigid connections from every frame not yet reached, the world's first."""
+    starts = [*worlds, *(edges if grounded else ())]
+    world: Body | None = None
+    for start in starts:
+        if start in bodies.by_place:
+            continue
+        body = world if start in worlds and world is not None else Body(grounded=grounded and start in worlds)
+        if start in worlds and grounded:
+            world = body
+        if body not in bodies.bodies:
+            bodies.bodies.append(body)
+        body.frames[start] = RigidTransform()
+        bodies.by_place[start] = body
+        queue = deque([start])
+        while queue:
+            here = queue.popleft()
+            for place, pose, node in edges.get(here, ()):
+                there = body.frames[here] @ pose
+                if place not in body.frames:
+                    body.frames[place], bodies.by_place[place] = there, body
+                    queue.append(place)
+                elif not body.frames[place].IsNearlyEqualTo(there, _SAME):
+                    raise node.refusal("closes a loop of rigid frames that does not fit: two ways put one frame apart")
+
+
+def _attach(attached: list[tuple[Node, Place]], bodies: Bodies, meshes: MeshFiles) -> None:
+    for node, place in attached:
+        body = bodies.by_place[place]
+        pose = body.frames[place]
+        if node.kind in SOLIDS:
+            try:
+                body.solids.append(replace(read_solid(node, meshes), pose=pose))
+            except InvalidModel as problem:
+                node.findings.report.add("refused", node.path, str(problem).rpartition(f"{node.path}: ")[2])
+        elif node.kind in _MARKS:
+            body.marks.append((node, pose))

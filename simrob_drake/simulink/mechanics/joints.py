@@ -1,0 +1,196 @@
+"""Joint blocks: their degrees of freedom, with limits, springs, dampers, starts, and the ports that drive and sense."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from simrob_drake.frames import Vector
+from simrob_drake.simulink.mechanics.transforms import AXES, rotation
+from simrob_drake.simulink.model.nodes import Node
+
+_PRIMITIVES = {
+    "Weld Joint": (),
+    "Revolute Joint": ("Rz",),
+    "Prismatic Joint": ("Pz",),
+    "Cylindrical Joint": ("Rz", "Pz"),
+    "Universal Joint": ("Rx", "Ry"),
+    "Gimbal Joint": ("Rx", "Ry", "Rz"),
+    "Spherical Joint": ("S",),
+    "Rectangular Joint": ("Px", "Py"),
+    "Planar Joint": ("Px", "Py", "Rz"),
+    "Cartesian Joint": ("Px", "Py", "Pz"),
+    "Bearing Joint": ("Pz", "Rx", "Ry", "Rz"),
+    "Bushing Joint": ("Px", "Py", "Pz", "Rx", "Ry", "Rz"),
+    "Telescoping Joint": ("Pz", "S"),
+    "Pin Slot Joint": ("Px", "Rz"),
+    "6-DOF Joint": ("Px", "Py", "Pz", "Sph"),
+}
+JOINTS = set(_PRIMITIVES)
+REFUSED_JOINTS = {
+    "Lead Screw Joint": "couples a turn with a slide",
+    "Constant Velocity Joint": "couples two turns",
+}
+"""Joints that have no likeness in a URDF, and why."""
+
+_SENSED = (
+    ("SensePosition", "q"),
+    ("SenseVelocity", "w"),
+    ("SenseAcceleration", "a"),
+    ("SenseTorqueForce", "t"),
+    ("SenseLowerLimitTorqueForce", "lower"),
+    ("SenseUpperLimitTorqueForce", "upper"),
+)
+_SPHERE_SENSED = ("SensePosition", "SenseVelocityX", "SenseVelocityY", "SenseVelocityZ", "SenseVelocity",
+                  "SenseAccelerationX", "SenseAccelerationY", "SenseAccelerationZ", "SenseAcceleration",
+                  "SenseTorqueX", "SenseTorqueY", "SenseTorqueZ", "SenseTorqueForce",
+                  "SenseLowerLimitTorqueMag", "SenseUpperLimitTorqueMag")  # fmt: skip
+
+
+@dataclass(eq=False)
+class Freedom:
+    """One degree of freedom.
+
+    Attributes:
+        name: unique in the model once it is put together.
+        turns: whether it turns [rad] or slides [m].
+        axis: shape (3,), in the base frame.
+        lower, upper: limits; infinite without.
+        damping: [N·m·s/rad or N·s/m].
+        stiffness, rest: spring, and where it is slack.
+        start: position at the beginning; None if not asked for.
+        start_speed: likewise.
+        driven: ``torque`` or ``motion`` if a signal drives it, or ``free``.
+        stop: stiffness and damping of the limits; None without limits.
+    """
+
+    name: str
+    turns: bool
+    axis: Vector
+    lower: float = -inf
+    upper: float = inf
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    start: float | None = None
+    start_speed: float = 0.0
+    driven: str = "free"
+    stop: tuple[float, float] | None = None
+
+
+@dataclass(eq=False)
+class Joint:
+    """A joint block.
+
+    Attributes:
+        node: the block.
+        freedoms: from base to follower.
+        floating: whether it leaves all six free, as nothing would.
+        start: pose of the follower in the base of a floating joint at the beginning.
+        inputs: which freedom an input port drives, and how: by the number of the left port.
+        outputs: which freedom an output port senses, and what of it: by the number of the right port.
+    """
+
+    node: Node
+    freedoms: list[Freedom] = field(default_factory=list)
+    floating: bool = False
+    start: RigidTransform = field(default_factory=RigidTransform)
+    inputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
+    outputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
+
+
+def read_joint(node: Node) -> Joint:
+    """Return what a joint block is.
+
+    Raises:
+        InvalidModel: figures that cannot be, or a joint without a likeness here.
+    """
+    if node.text("JointMode", "Normal") not in ("Normal", ""):
+        raise node.refusal(f"is in the mode {node.text('JointMode')}; only Normal is read")
+    joint = Joint(node)
+    kinds = _PRIMITIVES[node.kind]
+    if node.kind == "6-DOF Joint":
+        _read_floating(node, joint)
+        return joint
+    left, right = 2, 2
+    for kind in kinds:
+        prefix = "" if len(kinds) == 1 else kind
+        freedoms = _ball(node) if kind == "S" else [_freedom(node, kind, prefix)]
+        joint.freedoms += freedoms
+        if kind == "S":
+            left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
+            right += sum(node.is_on(f"{prefix}{sensed}") for sensed in _SPHERE_SENSED)
+            continue
+        (freedom,) = freedoms
+        for parameter, wanted, how in (
+            ("TorqueActuationMode", "InputTorque", "torque"),
+            ("MotionActuationMode", "InputMotion", "motion"),
+        ):
+            if node.text(f"{prefix}{parameter}") == wanted:
+                joint.inputs[left] = (freedom, how)
+                freedom.driven = how
+                left += 1
+        for sensed, what in _SENSED:
+            if node.is_on(f"{prefix}{sensed}"):
+                joint.outputs[right] = (freedom, what)
+                right += 1
+    return joint
+
+
+def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
+    turns = kind.startswith("R")
+    length, effort = ("rad", "N*m") if turns else ("m", "N")
+    axis = AXES[f"+{kind[1].upper()}"]
+    freedom = Freedom(node.path + (f"_{kind}" if prefix else ""), turns, axis)
+    freedom.damping = node.number(f"{prefix}DampingCoefficient", unit=f"{effort}*s/{length}")
+    freedom.stiffness = node.number(f"{prefix}SpringStiffness", unit=f"{effort}/{length}")
+    freedom.rest = node.number(f"{prefix}EquilibriumPosition", unit=length) if freedom.stiffness else 0.0
+    if min(freedom.damping, freedom.stiffness) < 0:
+        raise node.refusal("has a negative spring or damper")
+    if node.is_on(f"{prefix}PositionTargetSpecify"):
+        freedom.start = node.number(f"{prefix}PositionTargetValue", unit=length)
+    if node.is_on(f"{prefix}VelocityTargetSpecify"):
+        freedom.start_speed = node.number(f"{prefix}VelocityTargetValue", unit=f"{length}/s")
+    for end in ("Lower", "Upper"):
+        if node.is_on(f"{prefix}{end}LimitSpecify"):
+            setattr(freedom, end.lower(), node.number(f"{prefix}{end}LimitBound", unit=length))
+            freedom.stop = (
+                node.number(f"{prefix}{end}LimitStiffness", "1e4", unit=f"{effort}/{length}"),
+                node.number(f"{prefix}{end}LimitDamping", "10", unit=f"{effort}*s/{length}"),
+            )
+    if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
+        freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
+        node.findings.report.add("defaulted", node.path, "its limits are unknown: none are taken")
+    if freedom.lower >= freedom.upper:
+        raise node.refusal(f"its lower limit {freedom.lower:g} is not below its upper one, {freedom.upper:g}")
+    return freedom
+
+
+def _ball(node: Node) -> list[Freedom]:
+    """Return a ball joint as three turns about x, y and z."""
+    node.findings.report.add(
+        "repaired", node.path, "ball joint as three turns about x, y and z: singular where the middle one is at 90°"
+    )
+    return [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
+
+
+def _read_floating(node: Node, joint: Joint) -> None:
+    joint.floating = True
+    place = np.zeros(3)
+    for index, kind in enumerate(("Px", "Py", "Pz")):
+        if node.is_on(f"{kind}PositionTargetSpecify"):
+            place[index] = node.number(f"{kind}PositionTargetValue", unit="m")
+    turn = rotation(node, "SphPositionTarget") if node.is_on("SphPositionTargetSpecify") else None
+    joint.start = RigidTransform(turn, place) if turn is not None else RigidTransform(place)
+    for kind in ("Px", "Py", "Pz", "Sph"):
+        if node.text(f"{kind}TorqueActuationMode") == "InputTorque":
+            node.findings.report.add("dropped", node.path, f"its input {kind}: a floating base has no motor")
+        length = "rad" if kind == "Sph" else "m"
+        effort = "N*m" if kind == "Sph" else "N"
+        if node.number(f"{kind}SpringStiffness", unit=f"{effort}/{length}") or node.number(
+            f"{kind}DampingCoefficient", unit=f"{effort}*s/{length}"
+        ):
+            node.findings.report.add("dropped", node.path, f"spring or damper of {kind}: a floating base has none")

@@ -1,0 +1,200 @@
+"""The shapes that solids have: what a picture shows and, per density, what they weigh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.simulink.mechanics.cross_sections import area, integral, triangles
+from simrob_drake.simulink.model.nodes import Node
+
+_SEGMENTS = 48  # of a full turn in pictures
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles of a shape that is no primitive: corners, shape (n, 3) [m], and their indices, shape (m, 3)."""
+
+    corners: Vector
+    faces: Vector
+
+
+@dataclass(frozen=True)
+class Weight:
+    """Mass of a body.
+
+    Attributes:
+        mass: [kg].
+        com: centre of mass, shape (3,) [m].
+        inertia: about the centre of mass, shape (3, 3) [kg m²].
+    """
+
+    mass: float
+    com: Vector
+    inertia: Vector
+
+    def scaled(self, factor: float) -> Weight:
+        """Return the same body of another density."""
+        return Weight(self.mass * factor, self.com, self.inertia * factor)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape about its own frame.
+
+    Attributes:
+        kind: ``box`` (sides), ``cylinder`` (radius, length; along z), ``sphere`` (radius), ``mesh`` or ``plane``.
+        size: of a primitive, in metres.
+        mesh: of the others.
+    """
+
+    kind: str
+    size: tuple[float, ...] = ()
+    mesh: Mesh | None = None
+
+
+NOTHING = Weight(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def brick(node: Node, name: str = "BrickDimensions") -> tuple[Shape, Weight]:
+    """Return a brick about its middle, with the weight of 1 kg/m³."""
+    sides = positive(node, name, "[1 1 1]", 3)
+    mass = float(np.prod(sides))
+    squares = sides**2
+    return Shape("box", tuple(sides)), Weight(mass, np.zeros(3), np.diag(mass / 12 * (squares.sum() - squares)))
+
+
+def cylinder(node: Node) -> tuple[Shape, Weight]:
+    """Return a cylinder along z about its middle, with the weight of 1 kg/m³."""
+    (radius,), (length,) = positive(node, "CylinderRadius", "1", 1), positive(node, "CylinderLength", "1", 1)
+    mass = np.pi * radius**2 * length
+    across = mass * (3 * radius**2 + length**2) / 12
+    return Shape("cylinder", (radius, length)), Weight(
+        mass, np.zeros(3), np.diag([across, across, mass * radius**2 / 2])
+    )
+
+
+def sphere(node: Node) -> tuple[Shape, Weight]:
+    """Return a sphere, with the weight of 1 kg/m³."""
+    (radius,) = positive(node, "SphereRadius", "1", 1)
+    mass = 4 / 3 * np.pi * radius**3
+    return Shape("sphere", (radius,)), Weight(mass, np.zeros(3), np.eye(3) * 0.4 * mass * radius**2)
+
+
+def ellipsoid(node: Node) -> tuple[Shape, Weight]:
+    """Return an ellipsoid, with the weight of 1 kg/m³."""
+    radii = positive(node, "EllipsoidRadii", "[1 1 1]", 3)
+    mass = float(4 / 3 * np.pi * np.prod(radii))
+    squares = radii**2
+    weight = Weight(mass, np.zeros(3), np.diag(mass / 5 * (squares.sum() - squares)))
+    angle = np.linspace(0, np.pi, _SEGMENTS // 2 + 1)
+    return Shape("mesh", mesh=_turned(np.column_stack([np.sin(angle), np.cos(angle)])[::-1], 2 * np.pi, radii)), weight
+
+
+def extrusion(node: Node) -> tuple[Shape, Weight]:
+    """Return an outline drawn out along z about its middle, with the weight of 1 kg/m³."""
+    (length,) = positive(node, "ExtrusionLength", "1", 1)
+    outline = extrusion_outline(node)
+    surface = area(outline)
+    x = integral(outline, lambda x, _: x) / surface
+    y = integral(outline, lambda _, y: y) / surface
+    xx = integral(outline, lambda x, _: x * x) - surface * x * x
+    yy = integral(outline, lambda _, y: y * y) - surface * y * y
+    xy = integral(outline, lambda x, y: x * y) - surface * x * y
+    thick = surface * length**3 / 12
+    inertia = np.array([[yy * length + thick, -xy * length, 0], [-xy * length, xx * length + thick, 0], [0, 0, 0]])
+    inertia[2, 2] = (xx + yy) * length
+    return Shape("mesh", mesh=_drawn_out(outline, length)), Weight(surface * length, np.array([x, y, 0.0]), inertia)
+
+
+def extrusion_outline(node: Node) -> Vector:
+    """Return the corners of what is drawn out, counterclockwise, shape (n, 2) [m]."""
+    if node.text("ExtrusionType", "General") != "Regular":
+        return _outline(node, "ExtrusionCrossSection")
+    (radius,) = positive(node, "PolygonOuterRadius", "1", 1)
+    sides = round(node.number("PolygonNumSides", "3"))
+    if not 3 <= sides <= 1000:
+        raise node.refusal(f"has {sides} sides; a polygon has at least three")
+    turns = 2 * np.pi * np.arange(sides) / sides
+    return np.asarray(radius * np.column_stack([np.cos(turns), np.sin(turns)]))
+
+
+def revolution(node: Node) -> tuple[Shape, Weight]:
+    """Return an outline in the xz plane turned about z, with the weight of 1 kg/m³; a part turn is about that plane."""
+    outline = _outline(node, "RevolutionCrossSection")
+    custom = node.text("RevolutionExtent", "Full") == "Custom"
+    angle = node.number("RevolutionAngle", "360", unit="rad") if custom else 2 * np.pi
+    if not 0 < angle <= 2 * np.pi + 1e-9 or outline[:, 0].min() < -1e-9:
+        raise node.refusal("turns an outline that crosses the axis, or by more than one turn")
+    mass = angle * integral(outline, lambda r, _: r)
+    if mass <= 0:
+        raise node.refusal("turns an outline without an area")
+    x = 2 * np.sin(angle / 2) * integral(outline, lambda r, _: r * r) / mass
+    z = angle * integral(outline, lambda r, z: r * z) / mass
+    rrr, rzz = integral(outline, lambda r, _: r**3), integral(outline, lambda r, z: r * z * z)
+    rrz = integral(outline, lambda r, z: r * r * z)
+    along, across = angle / 2 + np.sin(angle) / 2, angle / 2 - np.sin(angle) / 2  # of cos² and sin² over the angle
+    about_origin = np.diag([rrr * across + angle * rzz, rrr * along + angle * rzz, angle * rrr])
+    about_origin[0, 2] = about_origin[2, 0] = -2 * np.sin(angle / 2) * rrz
+    com = np.array([x, 0.0, z])
+    inertia = about_origin - mass * (com @ com * np.eye(3) - np.outer(com, com))
+    return Shape("mesh", mesh=_turned(outline, angle, np.ones(3))), Weight(mass, com, inertia)
+
+
+def positive(node: Node, name: str, default: str, size: int) -> Vector:
+    """Return lengths, shape (size,) [m], that must be positive."""
+    values = node.numbers(name, default, unit="m", size=size)
+    if np.any(values <= 0):
+        raise node.refusal(f"{name} is {values.tolist()}; lengths are positive")
+    return values
+
+
+def _outline(node: Node, name: str) -> Vector:
+    """Return corners in counterclockwise order, shape (n, 2) [m]."""
+    corners = node.numbers(name, "[1 1; -1 1; -1 -1; 1 -1]", unit="m")
+    if corners.size < 6 or corners.size % 2:
+        raise node.refusal(f"{name} holds no outline: at least three corners, a row each")
+    outline = corners.reshape(-1, 2)
+    outline = outline[np.any(np.abs(outline - np.roll(outline, 1, axis=0)) > 1e-12, axis=1)]
+    if len(outline) < 3 or abs(area(outline)) < 1e-15:
+        raise node.refusal(f"{name} encloses no area")
+    return outline if area(outline) > 0 else outline[::-1]
+
+
+def _drawn_out(outline: Vector, length: float) -> Mesh:
+    count, half = len(outline), length / 2
+    corners = np.vstack([np.column_stack([outline, np.full(count, z)]) for z in (-half, half)])
+    here = np.arange(count)
+    following = np.roll(here, -1)
+    sides = np.vstack(
+        [
+            np.column_stack([here, following, following + count]),
+            np.column_stack([here, following + count, here + count]),
+        ]
+    )
+    caps = triangles(outline)
+    return Mesh(corners, np.vstack([sides, caps[:, ::-1], caps + count]))
+
+
+def _turned(outline: Vector, angle: float, scale: Vector) -> Mesh:
+    full = angle > 2 * np.pi - 1e-6
+    steps = max(3, int(np.ceil(_SEGMENTS * angle / (2 * np.pi))))
+    turns = np.linspace(-angle / 2, angle / 2, steps + 1)
+    rings = [np.column_stack([outline[:, 0] * np.cos(t), outline[:, 0] * np.sin(t), outline[:, 1]]) for t in turns]
+    count = len(outline)
+    here = np.arange(count)
+    following = np.roll(here, -1)
+    faces: list[Any] = []
+    for step in range(steps):
+        one, other = step * count, (step + 1) * count
+        faces += [
+            np.column_stack([here + one, here + other, following + other]),
+            np.column_stack([here + one, following + other, following + one]),
+        ]
+    if not full:
+        caps = triangles(outline)
+        faces += [caps, caps[:, ::-1] + steps * count]
+    return Mesh(np.vstack(rings) * scale, np.vstack(faces))

@@ -1,0 +1,157 @@
+"""From bodies and joints to trees: one mechanism for each that starts from the world, or stands free."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from pydrake.math import RigidTransform
+
+from simrob_drake.simulink.mechanics.bodies import Bodies, Body, Link
+from simrob_drake.simulink.mechanics.joints import Freedom
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A body on its joint.
+
+    Attributes:
+        body: the body.
+        parent: what it hangs on; None for the world or the root body.
+        link: by which joint.
+        reversed: whether the joint's base is the outer body.
+        in_parent: pose of the joint's frame on the parent, in the parent's first frame.
+        in_body: pose of the joint's frame on the body, in the body's first frame.
+    """
+
+    body: Body
+    parent: Body
+    link: Link
+    reversed: bool
+
+    @property
+    def in_parent(self) -> RigidTransform:
+        """Pose of the joint's frame on the parent, in the parent's first frame."""
+        return self.link.in_follower if self.reversed else self.link.in_base
+
+    @property
+    def in_body(self) -> RigidTransform:
+        """Pose of the joint's frame on the body, in the body's first frame."""
+        return self.link.in_base if self.reversed else self.link.in_follower
+
+    @property
+    def freedoms(self) -> list[Freedom]:
+        """The degrees of freedom from the parent outward."""
+        return list(reversed(self.link.joint.freedoms)) if self.reversed else self.link.joint.freedoms
+
+    @property
+    def sign(self) -> float:
+        """The sense of the joint's coordinates as seen from the parent."""
+        return -1.0 if self.reversed else 1.0
+
+
+@dataclass(eq=False)
+class Tree:
+    """A mechanism.
+
+    Attributes:
+        root: the body it starts from: the world, or a free one.
+        frame: pose of the root link's frame in the root body's first frame.
+        base: pose of that frame in the world at the start.
+        branches: in the order they are reached.
+        closures: joints between its bodies that close loops.
+    """
+
+    root: Body
+    frame: RigidTransform = field(default_factory=RigidTransform)
+    base: RigidTransform = field(default_factory=RigidTransform)
+    branches: list[Branch] = field(default_factory=list)
+    closures: list[Link] = field(default_factory=list)
+
+    @property
+    def freedoms(self) -> list[Freedom]:
+        """All degrees of freedom, in order."""
+        return [freedom for branch in self.branches for freedom in branch.freedoms]
+
+
+def grow(bodies: Bodies) -> tuple[Body | None, list[Tree]]:
+    """Return the world, and the trees of a model: one for each joint on the world, one for each free group."""
+    world = next((body for body in bodies.bodies if body.grounded), None)
+    holding: dict[Body, list[Link]] = {}
+    for link in sorted(bodies.links, key=lambda link: not (link.joint.inputs or link.joint.outputs)):
+        if not link.joint.floating:
+            holding.setdefault(link.base, []).append(link)
+            holding.setdefault(link.follower, []).append(link)
+    seen: set[Body] = set() if world is None else {world}
+    trees: list[Tree] = []
+    for link in holding.get(world, []) if world is not None else []:
+        tree = Tree(link.base if link.base is world else link.follower)
+        outer = link.follower if link.base is world else link.base
+        if outer in seen:
+            continue  # the loop is told below
+        seen.add(outer)
+        tree.branches.append(Branch(outer, tree.root, link, link.follower is world))
+        _grow(tree, outer, link, holding, seen)
+        trees.append(tree)
+    for body in _free_roots(bodies, seen):
+        if body in seen:
+            continue
+        tree = _free_tree(body, bodies, world)
+        seen.add(body)
+        _grow(tree, body, None, holding, seen)
+        trees.append(tree)
+    _find_loops(bodies, trees)
+    return world, trees
+
+
+def _grow(tree: Tree, start: Body, entry: Link | None, holding: dict[Body, list[Link]], seen: set[Body]) -> None:
+    queue: deque[tuple[Body, Link | None]] = deque([(start, entry)])
+    while queue:
+        here, came = queue.popleft()
+        for link in holding.get(here, []):
+            outer = link.follower if link.base is here else link.base
+            if link is came or outer in seen or outer.grounded:
+                continue
+            seen.add(outer)
+            tree.branches.append(Branch(outer, here, link, link.follower is here))
+            queue.append((outer, link))
+
+
+def _free_roots(bodies: Bodies, seen: set[Body]) -> list[Body]:
+    """Return bodies that may be roots: first those that floating joints hold, then those no joint leads to."""
+    floating = [link.follower for link in bodies.links if link.joint.floating and not link.follower.grounded]
+    led_to = {link.follower for link in bodies.links}
+    first = [body for body in bodies.bodies if body not in led_to]
+    return [body for body in (*floating, *first, *bodies.bodies) if body not in seen and not body.grounded]
+
+
+def _free_tree(body: Body, bodies: Bodies, world: Body | None) -> Tree:
+    """Return the tree of a free root, where it begins."""
+    for link in bodies.links:
+        if link.joint.floating and link.follower is body:
+            if link.base is not world:
+                link.joint.node.findings.report.add(
+                    "repaired", link.joint.node.path, "starts from the world: its base is no part of it"
+                )
+            return _seen_from_its_middle(body, link.in_base @ link.joint.start @ link.in_follower.inverse())
+    place = next((place for place in body.frames if place in bodies.roots), next(iter(body.frames)))
+    return _seen_from_its_middle(body, body.frames[place].inverse())
+
+
+def _seen_from_its_middle(body: Body, first: RigidTransform) -> Tree:
+    """Return the tree of a free root, its link's frame that of the heaviest solid; ``first`` is the body's pose."""
+    frame = max(body.solids, key=lambda solid: solid.weight.mass).pose if body.solids else RigidTransform()
+    return Tree(body, frame, first @ frame)
+
+
+def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
+    """Give each tree the joints that are left over between its bodies."""
+    used = {branch.link for tree in trees for branch in tree.branches}
+    for link in bodies.links:
+        if link in used or link.joint.floating:
+            continue
+        for tree in trees:
+            members = {tree.root, *(branch.body for branch in tree.branches)}
+            if link.base in members and link.follower in members:
+                tree.closures.append(link)
+                break

@@ -1,0 +1,178 @@
+"""Put libraries and referenced subsystems into a model, and give every block the workspace it is evaluated in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from simrob_drake.errors import InvalidModel
+from simrob_drake.simulink.model.nodes import Findings, Node
+from simrob_drake.simulink.reading.elements import DEEPEST, MOST_BLOCKS
+from simrob_drake.simulink.reading.graph import Block, Mask, MaskParameter, Model, System
+from simrob_drake.simulink.reading.libraries import BUILT_IN, Libraries
+from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.values.workspace import Workspace
+
+
+@dataclass
+class Expanded:
+    """A model with everything put in.
+
+    Attributes:
+        model: as it was read.
+        root: a node without a block of its own, whose children are the model's blocks.
+        findings: problems met so far.
+        libraries: the files that were taken in.
+    """
+
+    model: Model
+    root: Node
+    findings: Findings
+    libraries: Libraries
+    nodes: list[Node] = field(default_factory=list)
+
+
+def expand(model: Model, libraries: Libraries, variables: dict[str, Any], findings: Findings) -> Expanded:
+    """Return a model with libraries, referenced subsystems and chosen variants put in.
+
+    Raises:
+        InvalidModel: it has no end, or a library cannot be read.
+    """
+    written = Workspace(name=model.name, code=model.code)
+    given = Workspace(name="given", variables=variables, outer=written)
+    root = Node(
+        "",
+        Block("", model.name, "SubSystem", system=model.system),
+        given,
+        findings,
+        system=model.system,
+        home=model.name,
+    )
+    if model.mask is not None:
+        root.workspace = _masked(model.name, model.mask, {}, given)
+    expanded = Expanded(model, root, findings, libraries)
+    _Expansion(expanded).fill(root, 0)
+    return expanded
+
+
+class _Expansion:
+    """One walk down a model."""
+
+    def __init__(self, expanded: Expanded) -> None:
+        self._expanded = expanded
+        self._libraries = expanded.libraries
+
+    def fill(self, parent: Node, depth: int) -> None:
+        if depth > DEEPEST:
+            raise parent.refusal("its libraries contain themselves")
+        assert parent.system is not None
+        for sid, block in parent.system.blocks.items():
+            if block.commented == "on":
+                continue
+            parent.children[sid] = self._node(parent, block)
+        if parent.is_on("Variant"):
+            _drop_the_others(parent)
+        for node in parent.children.values():
+            self._expanded.nodes.append(node)
+            if len(self._expanded.nodes) > MOST_BLOCKS:
+                raise parent.refusal(f"the model has more than {MOST_BLOCKS} blocks with its libraries")
+            if node.system is not None and node.block.commented != "through":
+                self.fill(node, depth + 1)
+
+    def _node(self, parent: Node, block: Block) -> Node:
+        path = f"{parent.path}/{block.name}" if parent.path else block.name
+        block, mask, system, home = self._contents(block, path, parent.home)
+        workspace = parent.workspace
+        if mask is not None:
+            workspace = _masked(path, mask, block.parameters, workspace)
+        return Node(path, block, workspace, parent.findings, parent, system=system, home=home)
+
+    def _contents(self, block: Block, path: str, home: str) -> tuple[Block, Mask | None, System | None, str]:
+        """Return a block as it is after its links are followed, with its mask, what is in it, and the file of that."""
+        referenced = block.parameters.get("ReferencedSubsystem", "")
+        if referenced:
+            model = self._libraries.model(referenced)
+            if model is None:
+                self._note_missing(path, referenced, "referenced subsystem")
+                return block, None, None, home
+            return block, model.mask, model.system, referenced
+        mask, own = block.mask, block
+        for _ in range(DEEPEST):
+            if not own.linked or own.kind.partition("/")[0] in BUILT_IN:
+                break
+            source = own.kind
+            if source.startswith("$bdroot/"):
+                source = f"{home}/{source.removeprefix('$bdroot/')}"
+            home = source.partition("/")[0]
+            found = self._libraries.block(source)
+            if found is None:
+                self._note_missing(path, home, f"library block {source}")
+                return block, None, None, home
+            own, mask = replace(found, parameters={**found.parameters, **_own(block)}), mask or found.mask
+        return replace(own, sid=block.sid, name=block.name), mask, own.system, home
+
+    def _note_missing(self, path: str, name: str, what: str) -> None:
+        report = self._expanded.findings.report
+        report.add("refused", path, f"{what}: the file {name}.slx is missing; give its folder with --library DIR")
+
+
+def _own(block: Block) -> dict[str, str]:
+    """Return what a link sets itself, on top of its library block."""
+    hidden = "SourceBlock", "SourceType", "LibraryVersion"
+    return {name: value for name, value in block.parameters.items() if name not in hidden}
+
+
+def _masked(name: str, mask: Mask, given: dict[str, str], outer: Workspace) -> Workspace:
+    """Return the workspace inside a mask."""
+    workspace = Workspace(name=name, outer=outer, code=mask.code)
+    for parameter in mask.parameters:
+        text = given.get(parameter.name, parameter.value)
+        workspace.pending[parameter.name] = _reader(parameter, text, outer)
+    return workspace
+
+
+def _reader(parameter: MaskParameter, text: str, outer: Workspace) -> Callable[[], Any]:
+    """Return how a mask parameter's value is found."""
+    if parameter.kind == "checkbox":
+        return lambda: outer.value("1" if text == "on" else "0")
+    if parameter.kind == "popup":
+        if parameter.evaluated and text in parameter.choices:
+            return lambda: outer.value(str(parameter.choices.index(text) + 1))
+        return lambda: text
+    if not parameter.evaluated:
+        return lambda: text
+
+    def read() -> Any:
+        try:
+            return outer.value(text)
+        except NotUnderstood as problem:
+            raise UndefinedVariable(parameter.name, f"its value {text[:40]} {problem}") from problem
+
+    return read
+
+
+def _drop_the_others(variant: Node) -> None:
+    """Leave the active choice alone in a variant subsystem, with the ports around it."""
+    choice = chosen_variant(variant)
+    for sid, child in list(variant.children.items()):
+        if child.system is not None and child is not choice:
+            del variant.children[sid]
+
+
+def chosen_variant(node: Node) -> Node | None:
+    """Return the active choice of a variant subsystem, or None where only MATLAB can tell."""
+    wanted = node.text("LabelModeActiveChoice") or node.text("OverrideUsingVariant")
+    for child in node.children.values():
+        control = child.text("VariantControl")
+        if control and control == wanted:
+            return child
+    for child in node.children.values():
+        control = child.text("VariantControl")
+        try:
+            if control and bool(node.workspace.value(control)):
+                return child
+        except (UndefinedVariable, NotUnderstood, InvalidModel, ValueError):
+            continue
+    return None

@@ -1,0 +1,169 @@
+"""What is connected with what: physical nodes over all levels, and where each signal comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from simrob_drake.simulink.model.expand import Expanded, chosen_variant
+from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.reading.graph import Port
+
+Place = tuple[int, str, int]
+"""A port of a node: the node's identity, side and number."""
+
+_LONGEST_WAY = 1000  # through subsystems and tags
+
+
+class Network:
+    """The connections of an expanded model."""
+
+    def __init__(self, expanded: Expanded) -> None:
+        """Join what lines, subsystem ports and labels connect."""
+        self.expanded = expanded
+        self._parents: dict[Place, Place] = {}
+        self._feeds: dict[Place, tuple[Node, int]] = {}
+        self._gotos: dict[str, list[Node]] = {}
+        for node in (expanded.root, *expanded.nodes):
+            if node.system is not None:
+                self._join_level(node)
+            if node.kind == "Goto":
+                self._gotos.setdefault(node.text("GotoTag", "A"), []).append(node)
+
+    def net(self, node: Node, side: str, number: int = 1) -> Place:
+        """Return the physical node that a port is part of; the same value for all ports on it."""
+        return self._find((id(node), side, number))
+
+    def leads_outside(self, node: Node, side: str, number: int) -> bool:
+        """Tell whether a physical port is joined with a port of the model itself, as in a file that others use."""
+        here = self.net(node, side, number)
+        ports = [child for child in self.expanded.root.children.values() if child.kind == "PMIOPort"]
+        return any(self._find((id(port), "conn", 1)) == here for port in ports)
+
+    def source(self, node: Node, number: int = 1) -> tuple[Node, int] | None:
+        """Return the block and output that feed an input, through subsystems and tags; None where nothing does."""
+        here: tuple[Node, int] | None = self._feeds.get((id(node), "in", number))
+        for _ in range(_LONGEST_WAY):
+            if here is None:
+                return None
+            following = self._before(*here)
+            if following == here:
+                return here
+            here = following
+        raise node.refusal("its signal goes round through tags without a source")
+
+    def signal_name(self, node: Node, number: int) -> str:
+        """Return the name of the line at an input, or of the block it comes from; empty where there is none."""
+        feed = self._feeds.get((id(node), "in", number))
+        if feed is None or node.parent is None or node.parent.system is None:
+            return ""
+        source, output = feed
+        return node.parent.system.signals.get(Port(source.block.sid, "out", output), source.block.name)
+
+    def _before(self, node: Node, output: int) -> tuple[Node, int] | None:
+        """Go one step up a signal where a block only hands it on."""
+        if node.block.commented == "through":
+            return self._feeds.get((id(node), "in", output))
+        if node.kind in ("Inport", "InportShadow") and node.parent is not None and node.parent.parent is not None:
+            return self._feeds.get((id(node.parent), "in", _number(node)))
+        if node.kind == "From":
+            goto = self._goto(node)
+            return None if goto is None else self._feeds.get((id(goto), "in", 1))
+        if node.children:
+            inside = chosen_variant(node) if node.is_on("Variant") else node
+            ports = [] if inside is None else [child for child in inside.children.values() if child.kind == "Outport"]
+            for port in ports:
+                if _number(port) == output:
+                    return self._feeds.get((id(port), "in", 1))
+            return None if ports else (node, output)
+        return node, output
+
+    def _goto(self, node: Node) -> Node | None:
+        """Return the Goto block of a tag: on the same level, else outward, else anywhere."""
+        found = self._gotos.get(node.text("GotoTag", "A"), [])
+        level = node.parent
+        while level is not None:
+            for goto in found:
+                if goto.parent is level:
+                    return goto
+            level = level.parent
+        return found[0] if len(found) == 1 else None
+
+    def _join_level(self, owner: Node) -> None:
+        system = owner.system
+        assert system is not None
+        for net in system.nets:
+            places = [_place(node, port) for node, port in _present(owner, net)]
+            for place in places[1:]:
+                self._join(places[0], place)
+        for start, ends in system.wires:
+            for node, end in _present(owner, ends):
+                source = owner.children.get(start.block)
+                if source is not None and end.side == "in":
+                    self._feeds[id(node), "in", end.number] = (source, start.number)
+        self._join_ports(owner)
+        labels: dict[str, Place] = {}
+        for node in owner.children.values():
+            if node.kind == "ConnectionLabel":
+                place = (id(node), "rconn", 1) if (id(node), "rconn", 1) in self._parents else (id(node), "lconn", 1)
+                self._join(labels.setdefault(node.text("Label", "A"), place), place)
+            if node.block.commented == "through":
+                self._join((id(node), "lconn", 1), (id(node), "rconn", 1))
+
+    def _join_ports(self, owner: Node) -> None:
+        """Join a subsystem's outer ports with the port blocks in it."""
+        if owner.is_on("Variant") and owner.children:
+            choice = chosen_variant(owner)
+            if choice is None:
+                owner.findings.report.add("refused", owner.path, "is a variant whose choice only MATLAB knows")
+                return
+            outer, inner = _sides(owner), _sides(choice)
+            for name, (side, number) in outer.items():
+                if name in inner:
+                    self._join((id(owner), side, number), (id(choice), *inner[name]))
+            return
+        ports = {node.block.name: node for node in owner.children.values() if node.kind == "PMIOPort"}
+        for name, (side, number) in _sides(owner).items():
+            self._join((id(owner), side, number), (id(ports[name]), "conn", 1))
+
+    def _find(self, place: Place) -> Place:
+        root = place
+        while (above := self._parents.get(root, root)) != root:
+            root = above
+        while (above := self._parents.get(place, place)) != root:
+            self._parents[place], place = root, above
+        return root
+
+    def _join(self, first: Place, second: Place) -> None:
+        one, other = self._find(first), self._find(second)
+        self._parents.setdefault(one, one)
+        self._parents[other] = one
+
+
+def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:
+    """Return the ports of blocks that take part; those commented out do not."""
+    for port in ports:
+        node = owner.children.get(port.block)
+        if node is not None:
+            yield node, port
+
+
+def _place(node: Node, port: Port) -> Place:
+    """Return a port; a port block has one only, whichever side it is drawn on."""
+    return (id(node), "conn", 1) if node.kind == "PMIOPort" else (id(node), port.side, port.number)
+
+
+def _number(node: Node) -> int:
+    text = node.text("Port", "1")
+    return int(text) if text.isdecimal() else 1
+
+
+def _sides(owner: Node) -> dict[str, tuple[str, int]]:
+    """Return the physical ports of a subsystem by the names of the port blocks: which side, and the how-manieth."""
+    ports = sorted((node for node in owner.children.values() if node.kind == "PMIOPort"), key=_number)
+    counts = {"lconn": 0, "rconn": 0}
+    places = {}
+    for node in ports:
+        side = "rconn" if node.text("Side", "Left") == "Right" else "lconn"
+        counts[side] += 1
+        places[node.block.name] = (side, counts[side])
+    return places

@@ -1,0 +1,1 @@
+"""What signals do to joints: servos, references, monitors."""

@@ -1,0 +1,190 @@
+"""Read everything of a model: blocks, mechanics, contacts, control laws, and what stops it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.errors import InvalidModel
+from simrob_drake.frames import Vector
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.simulink.mechanics.bodies import Bodies, Body, read_bodies
+from simrob_drake.simulink.mechanics.closures import can_close, close
+from simrob_drake.simulink.mechanics.contacts import Contact, read_contacts
+from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.trees import Tree, grow
+from simrob_drake.simulink.model.expand import Expanded, expand
+from simrob_drake.simulink.model.network import Network
+from simrob_drake.simulink.model.nodes import Findings, Node
+from simrob_drake.simulink.reading.libraries import Libraries
+from simrob_drake.simulink.reading.model_file import read_model
+from simrob_drake.simulink.signals.laws import Law, read_laws
+from simrob_drake.simulink.signals.tracing import Tracer
+
+_LONGEST = 3600.0  # s
+
+
+@dataclass
+class SimulinkModel:
+    """What a model is.
+
+    Attributes:
+        path: the file.
+        expanded: its blocks, with libraries put in.
+        network: what is connected with what.
+        bodies, world, trees: its mechanics; the world is None where no frame is it.
+        contacts: what may touch.
+        laws: of the driven degrees of freedom.
+        stopping: contacts whose distance stops the simulation.
+        opened: blocks that are left to the user.
+        gravity: shape (3,) [m/s²]; None where the model does not tell.
+        duration: of a run [s].
+        report: what was found.
+    """
+
+    path: Path
+    expanded: Expanded
+    network: Network
+    bodies: Bodies
+    world: Body | None
+    trees: list[Tree]
+    contacts: list[Contact]
+    laws: dict[Freedom, Law]
+    stopping: list[Node]
+    opened: list[Node]
+    gravity: Vector | None
+    duration: float
+    report: ImportReport
+
+    @property
+    def findings(self) -> Findings:
+        """What was not known."""
+        return self.expanded.findings
+
+
+def read_simulink(
+    path: Path,
+    *,
+    libraries: tuple[Path, ...] = (),
+    meshes: tuple[Path, ...] = (),
+    variables: dict[str, Any] | None = None,
+    assume: bool = False,
+) -> SimulinkModel:
+    """Read a model.
+
+    Args:
+        path: `.slx` or `.mdl`.
+        libraries: folders where libraries and referenced subsystems lie, beside the model's own.
+        meshes: likewise for mesh files.
+        variables: of the MATLAB workspace, by name.
+        assume: take a block's default for a parameter whose variable is not known.
+
+    Raises:
+        InvalidModel: the file cannot be read, or a block's figures cannot be.
+    """
+    report = ImportReport(path)
+    findings = Findings(report, assume=assume)
+    model = read_model(path)
+    expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings)
+    network = Network(expanded)
+    bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
+    world, trees = grow(bodies)
+    _close_loops(trees)
+    contacts = read_contacts(network)
+    joints = [link.joint for link in bodies.links]
+    tracer = Tracer(network, joints, contacts)
+    laws = read_laws(tracer, joints)
+    stopping = _stopping(tracer, expanded)
+    _tell_of_others(expanded, tracer)
+    return SimulinkModel(
+        path, expanded, network, bodies, world, trees, contacts, laws, stopping, tracer.opened,
+        _gravity(expanded), _duration(expanded), report,
+    )  # fmt: skip
+
+
+def _close_loops(trees: list[Tree]) -> None:
+    """Cut the loops that can be cut, and refuse the others by name."""
+    for tree in trees:
+        refused = [(link.joint.node, why) for link in tree.closures if (why := can_close(link))]
+        for node, why in refused:
+            node.findings.report.add("refused", node.path, why)
+        if tree.closures and not refused:
+            close(tree, tree.closures)
+
+
+def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
+    """Return one error that tells all variables that are not known, or None."""
+    missing = model.findings.undefined
+    if not missing:
+        return None
+    told = "; ".join(f"{name} ({places[0]}{_more(places)})" for name, places in list(missing.items())[:8])
+    more = f", and {len(missing) - 8} more" if len(missing) > 8 else ""
+    first = next(iter(missing)).partition(" ")[0]
+    remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take defaults with --assume"
+    return InvalidModel(model.path, "", f"variables that only MATLAB knows: {told}{more}; {remedy}")
+
+
+def _more(places: list[str]) -> str:
+    return f" and {len(places) - 1} more" if len(places) > 1 else ""
+
+
+def _gravity(expanded: Expanded) -> Vector | None:
+    for node in expanded.nodes:
+        if node.kind == "Mechanism Configuration":
+            if node.text("UniformGravity", "Constant") == "None":
+                return np.zeros(3)
+            return node.numbers("GravityVector", "[0 0 -9.80665]", unit="m/s^2", size=3)
+    return None
+
+
+def _duration(expanded: Expanded) -> float:
+    try:
+        value = float(np.asarray(expanded.root.workspace.value(expanded.model.stop_time)).reshape(-1)[0])
+    except (ValueError, LookupError, IndexError, TypeError):
+        value = 10.0
+    return min(value, _LONGEST) if np.isfinite(value) and value > 0 else 10.0
+
+
+def _stopping(tracer: Tracer, expanded: Expanded) -> list[Node]:
+    """Return the contacts whose distance, compared with zero, stops the simulation."""
+    found: list[Node] = []
+    for node in expanded.nodes:
+        if node.kind not in ("Stop", "Stop Simulation"):
+            continue
+        source = tracer.network.source(node)
+        if source is None or source[0].kind not in ("Compare To Zero", "Compare To Constant"):
+            told = "its condition" if source is None else f"what comes from {source[0].path}"
+            node.findings.report.add("dropped", node.path, f"the stop: {told} is no comparison that is read")
+            continue
+        terms = [term for form in tracer.input(source[0]) for term in form]
+        contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
+        if not contacts:
+            node.findings.report.add("dropped", node.path, "the stop: it depends on no distance of a contact")
+        found += contacts
+    return found
+
+
+def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
+    """Report what no station has: open blocks, sensors, forces from signals, callbacks."""
+    report = expanded.findings.report
+    for node in tracer.opened:
+        report.add(
+            "dropped", node.path, f"{node.kind or 'block'}: left open; drive the joints it feeds with a block of yours"
+        )
+    for node in expanded.nodes:
+        if node.block.commented != "off":
+            continue
+        if node.kind == "Transform Sensor":
+            report.add("read", node.path, "Transform Sensor: see base.*, tcp.* and the tool frames of the signals")
+        elif node.kind == "External Force and Torque":
+            report.add("read", node.path, "its force is the port external_force, at this frame; a torque has no port")
+        elif node.kind in ("Internal Force", "Planar Contact Force", "Inverse Square Law Force"):
+            report.add("dropped", node.path, f"{node.kind}: no station has one")
+        elif "Variable Mass" in node.block.kind:
+            report.add("refused", node.path, "its mass varies, which no station can")
+    for name in expanded.model.callbacks:
+        report.add("read", name, "a callback with MATLAB code, which is not run; give its variables with --set")

@@ -1,0 +1,1 @@
+"""Values of MATLAB expressions, units and workspaces."""

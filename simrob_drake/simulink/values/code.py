@@ -1,0 +1,248 @@
+"""MATLAB code as masks and model workspaces have it: assignments, ``if``, ``switch`` and ``for`` of the subset.
+
+What is outside the subset is passed over, and the names that it would have set are remembered as unknown.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate
+from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.syntax import NotUnderstood, parse
+
+MOST_STEPS = 20_000
+"""Statements of one piece of code."""
+
+_KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
+_ASSIGNMENT = re.compile(r"([A-Za-z]\w*)((?:\.[A-Za-z]\w*)*)(\([^=]*\))?\s*=(?!=)\s*(.+)", re.DOTALL)
+_TARGETS = re.compile(r"(\[[^\]]*\]|[A-Za-z]\w*)[^=]*=(?!=)")
+_NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
+_OPENS = "if", "for", "while", "switch", "try", "function"
+
+
+class Run:
+    """One run of a piece of code.
+
+    Attributes:
+        variables: what it sets, on top of those it began with.
+        unknown: names that a passed-over statement would have set.
+    """
+
+    def __init__(self, variables: dict[str, Any], lookup: Callable[[str], Any]) -> None:
+        """Take the variables that are there, changed in place, and where others are found."""
+        self.variables = variables
+        self.unknown: set[str] = set()
+        self._outside = lookup
+        self._steps = 0
+
+    def run(self, code: str) -> None:
+        """Run code."""
+        self._block(_statements(code))
+
+    def _lookup(self, name: str) -> Any:
+        if name in self.unknown:
+            raise UndefinedVariable(name, "it is set by mask code outside the subset")
+        return self.variables[name] if name in self.variables else self._outside(name)
+
+    def _value(self, text: str) -> Any:
+        return evaluate(parse(text), self._lookup)
+
+    def _block(self, lines: list[str]) -> None:
+        place = 0
+        while place < len(lines):
+            self._steps += 1
+            if self._steps > MOST_STEPS:
+                raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
+            keyword = _KEYWORD.match(lines[place])
+            stop = place + 1
+            if keyword and keyword[1] in _OPENS:
+                stop = _closing(lines, place)
+            part = lines[place:stop]
+            try:
+                self._statement(keyword[1] if keyword else "", part)
+            except (NotUnderstood, UndefinedVariable, KeyError, IndexError, TypeError, ValueError):
+                self._pass_over(part)
+            place = stop
+
+    def _statement(self, keyword: str, part: list[str]) -> None:
+        if keyword == "if":
+            self._if(part)
+        elif keyword == "switch":
+            self._switch(part)
+        elif keyword == "for":
+            self._for(part)
+        elif keyword in ("return", "end") or not part[0]:
+            return
+        elif keyword:
+            raise NotUnderstood(keyword)
+        else:
+            self._assign(part[0])
+
+    def _assign(self, text: str) -> None:
+        match = _ASSIGNMENT.fullmatch(text)
+        if match is None:
+            raise NotUnderstood(text)
+        name, fields, index, value = match[1], match[2].split(".")[1:], match[3], self._value(match[4])
+        if index:
+            value = self._changed(name if not fields else "", index, value)
+        if not fields:
+            self.variables[name] = value
+        else:
+            target = dict(self._known_structure(name))
+            self.variables[name] = target
+            for field in fields[:-1]:
+                target[field] = dict(target.get(field, {}))
+                target = target[field]
+            target[fields[-1]] = value
+        self.unknown.discard(name)
+
+    def _known_structure(self, name: str) -> dict[str, Any]:
+        try:
+            known = self._lookup(name)
+        except UndefinedVariable:
+            return {}
+        return known if isinstance(known, dict) else {}
+
+    def _changed(self, name: str, index: str, value: Any) -> Any:
+        """Return a vector or matrix with some elements replaced."""
+        if not name:
+            raise NotUnderstood("an element of a field")
+        array = matrix(self._lookup(name)).copy() if name in self.variables else np.zeros((0, 0))
+        words = index[1:-1].split(",")
+        places = [
+            np.arange(size) if word.strip() == ":" else self._places(word, size) for word, size in _paired(words, array)
+        ]
+        if len(places) == 1:
+            flat = array.reshape(-1)
+            grown = np.zeros(max(flat.size, int(places[0].max()) + 1))
+            grown[: flat.size] = flat
+            grown[places[0]] = matrix(value).reshape(-1)
+            return grown.reshape(-1, 1) if array.shape[1:] == (1,) and array.shape[0] > 1 else grown.reshape(1, -1)
+        rows, columns = (max(size, int(place.max()) + 1) for size, place in zip(array.shape, places, strict=True))
+        grown = np.zeros((rows, columns))
+        grown[: array.shape[0], : array.shape[1]] = array
+        grown[np.ix_(places[0], places[1])] = matrix(value)
+        return grown
+
+    def _places(self, word: str, size: int) -> Any:
+        places = matrix(self._value(re.sub(r"\bend\b", str(size), word))).reshape(-1).astype(int) - 1
+        if places.size == 0 or places.min() < 0 or places.max() > 100_000:
+            raise NotUnderstood(word)
+        return places
+
+    def _if(self, part: list[str]) -> None:
+        for condition, body in _branches(part[:-1], ("if", "elseif", "else")):
+            test = condition.removeprefix("elseif").removeprefix("if").strip()
+            if (condition.startswith("else") and not condition.startswith("elseif")) or np.all(self._value(test)):
+                self._block(body)
+                return
+
+    def _switch(self, part: list[str]) -> None:
+        head, *branches = _branches(part[:-1], ("switch", "case", "otherwise"))
+        wanted = self._value(head[0].removeprefix("switch"))
+        for condition, body in branches:
+            if condition.startswith("otherwise"):
+                self._block(body)
+                return
+            choices = condition.removeprefix("case").strip().removeprefix("{").removesuffix("}")
+            for choice in choices.split(","):
+                value = self._value(choice)
+                same = value == wanted if isinstance(value, str) or isinstance(wanted, str) else np.all(value == wanted)
+                if same:
+                    self._block(body)
+                    return
+
+    def _for(self, part: list[str]) -> None:
+        name, _, values = part[0].removeprefix("for").strip().partition("=")
+        for column in matrix(self._value(values.strip().removesuffix(","))).T:
+            self.variables[name.strip(" (")] = matrix(column).T
+            self._block(part[1:-1])
+
+    def _pass_over(self, part: list[str]) -> None:
+        targets = [match[1] for line in part if (match := _TARGETS.match(line))]
+        names = {name for target in targets for name in _NAME.findall(target)}
+        self.unknown |= {name for name in names if not _KEYWORD.fullmatch(name)}
+
+
+def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:
+    sizes = [array.size] if len(words) == 1 else list(array.shape)
+    if len(words) != len(sizes):
+        raise NotUnderstood("an index of this many dimensions")
+    return list(zip(words, sizes, strict=True))
+
+
+def _branches(lines: list[str], keywords: tuple[str, ...]) -> list[tuple[str, list[str]]]:
+    """Split a section at its own keywords, not at those of sections within."""
+    branches: list[tuple[str, list[str]]] = []
+    place = 0
+    while place < len(lines):
+        match = _KEYWORD.match(lines[place])
+        if match and match[1] in keywords and (not branches or match[1] != keywords[0]):
+            branches.append((lines[place], []))
+            place += 1
+            continue
+        stop = _closing(lines, place) if match and match[1] in _OPENS else place + 1
+        branches[-1][1].extend(lines[place:stop])
+        place = stop
+    return branches
+
+
+def _closing(lines: list[str], start: int) -> int:
+    """Return the place behind the ``end`` of the section that begins at a line."""
+    depth = 0
+    for place in range(start, len(lines)):
+        match = _KEYWORD.match(lines[place])
+        if match and match[1] in _OPENS:
+            depth += 1
+        elif match and match[1] == "end":
+            depth -= 1
+            if depth == 0:
+                return place + 1
+    return len(lines)
+
+
+def _statements(code: str) -> list[str]:
+    """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
+    code = re.sub(r"\.\.\.[^\n]*\n", " ", code.replace("\r", ""))
+    code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)
+    found: list[str] = []
+    current, depth, quote = "", 0, ""
+    last = ""
+    comment = False
+    for letter in code + "\n":
+        if comment and letter != "\n":
+            continue
+        comment = False
+        if quote:
+            quote = "" if letter in (quote, "\n") else quote
+        elif letter == '"' or (letter == "'" and not (last.isalnum() or last in ")]}'._")):
+            quote = letter
+        elif letter == "%":
+            comment = True
+            continue
+        elif letter in "([{":
+            depth += 1
+        elif letter in ")]}":
+            depth = max(0, depth - 1)
+        if letter == "\n" and depth and not quote:
+            current += ";" if current.rstrip()[-1:] not in (";", ",", "[", "(", "{") else " "
+        elif (letter == "\n" or letter in ";,") and not quote and not depth:
+            found.append(current.strip())
+            current = ""
+        else:
+            current += letter
+        last = letter
+    return [part for statement in found for part in _without_else(statement) if part]
+
+
+def _without_else(statement: str) -> list[str]:
+    """Split ``else x = 1``, which some write on one line."""
+    for keyword in ("else", "try", "otherwise"):
+        if statement.startswith(keyword + " "):
+            return [keyword, statement[len(keyword) :].strip()]
+    return [statement]

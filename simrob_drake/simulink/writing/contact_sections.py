@@ -1,0 +1,109 @@
+"""The contact, sensors and monitors of a station, from the contacts of a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from simrob_drake.simulink.mechanics.bodies import Body
+from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.simulink_model import SimulinkModel
+from simrob_drake.simulink.writing.names import Names, plain
+from simrob_drake.simulink.writing.touching import Touching, bounded_dissipation
+from simrob_drake.simulink.writing.urdf import RobotFile
+
+
+@dataclass
+class StationFiles:
+    """What is written.
+
+    Attributes:
+        robots: by name, with their `robot.yaml`.
+        pieces: names.
+        content: of the station's file; empty where nothing moves, and there is no station.
+    """
+
+    robots: dict[str, RobotFile] = field(default_factory=dict)
+    pieces: list[str] = field(default_factory=list)
+    content: dict[str, Any] = field(default_factory=dict)
+
+
+def contact_sections(
+    touching: Touching, files: StationFiles, model: SimulinkModel, gravity: float, names: Names
+) -> dict[str, Any]:
+    """Return the sections `contact`, `sensors` and `monitors`.
+
+    Args:
+        touching: the contacts.
+        files: the robots and pieces that are written.
+        model: what was read.
+        gravity: [m/s²].
+        names: those that are given.
+    """
+    writer = _Sections(touching, files, model, gravity, names)
+    return {"contact": writer.contact(), **writer.sensors()}
+
+
+class _Sections:
+    """One station's."""
+
+    def __init__(
+        self, touching: Touching, files: StationFiles, model: SimulinkModel, gravity: float, names: Names
+    ) -> None:
+        self.touching, self.files, self.model = touching, files, model
+        self.gravity, self.names, self.report = gravity, names, model.report
+
+    def contact(self) -> dict[str, Any]:
+        """Return the contact section: the figures of the first contact that no robot's feet tell."""
+        section: dict[str, Any] = {"model": "point"}
+        robot_bodies = {body for robot in self.files.robots.values() for body in robot.links}
+        own = [
+            (contact, ends)
+            for contact, *ends in self.touching.ends
+            if not any(body in robot_bodies and not body.grounded for body, _ in ends)
+        ]
+        if own and self.files.pieces:
+            contact, ends = own[0]
+            surface = contact.surface
+            moving = next((body for body, _ in ends if not body.grounded), None)
+            weight = sum(solid.weight.mass for solid in moving.solids) * self.gravity if moving else 1.0
+            shared = sum(any(body is moving for body, _ in other) for _, other in own)
+            section |= {
+                "stiffness": surface.stiffness,
+                "dissipation": bounded_dissipation(surface, weight / shared, self.report, contact.node.path),
+                "friction": {"static": surface.static, "dynamic": surface.dynamic},
+                "stiction_speed": surface.speed,
+            }
+            if len({other.surface for other, _ in own}) > 1:
+                self.report.add("repaired", "contact", "contacts differ: all pieces get the figures of the first")
+        elif self.touching.ends:
+            section["stiction_speed"] = self.touching.ends[0][0].surface.speed
+        return section
+
+    def sensors(self) -> dict[str, Any]:
+        """Return distance sensors for contacts that sense it, and monitors where it stops the simulation."""
+        sensors: dict[str, Any] = {}
+        monitors: dict[str, Any] = {}
+        for contact, *ends in self.touching.ends:
+            if not contact.senses_distance:
+                continue
+            names = [self._end_name(body, node) for body, node in ends]
+            if None in names:
+                continue
+            body, other = (names[1], names[0]) if names[0] == "floor" else (names[0], names[1])
+            name = self.names.give(contact.node.path)
+            sensors[name] = {"kind": "distance", "body": body, "other": other}
+            if contact.node in self.model.stopping:
+                monitors[f"{name}_stop"] = {"kind": "contact", "sensor": name}
+        return ({"sensors": sensors} if sensors else {}) | ({"monitors": monitors} if monitors else {})
+
+    def _end_name(self, body: Body, node: Node) -> str | None:
+        for name, robot in self.files.robots.items():
+            if body in robot.links and not body.grounded:
+                if node.kind != "Spherical Solid":
+                    return None  # only spheres of robots touch
+                return robot.links[body] if len(self.files.robots) == 1 else f"{name}.{robot.links[body]}"
+        if node.kind == "Infinite Plane":
+            return "floor"
+        group = plain(node.path.partition("/")[0])
+        return group if group in self.files.pieces else None

@@ -1,0 +1,343 @@
+"""Put robots, pieces, contacts, servos and references together: the files of a station."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import ElementTree, indent
+
+import numpy as np
+import yaml
+from pydrake.math import RigidTransform, RotationMatrix
+
+from simrob_drake.constants import STANDARD_GRAVITY
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.catalog import ROBOT_FILE
+from simrob_drake.robots.pieces import PIECE_FILE
+from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.mechanics.solids import SolidBody
+from simrob_drake.simulink.mechanics.trees import Tree
+from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.laws import Law, is_zero
+from simrob_drake.simulink.simulink_model import SimulinkModel
+from simrob_drake.simulink.writing.contact_sections import StationFiles, contact_sections
+from simrob_drake.simulink.writing.names import Names, plain
+from simrob_drake.simulink.writing.pieces import pose_list, write_piece
+from simrob_drake.simulink.writing.references import reference
+from simrob_drake.simulink.writing.touching import feet_of, read_touching
+from simrob_drake.simulink.writing.urdf import RobotFile, UrdfWriter
+
+_STIFF = 1000.0, 10.0
+"""kp and kd of a joint whose motion is an input, in a station of torques."""
+_INSIDE = 1e-8
+"""How far within its limits a joint starts at least [rad or m]: files hold degrees and radians."""
+_SOLVERS: dict[str, dict[str, Any]] = {
+    "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
+    "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
+    "loops": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3},
+    "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
+}
+
+
+class StationWriter:
+    """Writes one model into one folder."""
+
+    def __init__(self, model: SimulinkModel, folder: Path) -> None:
+        """Take the model and where to write."""
+        self._model, self._folder = model, folder
+        self._report: ImportReport = model.report
+        self._names = Names(("world", "floor", "robot"))
+        self._turn, self._gravity = _upright(model)
+        self._touching = read_touching(model.contacts, model.bodies, model.network, self._turn)
+        self._files = StationFiles()
+
+    def write(self) -> StationFiles:
+        """Write everything, and return what there is."""
+        name = plain(self._model.path.stem)
+        mechanisms = _together([tree for tree in self._model.trees if tree.branches])
+        homes = self._homes(mechanisms)
+        base_solids = self._share_world(mechanisms, homes)
+        for tree in mechanisms:
+            robot_name = self._names.give(homes[tree].partition("/")[0] or name)
+            writer = UrdfWriter(self._folder / robot_name, self._report, self._names)
+            self._files.robots[robot_name] = writer.robot(robot_name, tree, base_solids.get(tree, []))
+        for robot in self._files.robots.values():
+            robot.axes = dict(sorted(robot.axes.items(), key=lambda entry: self._place(entry[0])))
+        pieces = self._pieces(base_solids)
+        if not self._files.robots and not any(entry.get("free") for entry in pieces.values()):
+            self._report.add("dropped", name, "the station: everything stands fixed, so only pieces are written")
+            return self._files
+        self._files.content = self._station(name, pieces)
+        text = yaml.safe_dump(
+            self._files.content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
+        )
+        header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
+        (self._folder / f"{name}.yaml").write_text(header + text, encoding="utf-8")
+        return self._files
+
+    def _homes(self, trees: list[Tree]) -> dict[Tree, str]:
+        """Return, by tree, the subsystem that all its joints are in; empty for the model itself."""
+        homes = {}
+        for tree in trees:
+            ways = [branch.link.joint.node.path.split("/")[:-1] for branch in tree.branches]
+            shared = ways[0]
+            for way in ways[1:]:
+                shared = [one for one, other in zip(shared, way, strict=False) if one == other][: len(shared)]
+            homes[tree] = "/".join(shared)
+        return homes
+
+    def _share_world(self, trees: list[Tree], homes: dict[Tree, str]) -> dict[Tree, list[SolidBody]]:
+        """Return which solids of the world belong to a robot's base: those drawn in its subsystem."""
+        shared: dict[Tree, list[SolidBody]] = {}
+        world = self._model.world
+        for solid in world.solids if world else []:
+            for tree in trees:
+                home = homes[tree]
+                if tree.root is world and home and solid.node.path.startswith(home + "/"):
+                    if solid.node not in self._touching.colliding:
+                        shared.setdefault(tree, []).append(solid)
+                    break
+        return shared
+
+    def _pieces(self, base_solids: dict[Tree, list[SolidBody]]) -> dict[str, dict[str, Any]]:
+        taken = {solid.node for solids in base_solids.values() for solid in solids}
+        pieces: dict[str, dict[str, Any]] = {}
+        groups: dict[str, list[SolidBody]] = {}
+        for solid in self._model.world.solids if self._model.world else []:
+            if solid.node not in taken:
+                groups.setdefault(solid.node.path.partition("/")[0], []).append(solid)
+        for group, solids in groups.items():
+            self._piece(pieces, group, solids, {"parent": "world", "pose": pose_list(self._turn)})
+        for tree in self._model.trees:
+            if tree.branches or tree.root.grounded or not tree.root.solids:
+                continue
+            path = tree.root.solids[0].node.path.partition("/")[0]
+            solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
+            self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)})
+        return pieces
+
+    def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> None:
+        name = self._names.give(path)
+        fixed = "free" not in entry
+        if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
+            self._report.add("dropped", path, "is free and weighs nothing: it cannot move")
+            return
+        folder = self._folder / name
+        writer = UrdfWriter(folder, self._report, self._names)
+        if not write_piece(folder, name, solids, self._touching.colliding, writer, weighs=not fixed):
+            folder.rmdir()
+            return
+        pieces[name] = {"model": f"{name}/{PIECE_FILE}", **entry}
+        self._files.pieces.append(name)
+        if not any(solid.node in self._touching.colliding for solid in solids) and not fixed:
+            self._report.add("read", path, "falls freely: nothing holds or touches it")
+
+    def _station(self, name: str, pieces: dict[str, Any]) -> dict[str, Any]:
+        model = self._model
+        kinematic = self._kinematic()
+        duration = model.duration
+        for piece, entry in pieces.items() if kinematic else ():
+            if entry.pop("free", False):
+                entry["parent"] = "world"
+                self._report.add("repaired", piece, "stands fixed: nothing falls in a kinematic station")
+        content: dict[str, Any] = {
+            "description": f"{name}, from a Simulink model",
+            "mode": "kinematic" if kinematic else "dynamic",
+        }
+        robots = {key: self._robot(key, robot, duration, kinematic) for key, robot in self._files.robots.items()}
+        content |= _robot_sections(robots)
+        if pieces:
+            content["pieces"] = pieces
+        if self._touching.floor:
+            content["floor"] = {"size": 3}
+        if self._touching.ends and not kinematic:
+            content |= contact_sections(self._touching, self._files, self._model, self._gravity, self._names)
+        content["gravity"] = self._gravity
+        if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
+            content["inputs"] = ["external_force"]
+        content |= {} if kinematic else self._dynamics(robots)
+        content["duration"] = duration
+        return content
+
+    def _dynamics(self, robots: dict[str, Any]) -> dict[str, Any]:
+        """Return what only a station of torques has: its solver, and stops that differ from a station's own."""
+        stops = self._stops()
+        return {"solver": self._solver(robots), **({"joint_stops": stops} if stops else {})}
+
+    def _kinematic(self) -> bool:
+        """Tell whether the motion is the input, or nothing weighs enough to be moved by torque."""
+        driven = {freedom.driven for robot in self._files.robots.values() for freedom in robot.axes}
+        weightless = [link for robot in self._files.robots.values() for link in robot.weightless]
+        if weightless and self._files.robots:
+            self._report.add(
+                "repaired", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}"
+            )
+            return True
+        return "motion" in driven and "torque" not in driven
+
+    def _robot(self, name: str, robot: RobotFile, duration: float, kinematic: bool) -> dict[str, Any]:
+        folder = self._folder / name
+        ElementTree(_indented(robot)).write(folder / f"{name}.urdf", encoding="unicode", xml_declaration=True)
+        floating = not robot.tree.root.grounded
+        described: dict[str, Any] = {
+            "description": f"{name}, from the Simulink model {self._model.path.stem}",
+            "urdf": f"{name}.urdf",
+            "base": "floating" if floating else "fixed",
+            "root": robot.links[robot.tree.root],
+            "axes": list(robot.axes.values()),
+        }
+        if robot.tools:
+            described["tools"] = robot.tools
+        feet = feet_of(robot, self._touching, self._gravity, self._report)
+        if feet:
+            described["feet"] = feet
+        text = yaml.safe_dump(described, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+        (folder / ROBOT_FILE).write_text(text, encoding="utf-8")
+        start = {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
+        entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
+        if robot.pushed:
+            entry["tcp"] = robot.pushed
+        base = self._turn @ robot.tree.base
+        if not base.IsNearlyIdentity(1e-12):
+            entry["base"] = pose_list(base)
+        degrees = {axis: _user(freedom, start[axis]) for freedom, axis in robot.axes.items() if start[axis]}
+        if degrees:
+            entry["initial_deg"] = degrees
+        laws = {freedom: self._law(freedom) for freedom in robot.axes}
+        for freedom, law in laws.items():
+            self._tell(name, robot.axes[freedom], freedom, law, kinematic=kinematic)
+        if not kinematic:
+            entry["servo"] = _servo(robot, laws)
+        wanted = {freedom: law.wanted for freedom, law in laws.items()}
+        entry["reference"] = reference(robot.axes, wanted, start, duration, self._folder / f"{name}_reference.csv")
+        if any(freedom.start_speed for freedom in robot.axes):
+            self._report.add("dropped", name, "speeds at the start: a station starts at rest")
+        return entry
+
+    def _start(self, freedom: Freedom) -> float:
+        """Return where a joint begins, within its limits."""
+        wanted = freedom.start or 0.0
+        taken = float(np.clip(wanted, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
+        if abs(taken - wanted) > _INSIDE:
+            self._report.add("repaired", freedom.name, f"starts at {wanted:.4g}, out of its limits: at {taken:.4g}")
+        return taken
+
+    def _law(self, freedom: Freedom) -> Law:
+        law = self._model.laws.get(freedom, Law())
+        if freedom.driven == "motion":
+            return Law(kp=_STIFF[0], kd=_STIFF[1], wanted=law.wanted)
+        if freedom.stiffness and law.kp:
+            self._report.add("dropped", freedom.name, f"its spring of {freedom.stiffness:g}, beside a servo")
+        elif freedom.stiffness:
+            from simrob_drake.simulink.signals.forms import constant
+
+            self._report.add("read", freedom.name, f"its spring of {freedom.stiffness:g} is its servo's kp")
+            return Law(kp=freedom.stiffness, wanted=constant(freedom.rest))
+        if not is_zero(law.effort):
+            self._report.add(
+                "dropped", freedom.name, "torque that no position commands; give it with inputs: [feedforward]"
+            )
+        return law
+
+    def _tell(self, robot: str, axis: str, freedom: Freedom, law: Law, *, kinematic: bool) -> None:
+        """Report what a joint became."""
+        gains = {"kp": law.kp, "ki": law.ki, "kd": law.kd, "limit": law.limit if isfinite(law.limit) else 0.0}
+        told = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
+        drive = "moved as its reference" if kinematic else f"servo {told}" if told else "no servo"
+        self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
+
+    def _place(self, freedom: Freedom) -> tuple[int, int]:
+        """Return where a joint stands among the model's inputs; joints without one keep their order behind."""
+        law = self._model.laws.get(freedom, Law())
+        for term in (*law.wanted, *law.effort):
+            if term.kind == "input" and isinstance(term.of, Node):
+                port = term.of.text("Port", "1")
+                return int(port) if port.isdecimal() else 1, term.index
+        return 10**6, 0
+
+    def _solver(self, robots: dict[str, Any]) -> dict[str, Any]:
+        if not robots:
+            return _SOLVERS["pieces"]
+        if any(robot.tree.closures for robot in self._files.robots.values()):
+            return _SOLVERS["loops"]
+        return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
+
+    def _stops(self) -> dict[str, float] | None:
+        """Return the joint stops if the model's differ from a station's own."""
+        found = [
+            freedom.stop
+            for robot in self._files.robots.values()
+            for freedom in robot.axes
+            if freedom.stop and freedom.turns and isfinite(freedom.upper)
+        ]
+        if not found or np.allclose(found[0], (5.73e5, 573.0), rtol=1e-3):
+            return None
+        if len(set(found)) > 1:
+            self._report.add("repaired", "joint_stops", "limits differ in stiffness: all get the figures of the first")
+        return {"stiffness": found[0][0], "damping": found[0][1]}
+
+
+def _together(trees: list[Tree]) -> list[Tree]:
+    """Return the mechanisms with those as one that stand on the world and are drawn in one subsystem."""
+    merged: dict[str, Tree] = {}
+    for tree in trees:
+        if tree.root.grounded:
+            home = tree.branches[0].link.joint.node.path.rpartition("/")[0].partition("/")[0]
+            mechanism = merged.setdefault(home, Tree(tree.root))
+            mechanism.branches += tree.branches
+            mechanism.closures += tree.closures
+    return [*merged.values(), *(tree for tree in trees if not tree.root.grounded)]
+
+
+def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
+    """Return the robots as a station's file has them; one robot's servo and reference stand on top."""
+    if len(robots) != 1:
+        return {"robots": robots} if robots else {}
+    (robot,) = robots.values()
+    shared = {section: robot.pop(section) for section in ("servo", "reference") if section in robot}
+    return {"robot": robot, **shared}
+
+
+def _servo(robot: RobotFile, laws: dict[Freedom, Law]) -> dict[str, Any]:
+    section: dict[str, Any] = {}
+    for key in ("kp", "ki", "kd"):
+        values = {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
+        if key != "ki" or any(values.values()):
+            section[key] = next(iter(values.values())) if len(set(values.values())) == 1 else values
+    limits = {axis: laws[freedom].limit for freedom, axis in robot.axes.items() if isfinite(laws[freedom].limit)}
+    if limits:
+        section["torque_limit"] = limits
+    return section
+
+
+def _user(freedom: Freedom, value: float) -> float:
+    return float(f"{np.rad2deg(value) if freedom.turns else value:.12g}")
+
+
+def _indented(robot: RobotFile) -> Any:
+    indent(robot.element)
+    return robot.element
+
+
+def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:
+    """Return how the model's world is turned so that its gravity points down, and how strong that is [m/s²]."""
+    vector = model.gravity
+    if vector is None:
+        return RigidTransform(), STANDARD_GRAVITY
+    strength = float(np.linalg.norm(vector))
+    if strength == 0 or np.allclose(vector / strength, [0, 0, -1]):
+        return RigidTransform(), strength
+    up = -vector / strength
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    if np.linalg.norm(axis) < 1e-9:
+        turn = RotationMatrix.MakeXRotation(np.pi)
+    else:
+        from pydrake.common.eigen_geometry import AngleAxis
+
+        turn = RotationMatrix(AngleAxis(float(np.arccos(np.clip(up[2], -1, 1))), axis / np.linalg.norm(axis)))
+    model.report.add(
+        "repaired", "gravity", f"points along {vector.round(4).tolist()}: the world is turned to put it down"
+    )
+    return RigidTransform(turn), strength

@@ -1,0 +1,220 @@
+"""A tree of bodies as a URDF."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from simrob_drake.frames import Vector
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.robots.urdf import DRAKE
+from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, place, set_inertia, text
+from simrob_drake.simulink.mechanics.bodies import PUSH, Body, Link
+from simrob_drake.simulink.mechanics.closures import common_points
+from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
+from simrob_drake.simulink.mechanics.shapes import Mesh
+from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
+from simrob_drake.simulink.mechanics.trees import Branch, Tree
+from simrob_drake.simulink.writing.names import Names
+
+ROOT = "base"
+AMPLE = 1e6
+"""Effort of a motor that the model does not limit [N·m or N]."""
+_FAR = 1e3  # m, of a slide without limits
+_TINY = 1e-9
+
+
+@dataclass
+class RobotFile:
+    """A robot being written.
+
+    Attributes:
+        tree: what it is.
+        element: its URDF.
+        axes: names of its joints by degree of freedom.
+        links: names of its links by body.
+        frames: pose of each link's frame in its body's first frame.
+        tools: names of frames on it.
+        pushed: the tool at which an external force acts; empty without.
+        weightless: links that move and have no mass.
+        mass: of all that moves [kg].
+    """
+
+    tree: Tree
+    element: ET.Element
+    axes: dict[Freedom, str] = field(default_factory=dict)
+    links: dict[Body, str] = field(default_factory=dict)
+    frames: dict[Body, RigidTransform] = field(default_factory=dict)
+    tools: dict[str, str] = field(default_factory=dict)
+    pushed: str = ""
+    weightless: list[str] = field(default_factory=list)
+    mass: float = 0.0
+
+
+class UrdfWriter:
+    """Writes what is seen and weighed of one robot or piece, meshes into a folder of its own."""
+
+    def __init__(self, folder: Path, report: ImportReport, names: Names) -> None:
+        """Take where to write; names of joints and links are given once in a model."""
+        folder.mkdir(exist_ok=True)
+        self._folder, self._report, self._names = folder, report, names
+        self._meshes = Names()
+        self._copied: dict[tuple[Path, float], str | None] = {}
+
+    def robot(self, name: str, tree: Tree, base_solids: list[SolidBody]) -> RobotFile:
+        """Return a tree as a robot; ``base_solids`` of the world are seen as parts of its base."""
+        robot = RobotFile(tree, ET.Element("robot", name=name))
+        floating = not tree.root.grounded
+        root_name = self._names.give(f"{name}_{ROOT}")
+        robot.links[tree.root], robot.frames[tree.root] = root_name, tree.frame
+        root = ET.SubElement(robot.element, "link", name=root_name)
+        if floating:
+            self._link(robot, root, tree.root, tree.frame)
+        else:
+            for solid in base_solids:
+                self._visual(root, solid, tree.frame.inverse() @ solid.pose)
+        for branch in tree.branches:
+            self._branch(robot, branch)
+        for freedom in tree.freedoms:
+            add_motor(robot.element, robot.axes[freedom], drive=f"{robot.axes[freedom]}_drive")
+        self._add_tools(robot)
+        for link in tree.closures:
+            for points in common_points(link):
+                _add_constraint(robot, link, points)
+        return robot
+
+    def _branch(self, robot: RobotFile, branch: Branch) -> None:
+        """Add the joints of a branch, each degree of freedom its own, and its link behind the last one."""
+        parent = robot.links[branch.parent]
+        origin = robot.frames[branch.parent].inverse() @ branch.in_parent
+        robot.frames[branch.body] = branch.in_body
+        for number, freedom in enumerate(branch.freedoms):
+            last = number == len(branch.freedoms) - 1
+            robot.axes[freedom] = self._names.give(freedom.name)
+            child = self._names.give(f"{robot.axes[freedom]}_link")
+            self._joint(robot.element, robot.axes[freedom], freedom, branch.sign, (parent, child, origin))
+            link = ET.SubElement(robot.element, "link", name=child)
+            if last:
+                robot.links[branch.body] = child
+                self._link(robot, link, branch.body, branch.in_body)
+            else:
+                set_inertia(link, mass=_TINY, moments=[_TINY] * 3, pose=RigidTransform())
+            parent, origin = child, RigidTransform()
+
+    def _joint(
+        self, robot: ET.Element, name: str, freedom: Freedom, sign: float, ends: tuple[str, str, RigidTransform]
+    ) -> None:
+        bounded = isfinite(freedom.lower) and isfinite(freedom.upper)
+        kind = ("revolute" if bounded else "continuous") if freedom.turns else "prismatic"
+        parent, child, origin = ends
+        joint = add_joint(robot, name, parent=parent, child=child, pose=origin, kind=kind)
+        ET.SubElement(joint, "axis", xyz=text((sign * freedom.axis).tolist()))
+        limit = ET.SubElement(joint, "limit", effort=text([AMPLE]), velocity="1000")
+        if kind != "continuous":
+            lower, upper = (
+                bound if isfinite(bound) else np.sign(bound) * _FAR for bound in (freedom.lower, freedom.upper)
+            )
+            limit.set("lower", text([lower]))
+            limit.set("upper", text([upper]))
+        elif isfinite(freedom.lower) or isfinite(freedom.upper):
+            self._report.add("dropped", name, "its only limit: a joint that turns has both or none here")
+        ET.SubElement(joint, "dynamics", damping=text([freedom.damping]))
+
+    def _link(self, robot: RobotFile, link: ET.Element, body: Body, frame: RigidTransform) -> None:
+        inverse = frame.inverse()
+        weight = together([moved(solid.weight, inverse @ solid.pose) for solid in body.solids])
+        robot.mass += weight.mass
+        name = link.get("name", "")
+        if weight.mass > 0:
+            moments = possible_moments(name, weight, self._report)
+            set_inertia(link, mass=weight.mass, moments=moments, pose=RigidTransform(weight.com))
+        else:
+            robot.weightless.append(name)
+        for solid in body.solids:
+            self._visual(link, solid, inverse @ solid.pose)
+
+    def _visual(self, link: ET.Element, solid: SolidBody, pose: RigidTransform) -> None:
+        if not solid.visible or (solid.shape is None and solid.file is None):
+            return
+        geometry = self.geometry(solid)
+        if geometry is None:
+            return
+        visual = ET.SubElement(link, "visual")
+        place(visual, pose)
+        ET.SubElement(visual, "geometry").append(geometry)
+        add_colour(visual, f"{link.get('name')}_{len(link)}", solid.colour)
+
+    def geometry(self, solid: SolidBody) -> ET.Element | None:
+        """Return what a solid looks like; None where its mesh cannot be read."""
+        shape = solid.shape
+        if shape is None or shape.mesh is not None:
+            mesh = self.mesh(solid)
+            return None if mesh is None else ET.Element("mesh", filename=mesh)
+        if shape.kind == "box":
+            return ET.Element("box", size=text(shape.size))
+        if shape.kind == "cylinder":
+            return ET.Element("cylinder", radius=text(shape.size[:1]), length=text(shape.size[1:]))
+        return ET.Element("sphere", radius=text(shape.size))
+
+    def mesh(self, solid: SolidBody) -> str | None:
+        """Write a solid's mesh as OBJ in metres, once for each file, and return its name in the folder."""
+        folder = self._folder / "meshes"
+        if solid.shape is not None and solid.shape.mesh is not None:
+            folder.mkdir(exist_ok=True)
+            name = f"meshes/{self._meshes.give(solid.node.path)}.obj"
+            write_obj(solid.shape.mesh, self._folder / name)
+            return name
+        if solid.file is None:
+            return None
+        key = (solid.file, solid.scale)
+        if key not in self._copied:
+            self._copied[key] = self._copy(solid, folder)
+        return self._copied[key]
+
+    def _copy(self, solid: SolidBody, folder: Path) -> str | None:
+        assert solid.file is not None
+        mesh = load_mesh(solid.file)
+        if mesh is None:
+            self._report.add("dropped", solid.node.path, f"the mesh {solid.file.name} cannot be read")
+            return None
+        folder.mkdir(exist_ok=True)
+        name = f"meshes/{self._meshes.give(solid.file.stem)}.obj"
+        corners: Vector = np.asarray(mesh.vertices, dtype=float) * solid.scale
+        write_obj(Mesh(corners, np.asarray(mesh.faces)), self._folder / name)
+        return name
+
+    def _add_tools(self, robot: RobotFile) -> None:
+        """Add the Reference Frames of the outermost level as tools, first what lies farthest out."""
+        order = [robot.tree.root, *(branch.body for branch in robot.tree.branches)]
+        found = [
+            (node.path.count("/"), -order.index(body), node, robot.frames[body].inverse() @ pose, robot.links[body])
+            for body in order
+            if not body.grounded
+            for node, pose in body.marks
+        ]
+        outermost = min((depth for depth, _, node, *_ in found if node.kind != PUSH), default=0)
+        for depth, _, node, pose, link in sorted(found, key=lambda entry: entry[:2]):
+            if depth > outermost and node.kind != PUSH:
+                continue
+            name = self._names.give(node.path)
+            add_joint(robot.element, f"{name}_mount", parent=link, child=name, pose=pose)
+            ET.SubElement(robot.element, "link", name=name)
+            robot.tools[name] = name
+            if node.kind == PUSH:
+                robot.pushed = robot.pushed or name
+
+
+def _add_constraint(robot: RobotFile, link: Link, points: tuple[Vector, Vector]) -> None:
+    """Hold a point of one link together with a point of another, each in its body's first frame."""
+    constraint = ET.SubElement(robot.element, f"{DRAKE}ball_constraint")
+    for letter, body, point in zip("AB", (link.base, link.follower), points, strict=True):
+        place_there = robot.frames[body].inverse().multiply(point)
+        ET.SubElement(constraint, f"{DRAKE}ball_constraint_body_{letter}", name=robot.links[body])
+        name = "p_AP" if letter == "A" else "p_BQ"
+        ET.SubElement(constraint, f"{DRAKE}ball_constraint_{name}", value=text(place_there))

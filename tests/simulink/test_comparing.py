@@ -1,0 +1,55 @@
+"""Logged signals against ours."""
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from simrob_drake import load_station, simulate
+from simrob_drake.cli.app import run_command
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.simulink.comparing import compare, read_log
+
+
+@pytest.fixture(scope="module")
+def run():
+    return simulate("double_pendulum", duration=1.0, progress=False)
+
+
+def test_a_log_of_our_own_run_differs_by_nothing(run, tmp_path):
+    folder = run.save(tmp_path / "run", recording=False)
+    times, logged = read_log(folder / "signals.csv", {})
+    _, differences = compare(load_station("double_pendulum"), times, logged)
+    found = {difference.signal: difference.largest for difference in differences}
+    assert {"q.joint_1", "tau.joint_2", "tcp.x"} <= set(found)
+    assert max(found[name] for name in ("q.joint_1", "q.joint_2")) < 1e-4  # the reference comes from a table
+
+
+def test_what_differs_is_told(run, tmp_path, capsys):
+    wave = 0.01 * np.sin(20 * run.times)
+    log = {"tout": run.times, "yout": np.column_stack([run["q.joint_1"] + wave, run["q.joint_2"]])}
+    savemat(tmp_path / "log.mat", log)
+    times, logged = read_log(tmp_path / "log.mat", {"yout.1": "q.joint_1"})
+    _, (difference,) = compare(load_station("double_pendulum"), times, logged)
+    assert difference.largest == pytest.approx(0.01, rel=1e-2)
+    assert difference.rms == pytest.approx(0.01 * np.sqrt(np.mean(np.sin(20 * run.times) ** 2)), rel=1e-6)
+    assert run_command(
+        ["compare", "double_pendulum", "--with", str(tmp_path / "log.mat"), "--map", "yout.1=q.joint_1",
+         "--out", str(tmp_path / "out")]
+    ) == 0  # fmt: skip
+    assert "q.joint_1" in capsys.readouterr().out
+    assert (tmp_path / "out" / "q.joint_1.png").stat().st_size > 5000
+
+
+def test_logs_that_cannot_be(tmp_path):
+    file = tmp_path / "a.csv"
+    for text, told in (("x,y\n1,2\n", "column time"), ("time,x\n1,2\n1,3\n", "times rise")):
+        file.write_text(text)
+        with pytest.raises(InvalidParameter, match=told):
+            read_log(file, {})
+    file.write_text("time,x\n0,2\n1,3\n")
+    with pytest.raises(UnknownName, match="'y'"):
+        read_log(file, {"y": "q.joint_1"})
+    with pytest.raises(InvalidParameter, match="--map"):
+        compare(load_station("double_pendulum"), *read_log(file, {}))
+    with pytest.raises(InvalidParameter, match="can be read"):
+        read_log(tmp_path / "none.csv", {})

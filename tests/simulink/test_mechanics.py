@@ -1,0 +1,443 @@
+"""Frames, solids, joints and contacts against their definitions."""
+
+import numpy as np
+import pytest
+import trimesh
+from pydrake.math import RotationMatrix
+from slx_files import BRICK, INERTIA, REVOLUTE, TRANSFORM, WORLD, Level, write_model
+
+from simrob_drake import build_station, load_station, simulate
+from simrob_drake.errors import InvalidModel
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.mechanics.closures import body_poses, common_points
+from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
+from simrob_drake.simulink.mechanics.solids import moved, read_solid, together
+from simrob_drake.simulink.mechanics.transforms import rigid_transform
+from simrob_drake.simulink.model.nodes import Findings, Node
+from simrob_drake.simulink.reading.graph import Block
+from simrob_drake.simulink.simulink_model import read_simulink
+from simrob_drake.simulink.values.workspace import Workspace
+
+
+def node(kind="x", path="block", **parameters):
+    from pathlib import Path
+
+    block = Block("1", path, f"sm_lib/Group/{kind}", linked=True, parameters=parameters)
+    return Node(path, block, Workspace(), Findings(ImportReport(Path("model.slx"))))
+
+
+def turn(axis, degrees):
+    return getattr(RotationMatrix, f"Make{axis}Rotation")(np.deg2rad(degrees)).matrix()
+
+
+ANGLES = {"RotationSequenceAngles": "[10 20 30]", "RotationSequenceAnglesUnits": "deg", "RotationSequence": "ZYX"}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        (
+            {"RotationMethod": "StandardAxis", "RotationStandardAxis": "-Y", "RotationAngle": "0.5"},
+            turn("Y", -np.rad2deg(0.5)),
+        ),
+        (
+            {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 2]", "RotationAngle": "90",
+             "RotationAngleUnits": "deg"}, turn("Z", 90),
+        ),
+        ({"RotationMethod": "RotationSequence", **ANGLES}, turn("Z", 10) @ turn("Y", 20) @ turn("X", 30)),
+        (
+            {"RotationMethod": "RotationSequence", "RotationSequenceAxes": "BaseAxes", **ANGLES},
+            turn("X", 30) @ turn("Y", 20) @ turn("Z", 10),
+        ),
+        ({"RotationMethod": "RotationMatrix", "RotationMatrix": "[0 -1 0; 1 0 0; 0 0 1]"}, turn("Z", 90)),
+        ({"RotationMethod": "Quaternion", "Quaternion": "[1 1 0 0]"}, turn("X", 90)),
+        (
+            {"RotationMethod": "AlignedAxes", "FollAlignAxisA": "+Z", "BaseAlignAxisA": "-Y", "FollAlignAxisB": "+Y",
+             "BaseAlignAxisB": "+X"}, [[0, 1, 0], [0, 0, -1], [-1, 0, 0]],
+        ),
+    ],
+)  # fmt: skip
+def test_rotations(parameters, expected):
+    pose = rigid_transform(node(**parameters))
+    np.testing.assert_allclose(pose.rotation().matrix(), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        (
+            {"TranslationMethod": "Cartesian", "TranslationCartesianOffset": "[1 2 3]",
+             "TranslationCartesianOffsetUnits": "mm"}, [0.001, 0.002, 0.003],
+        ),
+        (
+            {"TranslationMethod": "StandardAxis", "TranslationStandardOffset": "2", "TranslationStandardAxis": "-X"},
+            [-2, 0, 0],
+        ),
+        (
+            {"TranslationMethod": "Cylindrical", "TranslationROffset": "2", "TranslationThetaOffset": "90",
+             "TranslationThetaOffsetUnits": "deg", "TranslationZOffset": "1"}, [0, 2, 1],
+        ),
+    ],
+)  # fmt: skip
+def test_translations(parameters, expected):
+    np.testing.assert_allclose(rigid_transform(node(**parameters)).translation(), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"RotationMethod": "Magic"},
+        {"TranslationMethod": "Magic"},
+        {"RotationMethod": "RotationMatrix", "RotationMatrix": "[1 0 0; 0 1 0; 0 0 2]"},
+        {"RotationMethod": "Quaternion", "Quaternion": "[0 0 0 0]"},
+        {"RotationMethod": "ArbitraryAxis", "RotationArbitraryAxis": "[0 0 0]"},
+        {"RotationMethod": "AlignedAxes", "FollAlignAxisA": "+Z", "FollAlignAxisB": "-Z"},
+        {"RotationMethod": "RotationSequence", "RotationSequence": "XYQ"},
+        {"TranslationMethod": "Cartesian", "TranslationCartesianOffset": "[1 2]"},
+        {"TranslationMethod": "Cartesian", "TranslationCartesianOffset": "[1 2 inf]"},
+        {
+            "TranslationMethod": "Cartesian",
+            "TranslationCartesianOffset": "[1 2 3]",
+            "TranslationCartesianOffsetUnits": "kg",
+        },
+    ],
+)
+def test_frames_that_cannot_be(parameters):
+    with pytest.raises(InvalidModel, match=r"model\.slx: block: "):
+        rigid_transform(node(**parameters))
+
+
+def weight_of(kind, **parameters):
+    return read_solid(node(kind, **parameters), MeshFiles([])).weight
+
+
+def as_mesh(solid):
+    return trimesh.Trimesh(solid.shape.mesh.corners, solid.shape.mesh.faces, process=True)
+
+
+def test_primitives_weigh_what_their_formulas_say():
+    ball = weight_of("Spherical Solid", SphereRadius="60", SphereRadiusUnits="mm", Density="1000")
+    assert ball.mass == pytest.approx(0.904779, rel=1e-6)
+    np.testing.assert_allclose(ball.inertia, np.eye(3) * 0.4 * ball.mass * 0.06**2)
+    rod = weight_of("Cylindrical Solid", CylinderRadius="0.1", CylinderLength="2", BasedOnType="Mass", Mass="3")
+    np.testing.assert_allclose(np.diag(rod.inertia), [3 * (0.03 + 4) / 12] * 2 + [3 * 0.01 / 2])
+    egg = weight_of("Ellipsoidal Solid", EllipsoidRadii="[1 2 3]", BasedOnType="Mass", Mass="5")
+    np.testing.assert_allclose(np.diag(egg.inertia), [13, 10, 5])
+    point = weight_of("Inertia", InertiaType="PointMass", Mass="2")
+    assert (point.mass, point.inertia.max()) == (2, 0)
+
+
+def test_products_of_inertia_stand_as_simscape_orders_them():
+    weight = weight_of(
+        "Inertia", InertiaType="Custom", Mass="1", MomentsOfInertia="[3 4 5]", ProductsOfInertia="[0.1 0.2 0.3]"
+    )
+    np.testing.assert_array_equal(weight.inertia, [[3, 0.3, 0.2], [0.3, 4, 0.1], [0.2, 0.1, 5]])
+
+
+L_SHAPE = "[0 0; 3 0; 3 1; 1 1; 1 2; 0 2]"
+
+
+def test_extrusions_weigh_as_their_closed_meshes():
+    solid = read_solid(
+        node(
+            "Extruded Solid", ExtrusionType="General", ExtrusionCrossSection=L_SHAPE, ExtrusionLength="0.5", Density="2"
+        ),
+        MeshFiles([]),
+    )
+    mesh = as_mesh(solid)
+    mesh.density = 2.0
+    assert mesh.is_watertight
+    assert solid.weight.mass == pytest.approx(2 * 4 * 0.5)
+    np.testing.assert_allclose(solid.weight.com, mesh.center_mass, atol=1e-9)
+    np.testing.assert_allclose(solid.weight.inertia, mesh.moment_inertia, atol=1e-9)
+    other_way = node(
+        "Extruded Solid", ExtrusionCrossSection="flipud(" + L_SHAPE + ")", ExtrusionLength="0.5", Density="2"
+    )
+    np.testing.assert_allclose(read_solid(other_way, MeshFiles([])).weight.inertia, solid.weight.inertia, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [360, 90])
+def test_revolutions_weigh_as_fine_meshes(angle):
+    solid = read_solid(
+        node("Revolved Solid", RevolutionCrossSection="[1 0; 2 0; 2 1]", RevolutionExtent="Custom",
+             RevolutionAngle=str(angle), RevolutionAngleUnits="deg", Density="1"),
+        MeshFiles([]),
+    )  # fmt: skip
+    mesh = as_mesh(solid)
+    assert solid.weight.mass == pytest.approx(
+        np.deg2rad(angle) * 0.5 * 5 / 3
+    )  # Pappus: area times the way of its middle
+    np.testing.assert_allclose(mesh.volume, solid.weight.mass, rtol=4e-3)  # of 48 segments a turn
+    np.testing.assert_allclose(mesh.center_mass, solid.weight.com, atol=5e-3)
+    np.testing.assert_allclose(
+        mesh.moment_inertia, solid.weight.inertia, atol=2e-2 * np.abs(solid.weight.inertia).max()
+    )
+
+
+def test_a_body_weighs_as_its_parts_together():
+    half = weight_of("Brick Solid", BrickDimensions="[1 2 3]", BasedOnType="Mass", Mass="4")
+    from pydrake.math import RigidTransform
+
+    pair = together([moved(half, RigidTransform([x, 0, 0])) for x in (-0.5, 0.5)])
+    whole = weight_of("Brick Solid", BrickDimensions="[2 2 3]", BasedOnType="Mass", Mass="8")
+    np.testing.assert_allclose(pair.inertia, whole.inertia)
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "told"),
+    [
+        ("Brick Solid", {"BrickDimensions": "[1 0 1]"}, "lengths are positive"),
+        ("Brick Solid", {"Density": "-1"}, "negative"),
+        ("Inertia", {"Mass": "-1"}, "negative"),
+        ("Extruded Solid", {"ExtrusionCrossSection": "[0 0; 1 1]"}, "no outline"),
+        ("Extruded Solid", {"ExtrusionCrossSection": "[0 0; 1 1; 2 2]"}, "no area"),
+        ("Extruded Solid", {"ExtrusionType": "Regular", "PolygonNumSides": "2"}, "2 sides"),
+        ("Revolved Solid", {"RevolutionCrossSection": "[-1 0; 2 0; 2 1]"}, "crosses the axis"),
+        ("File Solid", {"ExtGeomFileName": "none.stl"}, r"none\.stl"),
+        ("Solid", {"GeometryShape": "Blob"}, "Blob"),
+    ],
+)
+def test_solids_that_cannot_be(kind, parameters, told):
+    with pytest.raises(InvalidModel, match=told):
+        weight_of(kind, **parameters)
+
+
+def test_meshes_are_found_and_weighed_but_only_below_given_folders(tmp_path):
+    box = trimesh.creation.box((1, 2, 3))
+    (tmp_path / "model" / "Library").mkdir(parents=True)
+    box.export(tmp_path / "model" / "Library" / "Part.STL")
+    box.export(tmp_path / "secret.stl")
+    meshes = MeshFiles([tmp_path / "model"])
+    solid = read_solid(
+        node("File Solid", ExtGeomFileName="C:\\work\\library\\part.stl", ExtGeomFileUnits="cm", Density="1000"), meshes
+    )
+    assert solid.weight.mass == pytest.approx(6e-6 * 1000)
+    with pytest.raises(InvalidModel, match="cannot be read"):
+        read_solid(node("File Solid", ExtGeomFileName="../secret.stl"), meshes)
+
+
+def frame_xml(feature, primary="+Z", along="+Z"):
+    source = "<Source>ReferenceFrame</Source><SourceDirection>{2}</SourceDirection>"
+    axis = "<{0}><DefinedDirection>{1}</DefinedDirection>" + source + "</{0}>"
+    axes = axis.format("PrimaryAxis", primary, along) + axis.format("SecondaryAxis", "+X", "+X")
+    origin = f"<Origin><Source>GeometricFeature</Source><FeatureName>{feature}</FeatureName></Origin>"
+    return f"<Frame><Id>F</Id><Value><Name>F</Name>{origin}{axes}</Value></Frame>"
+
+
+def test_bodies_joined_at_frames_of_solids(tmp_path):
+    """Two boxes, side on side: the second one's middle is where both halves add up."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    joint = level.block(REVOLUTE, "Hinge")
+    frames = "<Frames>" + frame_xml("-x surface") + frame_xml("+x surface") + "</Frames>"
+    one = level.block(BRICK, "One", BrickDimensions="[2 1 1]", SerializedFrames=frames, DoExposeReferenceFrame="off")
+    other = level.block(BRICK, "Other", BrickDimensions="[4 1 1]", SerializedFrames=frames, DoExposeReferenceFrame="on")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{one}#lconn:1")
+    level.connect(f"{one}#rconn:1", f"{other}#lconn:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    (tree,) = model.trees
+    (branch,) = tree.branches
+    places = {solid.node.path: solid.pose.translation() for solid in branch.body.solids}
+    to_joint = branch.in_body.inverse()
+    np.testing.assert_allclose(to_joint.multiply(places["One"]), [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(to_joint.multiply(places["Other"]), [4, 0, 0], atol=1e-12)
+
+
+def mechanism():
+    """Return the level of two bars on hinges in a row, and its blocks."""
+    level = Level()
+    blocks = {"world": level.block(WORLD, "World")}
+    before = f"{blocks['world']}#rconn:1"
+    for number in (1, 2):
+        joint = level.block(REVOLUTE, f"Joint{number}")
+        rod = level.block(INERTIA, f"Rod{number}", Mass="1", MomentsOfInertia="[1 1 1]", CenterOfMass="[0.5 0 0]")
+        end = level.block(
+            TRANSFORM, f"End{number}", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]"
+        )
+        level.connect(before, f"{joint}#lconn:1")
+        level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1", f"{end}#lconn:1")
+        before = f"{end}#rconn:1"
+    blocks["end"] = before
+    return level, blocks
+
+
+def test_a_joint_the_other_way_round_turns_the_other_way(tmp_path):
+    level = Level()
+    world = level.block(WORLD, "World")
+    start = {"PositionTargetSpecify": "on", "PositionTargetValue": "30", "PositionTargetValueUnits": "deg"}
+    joint = level.block(REVOLUTE, "J", **start)
+    rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]", CenterOfMass="[0.5 0 0]")
+    tip = level.block("sm_lib/Frames and Transforms/Reference Frame", "Tip")
+    off = level.block(TRANSFORM, "Off", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]")
+    level.connect(f"{world}#rconn:1", f"{joint}#rconn:1")  # the world is its follower
+    level.connect(f"{joint}#lconn:1", f"{rod}#rconn:1", f"{off}#lconn:1")
+    level.connect(f"{off}#rconn:1", f"{tip}#rconn:1")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    result = simulate(load_station(station, {"mode": "kinematic"}), duration=0.1, progress=False)
+    angle = np.deg2rad(-30)
+    np.testing.assert_allclose(result.pose("tcp")[0, :3], [np.cos(angle), np.sin(angle), 0], atol=1e-12)
+
+
+def four_bar(closing=REVOLUTE, **parameters):
+    """Three bars of 1 m between hinges 1.2 m apart, the last hinge closing the loop."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    ground = level.block(TRANSFORM, "Ground", TranslationMethod="Cartesian", TranslationCartesianOffset="[1.2 0 0]")
+    stand = level.block(
+        TRANSFORM, "Stand", RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle="90",
+        RotationAngleUnits="deg",
+    )  # fmt: skip
+    level.connect(f"{world}#rconn:1", f"{stand}#lconn:1")
+    before = f"{stand}#rconn:1"
+    level.connect(f"{stand}#rconn:1", f"{ground}#lconn:1")
+    for number, start in ((1, "80"), (2, "-80"), (3, "-70")):
+        given = {"PositionTargetSpecify": "on", "PositionTargetValue": start, "PositionTargetValueUnits": "deg"}
+        joint = level.block(REVOLUTE, f"Joint{number}", **(given if number == 1 else {}))
+        rod = level.block(INERTIA, f"Rod{number}", Mass="1", MomentsOfInertia="[0.1 0.1 0.1]", CenterOfMass="[0.5 0 0]")
+        end = level.block(
+            TRANSFORM, f"End{number}", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0 0]"
+        )
+        level.connect(before, f"{joint}#lconn:1")
+        level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1", f"{end}#lconn:1")
+        before = f"{end}#rconn:1"
+    last = level.block(closing, "Closing", **parameters)
+    level.connect(before, f"{last}#rconn:1")
+    level.connect(f"{ground}#rconn:1", f"{last}#lconn:1")
+    return level
+
+
+def test_a_loop_of_hinges_is_closed_and_stays_so(tmp_path):
+    """A four-bar linkage swings, and its ends stay where the closing hinge holds them; energy is that of its rods."""
+    imported = import_simulink(write_model(tmp_path / "a.slx", four_bar()), tmp_path / "out")
+    config = load_station(imported.station)
+    assert config.solver.kind == "discrete"
+    result = simulate(config, duration=1.0, progress=False)
+    (robot,) = imported.files.robots.values()
+    q = np.array([result[f"q.{axis}"] for axis in robot.axes.values()])
+    names = list(robot.axes.values())
+    assert len(names) == 3
+    turned = np.ptp(q, axis=1)
+    assert turned.max() > 0.3  # it moves
+    gaps = []
+    for column in q.T:
+        poses = body_poses(robot.tree, column)
+        link = robot.tree.closures[0]
+        pairs = common_points(link)
+        gaps.append([poses[link.base].multiply(a) - poses[link.follower].multiply(b) for a, b in pairs])
+    assert np.abs(gaps).max() < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "told"),
+    [
+        ("sm_lib/Joints/Prismatic Joint", {}, "only revolute and ball"),
+        (REVOLUTE, {"PositionTargetSpecify": "off", "JointMode": "Locked"}, "Locked"),
+    ],
+)
+def test_other_loops_are_refused_by_name(tmp_path, kind, parameters, told):
+    level = four_bar()
+    extra = level.block(kind, "Extra", **parameters)
+    level.connect("2#lconn:1", f"{extra}#lconn:1")
+    level.connect("12#rconn:1", f"{extra}#rconn:1")
+    with pytest.raises(InvalidModel, match=f"Extra.*{told}"):
+        import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+
+
+def test_loops_that_cannot_close_are_told(tmp_path):
+    level = four_bar()
+    level.blocks = [block.replace("[1.2 0 0]", "[9 0 0]") for block in level.blocks]
+    with pytest.raises(InvalidModel, match=r"does not close: .* mm are left"):
+        import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+
+
+def test_rigid_loops_must_fit(tmp_path):
+    level, _ = mechanism()
+    wrong = level.block(TRANSFORM, "Wrong", TranslationMethod="Cartesian", TranslationCartesianOffset="[1 0.1 0]")
+    level.connect("4#lconn:1", f"{wrong}#lconn:1")
+    level.connect("4#rconn:1", f"{wrong}#rconn:1")
+    with pytest.raises(InvalidModel, match="does not fit"):
+        read_simulink(write_model(tmp_path / "a.slx", level))
+
+
+def test_a_ball_on_a_floor(tmp_path):
+    """Drop a ball on a plate: it rests where the spring of the contact carries it."""
+    level = Level()
+    level.block(WORLD, "World")
+    plate = level.block(BRICK, "Plate", BrickDimensions="[1 1 0.1]", ExportEntireGeometry="on")
+    high = level.block(TRANSFORM, "High", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.1]")
+    ball = level.block(
+        "sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000", ExportEntireGeometry="on"
+    )
+    start = level.block("sm_lib/Frames and Transforms/Reference Frame", "Start")
+    touch = level.block(
+        "sm_lib/Forces and\nTorques/Spatial\nContact Force", "Touch", NormalStiffness="1e4", NormalDamping="50",
+        CoefficientOfStaticFriction="0.5", CoefficientOfDynamicFriction="0.3", FrictionalCriticalVelocity="1e-3",
+        SenseSeparationDistance="on",
+    )  # fmt: skip
+    level.connect("1#rconn:1", f"{plate}#rconn:1")
+    level.connect(f"{start}#rconn:1", f"{high}#lconn:1")
+    level.connect(f"{high}#rconn:1", f"{ball}#rconn:1")
+    level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1")
+    level.connect(f"{plate}#lconn:1", f"{touch}#rconn:1")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    config = load_station(station)
+    assert config.contact.stiffness == 1e4
+    assert (config.contact.friction.static, config.contact.friction.dynamic) == (0.5, 0.3)
+    result = simulate(config, duration=3.0, progress=False)
+    mass = 4 / 3 * np.pi * 0.05**3 * 1000
+    sink = mass * 9.80665 / 1e4
+    np.testing.assert_allclose(result.piece_pose("Ball")[-1, 2], 0.1 - sink, atol=2e-5)
+    np.testing.assert_allclose(result["distance.Touch"][-1], -sink, atol=2e-5)
+
+
+def test_gravity_to_the_side_turns_the_world(tmp_path):
+    level = Level()
+    world = level.block(WORLD, "World")
+    gravity = level.block("sm_lib/Utilities/Mechanism Configuration", "G", GravityVector="[0 -9.81 0]")
+    joint = level.block("sm_lib/Joints/6-DOF Joint", "Free")
+    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000")
+    level.connect(f"{world}#rconn:1", f"{gravity}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(imported.station, duration=0.5, progress=False)
+    np.testing.assert_allclose(result.piece_pose("Ball")[-1, :3], [0, 0, -9.81 * 0.125], atol=1e-6)
+    assert any("the world is turned" in entry.text for entry in imported.report.entries)
+
+
+def test_a_joint_of_three_freedoms_is_three_joints(tmp_path):
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/Planar Joint", "Plane")
+    rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    (robot,) = imported.files.robots.values()
+    assert list(robot.axes.values()) == ["Plane_Px", "Plane_Py", "Plane_Rz"]
+    assert [freedom.turns for freedom in robot.axes] == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("sm_lib/Joints/Lead Screw\nJoint", "couples"),
+        ("sm_lib/Body Elements/Variable Mass/General\nVariable Mass", "varies"),
+    ],
+)
+def test_what_has_no_likeness_is_refused(tmp_path, kind, told):
+    level, _ = mechanism()
+    level.block(kind, "Strange")
+    with pytest.raises(InvalidModel, match=f"Strange.*{told}"):
+        import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+
+
+def test_an_external_force_is_a_port_at_its_frame(tmp_path):
+    level, blocks = mechanism()
+    push = level.block("sm_lib/Forces and\nTorques/External Force\nand Torque", "Push", EnableForceZ="on")
+    level.connect(blocks["end"], f"{push}#rconn:1")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    config = load_station(station)
+    assert config.inputs == ("external_force",)
+    assert config.robots["robot"].tcp == "Push"
+    assert "external_force" in build_station(config).ports.inputs

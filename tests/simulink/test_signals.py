@@ -1,0 +1,287 @@
+"""Control laws found by what they compute, however they are drawn."""
+
+import numpy as np
+import pytest
+from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, WORLD, Level, pendulum, write_model
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import InvalidModel
+from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.simulink_model import read_simulink
+
+
+class Plant(Level):
+    """Two driven hinges side by side whose positions and speeds are sensed, and converters around them."""
+
+    def __init__(self, *, motion=False):
+        super().__init__()
+        world = self.block(WORLD, "World")
+        self.positions, self.speeds, self.drives = [], [], []
+        mode = {"MotionActuationMode": "InputMotion"} if motion else {"TorqueActuationMode": "InputTorque"}
+        for name in ("A", "B"):
+            joint = self.block(REVOLUTE, name, SensePosition="on", SenseVelocity="on", **mode)
+            rod = self.block(INERTIA, f"Rod {name}", Mass="1", MomentsOfInertia="[1 1 1]")
+            self.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+            self.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+            into = self.block(TO_PHYSICS, f"into {name}", Unit="1")
+            self.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+            self.drives.append(into)
+            for number, found in ((2, self.positions), (3, self.speeds)):
+                out = self.block(FROM_PHYSICS, f"out {name} {number}", Unit="inherit")
+                self.connect(f"{joint}#rconn:{number}", f"{out}#lconn:1")
+                found.append(f"{out}#out:1")
+
+    def chain(self, kind, name, *sources, **parameters):
+        """Add a block behind others, and return its output."""
+        sid = self.block(kind, name, **parameters)
+        for number, source in enumerate(sources):
+            self.wire(source, f"{sid}#in:{number + 1}")
+        return f"{sid}#out:1"
+
+    def drive(self, *signals):
+        for signal, into in zip(signals, self.drives, strict=True):
+            self.wire(signal, f"{into}#in:1")
+
+    def split(self, signal):
+        sid = self.block("Demux", "Split", Outputs="2")
+        self.wire(signal, f"{sid}#in:1")
+        return f"{sid}#out:1", f"{sid}#out:2"
+
+    def laws(self, tmp_path):
+        model = read_simulink(write_model(tmp_path / "a.slx", self))
+        return {freedom.name: law for freedom, law in model.laws.items()}, model.report
+
+
+def test_matrix_gains_through_mux_demux_and_tags(tmp_path):
+    plant = Plant()
+    q = plant.chain("Mux", "q", *plant.positions, Inputs="2")
+    plant.chain("Goto", "to", q, GotoTag="all")
+    back = plant.chain("From", "from", GotoTag="all")
+    w = plant.chain("Selector", "w", plant.chain("Mux", "w all", *reversed(plant.speeds), Inputs="2"), Indices="[2 1]")
+    wanted = plant.chain("Inport", "q_ref", PortDimensions="2")
+    error = plant.chain("Sum", "e", back, wanted, Inputs="-+|")
+    stiff = plant.chain("Gain", "Kp", error, Gain="[10 0; 0 20]", Multiplication="Matrix(K*u) (u vector)")
+    damp = plant.chain("Gain", "Kd", w, Gain="[1 2]")
+    total = plant.chain("Sum", "T", stiff, damp, Inputs="|+-")
+    plant.drive(*plant.split(plant.chain("Saturate", "Sat", total, UpperLimit="[5 6]", LowerLimit="[-5 -6]")))
+    laws, report = plant.laws(tmp_path)
+    assert [(law.kp, law.kd, law.limit) for law in laws.values()] == [(10, 1, 5), (20, 2, 6)]
+    assert [term.index for law in laws.values() for term in law.wanted] == [0, 1]
+    assert report.entries == []
+
+
+def test_a_pid_block_with_its_limit(tmp_path):
+    plant = Plant()
+    for number in (0, 1):
+        error = plant.chain("Sum", f"e{number}", plant.chain("Constant", f"c{number}", Value="0.5"),
+                            plant.positions[number], Inputs="+-")  # fmt: skip
+        output = plant.chain(
+            "slpidlib/PID Controller", f"PID{number}", error, P="7", I="3", D="2", Controller="PID",
+            LimitOutput="on", UpperSaturationLimit="9", LowerSaturationLimit="-9",
+        )  # fmt: skip
+        plant.wire(output, f"{plant.drives[number]}#in:1")
+    laws, _ = plant.laws(tmp_path)
+    assert [(law.kp, law.ki, law.kd, law.limit) for law in laws.values()] == [(7, 3, 2, 9)] * 2
+
+
+def test_an_integral_beside_a_proportional_part(tmp_path):
+    plant = Plant()
+    for number in (0, 1):
+        error = plant.chain("Sum", f"e{number}", plant.chain("Inport", f"r{number}", Port=number + 1),
+                            plant.positions[number], Inputs="+-")  # fmt: skip
+        total = plant.chain(
+            "Sum", f"T{number}", plant.chain("Gain", f"P{number}", error, Gain="4"),
+            plant.chain("Integrator", f"I{number}", plant.chain("Gain", f"Ki{number}", error, Gain="2")),
+            plant.chain("Gain", f"D{number}", plant.chain("Derivative", f"d{number}", plant.positions[number])),
+            Inputs="++-",
+        )  # fmt: skip
+        plant.wire(total, f"{plant.drives[number]}#in:1")
+    laws, _ = plant.laws(tmp_path)
+    assert [(law.kp, law.ki, law.kd) for law in laws.values()] == [(4, 2, 1)] * 2
+
+
+def test_what_is_no_servo_is_told(tmp_path):
+    plant = Plant()
+    strange = plant.chain("MATLABFcn", "Brain", plant.positions[0])
+    coupled = plant.chain("Sum", "T", plant.chain("Gain", "k", plant.positions[0], Gain="-3"), plant.positions[1])
+    plant.drive(coupled, strange)
+    laws, report = plant.laws(tmp_path)
+    assert laws["A"].kp == 3
+    told = {entry.element: entry.text for entry in report.of("dropped")}
+    assert told["A"] == "of its control law: coupling with q of B (1)"
+    assert "feedforward" in told["B"]
+    assert "left open" in told["Brain"]
+
+
+def test_an_algebraic_loop_is_told_with_its_path(tmp_path):
+    plant = Plant()
+    first = plant.block("Gain", "One")
+    second = plant.block("Gain", "Two")
+    plant.wire(f"{first}#out:1", f"{second}#in:1")
+    plant.wire(f"{second}#out:1", f"{first}#in:1")
+    plant.drive(f"{first}#out:1", f"{second}#out:1")
+    with pytest.raises(InvalidModel, match="One: is in an algebraic loop: One → Two → One"):
+        plant.laws(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "told"),
+    [
+        ("Gain", {"Gain": "[1 2 3]"}, "3 numbers for a signal of 2"),
+        ("Gain", {"Gain": "ones(2,3)", "Multiplication": "Matrix(K*u)"}, "2 × 3 for a signal of 2"),
+        ("Selector", {"Indices": "[1 5]"}, "element 5 of a signal of 2"),
+        ("Sum", {"Inputs": "+x"}, "signs"),
+    ],
+)
+def test_vectors_that_do_not_fit(tmp_path, kind, parameters, told):
+    plant = Plant()
+    q = plant.chain("Mux", "q", *plant.positions, Inputs="2")
+    plant.drive(*plant.split(plant.chain(kind, "Odd", q, **parameters)))
+    with pytest.raises(InvalidModel, match=f"Odd: .*{told}"):
+        plant.laws(tmp_path)
+
+
+def test_sources_move_a_kinematic_station(tmp_path):
+    plant = Plant(motion=True)
+    ramp = plant.chain("simulink/Sources/Ramp", "ramp", slope="0.5", start="0.2", X0="0.1")
+    wave = plant.chain("Sin", "wave", Amplitude="0.3", Frequency="2", Bias="0", Phase="0")
+    plant.drive(ramp, wave)
+    station = import_simulink(write_model(tmp_path / "a.slx", plant, stop="2"), tmp_path / "out").station
+    config = load_station(station)
+    assert (config.mode, config.duration) == ("kinematic", 2.0)
+    result = simulate(config, progress=False)
+    times = result.times
+    middle = (times > 0.3) & (times < 1.9)
+    np.testing.assert_allclose(result["q.A"][middle], (0.1 + 0.5 * np.maximum(times - 0.2, 0))[middle], atol=1e-4)
+    np.testing.assert_allclose(result["q.B"][middle], 0.3 * np.sin(2 * times)[middle], atol=1e-4)
+
+
+def test_a_step_moves_a_dynamic_station(tmp_path):
+    plant = Plant()
+    step = plant.chain("Step", "step", Time="0.5", After="0.4", Before="0")
+    for number in (0, 1):
+        error = plant.chain("Sum", f"e{number}", step, plant.positions[number], Inputs="+-")
+        law = plant.chain("Sum", f"T{number}", plant.chain("Gain", f"P{number}", error, Gain="100"),
+                          plant.chain("Gain", f"D{number}", plant.speeds[number], Gain="20"), Inputs="+-")  # fmt: skip
+        plant.wire(law, f"{plant.drives[number]}#in:1")
+    station = import_simulink(write_model(tmp_path / "a.slx", plant, stop="3"), tmp_path / "out").station
+    result = simulate(station, progress=False)
+    np.testing.assert_allclose(result["q.A"][result.times < 0.49], 0.0, atol=1e-6)
+    late = result.times - 0.5
+    expected = np.where(late > 0, 0.4 * (1 - (1 + 10 * late) * np.exp(-10 * late)), 0.0)  # critically damped: I = 1
+    np.testing.assert_allclose(result["q.A"], expected, atol=1e-3)  # radau3 at accuracy 1e-2
+
+
+def test_the_axes_stand_in_the_order_of_the_inputs(tmp_path):
+    plant = Plant()
+    wanted = plant.split(plant.chain("Inport", "q_ref", PortDimensions="2"))
+    for number in (0, 1):
+        error = plant.chain("Sum", f"e{number}", wanted[1 - number], plant.positions[number], Inputs="+-")
+        plant.wire(plant.chain("Gain", f"P{number}", error, Gain="5"), f"{plant.drives[number]}#in:1")
+    files = import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out").files
+    names = [axis for robot in files.robots.values() for axis in robot.axes.values()]
+    assert sorted(names) == ["A", "B"]
+
+
+def test_300_blocks_are_read_in_time(tmp_path):
+    from time import perf_counter
+
+    level = Level()
+    world = level.block(WORLD, "World")
+    before = f"{world}#rconn:1"
+    for number in range(100):
+        joint = level.block(REVOLUTE, f"J{number}")
+        rod = level.block(INERTIA, f"R{number}", Mass="1", MomentsOfInertia="[1 1 1]")
+        off = level.block("sm_lib/Frames and Transforms/Rigid Transform", f"T{number}",
+                          TranslationMethod="Cartesian", TranslationCartesianOffset="[0.1 0 0]")  # fmt: skip
+        level.connect(before, f"{joint}#lconn:1")
+        level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1", f"{off}#lconn:1")
+        before = f"{off}#rconn:1"
+    file = write_model(tmp_path / "long.slx", level)
+    began = perf_counter()
+    imported = import_simulink(file, tmp_path / "out")
+    assert perf_counter() - began < 5.0
+    (robot,) = imported.files.robots.values()
+    assert len(robot.axes) == 100
+
+
+def test_the_units_of_converters_count(tmp_path):
+    file = pendulum(tmp_path / "a.slx")
+    import zipfile
+
+    with zipfile.ZipFile(file) as archive:
+        parts = {name: archive.read(name).decode() for name in archive.namelist()}
+    for unit, kp in (("deg", 200 * 180 / np.pi), ("rad", 200.0)):
+        name = "simulink/systems/arm.xml"
+        text = parts[name].replace('<P Name="Unit">inherit</P>', f'<P Name="Unit">{unit}</P>', 1)
+        with zipfile.ZipFile(file, "w") as archive:
+            for part, content in {**parts, name: text}.items():
+                archive.writestr(part, content)
+        (law,) = read_simulink(file).laws.values()
+        assert law.kp == pytest.approx(kp)
+    with zipfile.ZipFile(file, "w") as archive:
+        for part, content in parts.items():
+            archive.writestr(part, content.replace('<P Name="Unit">inherit</P>', '<P Name="Unit">kg</P>', 1))
+    with pytest.raises(InvalidModel, match=r"q out: Unit: the unit kg does not fit"):
+        read_simulink(file)
+
+
+def test_buses_by_the_names_of_their_lines(tmp_path):
+    plant = Plant()
+    bus = plant.chain("BusCreator", "bus", plant.positions[1], plant.speeds[1], plant.positions[0], Inputs="3")
+    plant.lines = [line.replace(f'"Src">{plant.speeds[1]}<', f'"Name">speed</P><P Name="Src">{plant.speeds[1]}<')
+                   for line in plant.lines]  # fmt: skip
+    picked = plant.block("BusSelector", "pick", OutputSignals="speed,signal3")
+    plant.wire(bus, f"{picked}#in:1")
+    plant.drive(
+        plant.chain("Gain", "a", f"{picked}#out:2", Gain="-5"), plant.chain("Gain", "b", f"{picked}#out:1", Gain="-7")
+    )
+    laws, _ = plant.laws(tmp_path)
+    assert (laws["A"].kp, laws["A"].kd, laws["B"].kp, laws["B"].kd) == (5, 0, 0, 7)
+
+
+def test_physical_signals_are_followed_without_converters(tmp_path):
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block(
+        REVOLUTE, "J", SensePosition="on", TorqueActuationMode="InputTorque"
+    )  # fmt: skip
+    rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
+    rest = level.block("fl_lib/Physical Signals/Sources/PS Constant", "rest", constant="0.5")
+    error = level.block("fl_lib/Physical Signals/Functions/PS Subtract", "error")
+    gain = level.block("fl_lib/Physical Signals/Functions/PS Gain", "gain", gain="8")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+    level.connect(f"{rest}#rconn:1", f"{error}#lconn:1")
+    level.connect(f"{joint}#rconn:2", f"{error}#lconn:2")
+    level.connect(f"{error}#rconn:1", f"{gain}#lconn:1")
+    level.connect(f"{gain}#rconn:1", f"{joint}#lconn:2")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    config = load_station(station)
+    assert config.servo.kp == 8
+    assert config.reference.target_deg == {"J": pytest.approx(np.rad2deg(0.5))}
+
+
+@pytest.mark.parametrize(("choice", "refused"), [("two", False), ("", True)])
+def test_variants(tmp_path, choice, refused):
+    """A variant subsystem takes the choice that is named; one that only MATLAB knows is refused."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    inner = Level(first=20)
+    for label, mass in (("one", 1), ("two", 2)):
+        part = Level(first=mass * 100)
+        rod = part.block(INERTIA, "Rod", Mass=mass, MomentsOfInertia="[1 1 1]")
+        port = part.block("PMIOPort", "F", Side="Left")
+        joint = part.block(REVOLUTE, "J")
+        part.connect(f"{port}#rconn:1", f"{joint}#lconn:1")
+        part.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+        inner.block("SubSystem", label, VariantControl=label, inner=part.xml())
+    inner.block("PMIOPort", "F", Side="Left")
+    parts = level.block("SubSystem", "Choice", Variant="on", LabelModeActiveChoice=choice, inner=inner.xml())
+    level.connect(f"{world}#rconn:1", f"{parts}#lconn:1")
+    file = write_model(tmp_path / "a.slx", level)
+    if refused:
+        with pytest.raises(InvalidModel, match="Choice: is a variant whose choice only MATLAB knows"):
+            import_simulink(file, tmp_path / "out")
+        return
+    (robot,) = import_simulink(file, tmp_path / "out").files.robots.values()
+    assert robot.mass == 2
