@@ -1,7 +1,5 @@
 """Read columns of numbers from CSV files, as measuring instruments and spreadsheets write them."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The errors that users meet: each message says what is wrong, where, and what would be right, in one line."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Output folders: checked before the work, and filled at once or not at all; and the entries of our caches."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

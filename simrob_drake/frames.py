@@ -4,8 +4,6 @@ Inside the package a pose is a :class:`pydrake.math.RigidTransform`. The pose ve
 of SimRob: metres and radians, with the rotation R = Rz(rz) Ry(ry) Rx(rx).
 """
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 import numpy as np

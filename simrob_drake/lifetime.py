@@ -12,8 +12,6 @@ Drake 1.51 also hides from the collector what an object of a Python class derive
 must be emptied to go, and a diagram of such a class, as a station in a box is, stays.
 """
 
-from __future__ import annotations
-
 import gc
 import sys
 import weakref

@@ -1,7 +1,5 @@
 """Where the robots, pieces and stations that come with the package lie."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent

@@ -1,7 +1,5 @@
 """What long work says of itself, on the error stream and only where somebody watches: a bar, and notes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic

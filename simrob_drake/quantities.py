@@ -1,7 +1,5 @@
 """Types of the figures in YAML files: ranges of numbers, poses, colours, inertias; SI units."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import AfterValidator, Field

@@ -3,8 +3,6 @@
 Whoever makes an output declares it once; tables, plots, block pictures and summaries only read the declarations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol

@@ -1,7 +1,5 @@
 """Read YAML safely, and turn pydantic's findings into one line that names file, key and what would be right."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -11,8 +11,6 @@ them at every step. (Drake 1.51 to 1.58 take a desired velocity with the wrong s
 stiffness, :math:`\tau_e` of the whole robot enters through the actuation port.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstanceIndex, PdControllerGains

@@ -13,8 +13,6 @@ Here x has the form :math:`\dot x = K_t\,(\mathrm{ID} - k_p (q_r - q) + k_d v - 
 as the servo is not saturated; when it is, x does not wind up. Only C++ primitives are used.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.controllers import InverseDynamics

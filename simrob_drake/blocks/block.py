@@ -1,7 +1,5 @@
 """What blocks written in Python have in common."""
 
-from __future__ import annotations
-
 import sys
 
 from pydrake.systems.framework import Context, ContinuousState, LeafSystem

@@ -1,7 +1,5 @@
 """The distance between two bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Times that a simulation must not step across: corners of references, edges of pushes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An external force at the tool centre point, from C++ blocks alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix

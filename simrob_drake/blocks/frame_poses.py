@@ -1,7 +1,5 @@
 """The poses of frames of a robot, such as its base and its tool centre points."""
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Mapping
 from functools import partial

@@ -9,8 +9,6 @@ Figures: the joints of the Simulink models, 1e4 N·m/deg and 10 N·m·s/deg, who
 place. Only C++ primitives are used.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointIndex

@@ -1,7 +1,5 @@
 """Torque sensors in the joints, between gear and link."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -12,8 +12,6 @@ Source: De Luca, Albu-Schäffer, Haddadin, Hirzinger, "Collision Detection and S
 Lightweight Manipulator Arm", IROS 2006; here in discrete time.
 """
 
-from __future__ import annotations
-
 import weakref
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A block that may end the simulation with a reason, once a condition has lasted for a given time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """References: desired joint positions over time, as Drake trajectories and the sources that play them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias

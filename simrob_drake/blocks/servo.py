@@ -14,8 +14,6 @@ integrator 1.4 times slower on six joints; so the PD part is a MatrixGain here. 
 of its own, as the Simulink picture does; ``vector`` is the same with one group that holds all joints.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Small pieces of wiring that several blocks share."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer

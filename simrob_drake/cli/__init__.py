@@ -5,8 +5,6 @@ what would be right; 3 the simulation diverged, with the partial result saved; 1
 simulated until then is saved; what was being written is finished, unless the user interrupts again.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

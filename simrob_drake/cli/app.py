@@ -1,7 +1,5 @@
 """The application that all commands hang on, how it is run, and what its errors become."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import typer

@@ -1,7 +1,5 @@
 """What the arguments and options of a command ask for, and those that would do nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What an interrupt by the user, Ctrl-C, does while files are written: they are finished first."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The arguments and options that several commands share, each with its help."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from functools import wraps

@@ -1,7 +1,5 @@
 """The commands about robots: import, view, station."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """From a run to its folder, and to what the screen says of it; one way for all commands that simulate."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

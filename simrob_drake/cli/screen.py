@@ -1,7 +1,5 @@
 """Where the commands write to: what stands in brackets there is a user's, and no markup."""
 
-from __future__ import annotations
-
 import sys
 
 from rich.console import Console

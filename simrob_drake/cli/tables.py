@@ -1,7 +1,5 @@
 """What the command line shows: results, findings and robots as tables."""
 
-from __future__ import annotations
-
 import numpy as np
 from rich.table import Table
 from rich.text import Text

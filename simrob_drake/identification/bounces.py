@@ -7,8 +7,6 @@ With the height h of the ball's lowest point,
 Flights are parabolas in closed form; contacts are integrated (Hunt and Crossley's law has no simple solution).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

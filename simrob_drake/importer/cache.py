@@ -1,7 +1,5 @@
 """Robots by path: clean URDFs as they are, all others imported into a cache that is keyed by content."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """First servo gains for a robot of which nothing but the URDF is known."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Import a robot: from any published URDF to a folder that a station can name."""
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile

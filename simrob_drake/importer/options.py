@@ -1,7 +1,5 @@
 """What a user may choose about an import."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 

@@ -4,8 +4,6 @@ Repairs and checks come first, so this finds what they did not know of. ``python
 builds the robot and exits with 0, or prints what Drake says and exits with 1.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

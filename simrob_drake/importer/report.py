@@ -1,7 +1,5 @@
 """What an import did to a robot: every repair, default and loss, in words."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

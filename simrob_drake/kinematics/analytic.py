@@ -1,7 +1,5 @@
 """Inverse kinematics in closed form for arms with a spherical wrist (AIK in SimRob)."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -5,8 +5,6 @@ orientation that is left fixes axes 4 to 6. Each of the three steps has two answ
 subproblems of Paden and Kahan: Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3.)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

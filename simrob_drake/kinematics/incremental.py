@@ -1,7 +1,5 @@
 """Inverse kinematics point by point with the damped Jacobian (JacIK in SimRob)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter

@@ -1,7 +1,5 @@
 """Weighted numeric inverse kinematics for any chain (W in SimRob)."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

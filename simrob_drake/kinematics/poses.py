@@ -3,8 +3,6 @@
 Inside this package a batch of poses is an array of homogeneous matrices of shape (k, 4, 4).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TypeAlias
 

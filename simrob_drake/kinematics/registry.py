@@ -1,7 +1,5 @@
 """The solvers by name."""
 
-from __future__ import annotations
-
 import inspect
 from typing import Any, Literal, TypeAlias, get_args
 

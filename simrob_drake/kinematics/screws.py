@@ -1,7 +1,5 @@
 """What the joints of a robot carry, by the product of exponentials of their screws; many postures at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

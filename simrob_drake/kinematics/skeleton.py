@@ -5,8 +5,6 @@ sums over points give the exact momentum. With the second moments :math:`s_k = (
 principal axes the points lie at :math:`\pm\sqrt{3 s_k}` on them, each with a sixth of the mass.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """What blocks of a station's picture say, and how figures and positions are told in words."""
 
-from __future__ import annotations
-
 import textwrap
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Sections of a station file that come in kinds, which their key ``kind`` tells apart."""
 
-from __future__ import annotations
-
 from typing import Any, get_args
 
 from pydantic import BaseModel, BeforeValidator

@@ -1,7 +1,5 @@
 """A station as its parts see it: what it is made of, resolved once, and the plant and ports that it is built of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -4,8 +4,6 @@ Collision shapes are told apart by their names, ``<owner>::<model>::<name>``: a 
 and their owner is the piece, or the robot that carries it. The floor has no owner.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from pydrake.geometry import GeometryId, Role, SceneGraphInspector

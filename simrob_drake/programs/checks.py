@@ -1,7 +1,5 @@
 """Whether a robot can do a move: joint limits, speeds and collisions, before anything moves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

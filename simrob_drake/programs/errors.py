@@ -1,7 +1,5 @@
 """What can go wrong on the way of a move, as named exceptions; nothing has moved when one is raised."""
 
-from __future__ import annotations
-
 from simrob_drake.errors import SimrobError
 
 

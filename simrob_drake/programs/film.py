@@ -1,7 +1,5 @@
 """Runs that follow each other as one motion, to be looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

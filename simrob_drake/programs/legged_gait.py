@@ -1,7 +1,5 @@
 """The gaits of a robot as stages of its program: which suits it, a single step, and the way into its first posture."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where a legged robot and its hands, feet and head are, and what posture brings them elsewhere."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -3,8 +3,6 @@
 Pieces change hands in it (SimRob's PegarEn): another parent, the same place in the world.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces

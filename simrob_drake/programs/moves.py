@@ -3,8 +3,6 @@
 What users give in Python is checked, and told of as any other parameter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar, get_args
 

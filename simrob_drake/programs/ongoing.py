@@ -1,7 +1,5 @@
 """A station that goes on where its last run left it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A move that is planned and checked, and what users may say about how it is done."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

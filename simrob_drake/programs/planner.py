@@ -1,7 +1,5 @@
 """Plan the moves of one robot from where it is: RAPID's words, with everything checked before anything moves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """The JSON Schemas of the files under ``models/``, for editors that complete and check YAML."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from simrob_drake.paths import models_root

@@ -4,8 +4,6 @@ A Cartesian part is solved at a few points, joined by a spline, and looked at ha
 would leave its line or arc, points are put in between until it does not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What a workcell recorded, to be run again."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

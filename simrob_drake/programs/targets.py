@@ -1,7 +1,5 @@
 """What users give as targets of moves, as poses in the world."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol, TypeAlias, runtime_checkable
 

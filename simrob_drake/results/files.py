@@ -1,7 +1,5 @@
 """Write a result to a folder, all of it or nothing; its references, too, as CSV files that ``station.yaml`` names."""
 
-from __future__ import annotations
-
 import csv
 import json
 from datetime import datetime

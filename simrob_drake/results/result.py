@@ -1,7 +1,5 @@
 """What a simulation returns: a run at a glance, for a shell or a notebook, and the folder it can be saved to."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 It looks like an arm: a drum at each joint, tubes between them, a foot and a flange.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The plant is a station's, or one of the robot alone: for what can be said or shown of it without any station.
 """
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from copy import deepcopy

@@ -1,7 +1,5 @@
 """Pieces as parts of a URDF: fixed to a robot, or standing alone."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Volume, centre of mass and moments of bodies that are filled evenly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

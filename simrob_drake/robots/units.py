@@ -1,7 +1,5 @@
 """The units of an axis: a revolute one has angles and torques, a prismatic one distances and forces."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

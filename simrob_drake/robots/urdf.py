@@ -1,7 +1,5 @@
 """Read a URDF safely, and tell what is in it."""
 
-from __future__ import annotations
-
 import math
 import re
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """Find the defects of a URDF before Drake does, where a failed assertion could end the process."""
 
-from __future__ import annotations
-
 import math
 import re
 import xml.etree.ElementTree as ET

@@ -3,8 +3,6 @@
 Lengths are in metres, masses in kg, angles in radians; numbers are written without loss.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

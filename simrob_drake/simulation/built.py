@@ -1,7 +1,5 @@
 """The diagrams of a station: built when they are needed, and used again for other references and pushes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Run a station: reference in, result out, however the run ends."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter

@@ -1,7 +1,5 @@
 """What a caller asks of a run, checked: durations, references, pushes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 

@@ -1,7 +1,5 @@
 """Hold logged signals of the original against ours: differences in numbers and pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

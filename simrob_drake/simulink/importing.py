@@ -1,7 +1,5 @@
 """Import a Simulink model: from `.slx` to a folder with robots, pieces and a station that runs."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

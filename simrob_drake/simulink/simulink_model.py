@@ -1,7 +1,5 @@
 """Read everything of a model: blocks, mechanics, contacts, control laws, and what stops it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

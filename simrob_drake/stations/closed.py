@@ -1,7 +1,5 @@
 """Close a station: give its inputs sources, and build a diagram that can run."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any

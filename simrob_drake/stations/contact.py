@@ -1,7 +1,5 @@
 """Give the shapes of a station's plant the surfaces of its configuration, and tell which ones its solver can hold."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A first station for a robot of which only the URDF is known: one that runs at once, to be changed by its owner."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from typing import Any

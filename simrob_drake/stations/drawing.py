@@ -1,7 +1,5 @@
 """What the blocks of robots say in a station's picture: plant, servos, joint stops."""
 
-from __future__ import annotations
-
 from simrob_drake.parts.captions import MANY, figures, limits_told, short, wrapped
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.ports import StationPorts

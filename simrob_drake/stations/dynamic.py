@@ -1,7 +1,5 @@
 """Wire a dynamic station: every robot is moved by the torques of its servos."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

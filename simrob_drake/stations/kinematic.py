@@ -1,7 +1,5 @@
 """Wire a kinematic station: motion is the input, and the torque that it takes is computed."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort

@@ -1,7 +1,5 @@
 """From a name or a YAML file, and what the user wants changed, to a checked :class:`StationConfig`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from copy import deepcopy

@@ -3,8 +3,6 @@
 A mesh is kept in the form that Drake reads: OBJ, in a cache that is keyed by content.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

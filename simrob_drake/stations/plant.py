@@ -1,7 +1,5 @@
 """The multibody plant of a station: its robots, pieces and floor."""
 
-from __future__ import annotations
-
 import logging
 from xml.etree.ElementTree import Element
 

@@ -1,7 +1,5 @@
 """What a station shows to the diagram around it: its named ports."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort

@@ -1,7 +1,5 @@
 """A station that is put into configurations, and never stepped."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 from pydrake.geometry import QueryObject

@@ -1,7 +1,5 @@
 """Add the pose outputs of a station: bases, tools and free pieces, and how these move."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody

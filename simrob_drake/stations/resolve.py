@@ -1,7 +1,5 @@
 """A station's configuration with the robots and pieces behind its names: read once, and checked as a whole."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

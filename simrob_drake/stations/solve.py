@@ -1,7 +1,5 @@
 """Give a simulator the solver of a station, and say before a run what the solver cannot take."""
 
-from __future__ import annotations
-
 from pydrake.multibody.cenic import CenicIntegrator
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram

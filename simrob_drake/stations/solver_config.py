@@ -1,7 +1,5 @@
 """How a station's time advances: an error-controlled continuous scheme, or fixed discrete steps."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, Self
 
 from pydantic import Field

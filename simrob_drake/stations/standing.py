@@ -1,7 +1,5 @@
 """How a robot with a free base stands at the start, without stepping: support, margin and the torques it takes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

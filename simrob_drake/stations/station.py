@@ -1,7 +1,5 @@
 """Compose a station: plant, servos, poses, sensors, forces, controllers, monitors."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TypeAlias

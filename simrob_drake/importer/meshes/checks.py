@@ -1,7 +1,5 @@
 """Look into the bytes of a mesh file before a library does: what it asks for, and that nothing grows beyond it."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

@@ -1,7 +1,5 @@
 """Mend meshes: take out what is no triangle, and make huge ones smaller."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

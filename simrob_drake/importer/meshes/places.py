@@ -1,7 +1,5 @@
 """Find the file behind the name of a mesh, or the folder of a package, and only where meshes may be read from."""
 
-from __future__ import annotations
-
 import os
 import re
 import xml.etree.ElementTree as ET

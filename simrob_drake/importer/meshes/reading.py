@@ -1,7 +1,5 @@
 """Load a mesh file of any format into plain parts."""
 
-from __future__ import annotations
-
 import io
 import logging
 import struct

@@ -1,7 +1,5 @@
 """Write the meshes of an import as OBJ files, each content once, under names of our own."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """From a file to its ``robot`` element: tolerant of what people write, but never of what could harm."""
 
-from __future__ import annotations
-
 import codecs
 import re
 import xml.etree.ElementTree as ET

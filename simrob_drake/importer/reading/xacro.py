@@ -1,7 +1,5 @@
 """Expand xacro files with xacro itself, where it is installed: as a Python package or as a program."""
 
-from __future__ import annotations
-
 import importlib.util
 import shutil
 import subprocess

@@ -5,8 +5,6 @@ they are written, ``gazebo:plugin``; but Drake's get its namespace, however they
 ``xacro:``.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from xml.parsers import expat

@@ -1,7 +1,5 @@
 """Whether a robot stands on its foot or floats."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from typing import Literal

@@ -1,7 +1,5 @@
 """Drives: every joint that moves has one motor that Drake reads, strong and fast enough for what hangs on it."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Mass and moments of a link: as its URDF gives them, and as a solid body of its shapes would have them."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path

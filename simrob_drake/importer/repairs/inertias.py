@@ -1,7 +1,5 @@
 """Inertias: what no body can have is mended, estimated or left out, and what looks wrong is told."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path

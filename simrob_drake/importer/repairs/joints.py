@@ -1,7 +1,5 @@
 """Joints that Drake can move: their types, axes, friction and ranges, and whether they are on their own."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import xml.etree.ElementTree as ET

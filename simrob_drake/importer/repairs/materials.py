@@ -1,7 +1,5 @@
 """Materials: every name stands for one colour that is there, as Drake wants it."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 from simrob_drake.importer.repairs.names import free_name

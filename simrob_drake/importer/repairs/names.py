@@ -1,7 +1,5 @@
 """Every link and joint has a name of its own, and whoever names one names the same."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from itertools import chain, count

@@ -1,7 +1,5 @@
 """Mend malformed numbers, so that all that comes later can trust ``float()``."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The elements around the shapes of a URDF: geometry, material, and the names of what is made of them."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Colours are as in RViz: a mesh that brings its own keeps them, and the URDF's ma
 of a mesh becomes a ``<visual>`` of its own; a texture stays with its mesh.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from copy import deepcopy

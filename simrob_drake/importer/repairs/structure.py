@@ -1,7 +1,5 @@
 """The structure of a robot: elements that are used, numbers that are numbers, names that differ, and one tree."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """What the kinds of force share: where they act, and the blocks that apply them."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder, LeafSystem

@@ -1,7 +1,5 @@
 """A constant force for a while."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A force that swings about zero."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two things that touch."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from simrob_drake.blocks.monitor import Condition

@@ -1,7 +1,5 @@
 """A joint that runs away."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

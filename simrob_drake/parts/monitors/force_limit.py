@@ -1,7 +1,5 @@
 """A contact force that is too large; limits by body region are in ``models/limits/iso_ts_15066.yaml``."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Literal
 

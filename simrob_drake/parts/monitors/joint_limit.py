@@ -1,7 +1,5 @@
 """A joint that reaches a limit of its range."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the sections of monitors share: of all, of those that watch a pose or a sensor; how conditions are made."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot whose joints take too much power."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot that stands still."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A servo that stays at its torque limit."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stay at one posture."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydrake.trajectories import Trajectory

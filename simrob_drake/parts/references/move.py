@@ -1,7 +1,5 @@
 """Go to one posture with continuous acceleration; what moves to one posture share."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydrake.trajectories import Trajectory

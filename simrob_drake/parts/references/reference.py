@@ -1,7 +1,5 @@
 """What the kinds of reference share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from simrob_drake.frames import Vector

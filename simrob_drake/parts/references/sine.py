@@ -1,7 +1,5 @@
 """Swing about the initial posture."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Follow a CSV file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 

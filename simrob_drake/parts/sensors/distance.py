@@ -1,7 +1,5 @@
 """Signed distance between two things."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydrake.systems.framework import DiagramBuilder

@@ -1,7 +1,5 @@
 """Torque at the joints that the model does not explain."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydrake.systems.framework import DiagramBuilder

@@ -1,7 +1,5 @@
 """Contact force and moment on a body."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydrake.geometry import GeometryId

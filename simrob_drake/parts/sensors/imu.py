@@ -9,8 +9,6 @@ no accelerations, which depend on a solver's scheme, and holds what an impact do
 :math:`R_k^\top \omega_k + b_g + n_k`, the attitude the true orientation.
 """
 
-from __future__ import annotations
-
 import weakref
 from functools import partial
 from typing import Literal

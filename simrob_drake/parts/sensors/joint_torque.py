@@ -1,7 +1,5 @@
 """Torque that each joint hands on."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort

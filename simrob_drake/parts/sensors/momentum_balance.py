@@ -5,8 +5,6 @@ the ends of the step. Drake's contact results give the parts along the normals; 
 sensor in proportion to its share of all that is pressed on the model: one foot of two cannot be told otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sensors that sample: while stepping where something reads them, else through the run when it is over."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

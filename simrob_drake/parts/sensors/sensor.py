@@ -1,7 +1,5 @@
 """What the kinds of sensor share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort

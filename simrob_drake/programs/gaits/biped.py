@@ -1,7 +1,5 @@
 """Walking on two legs: footsteps, and the posture for every moment of them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

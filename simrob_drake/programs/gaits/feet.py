@@ -4,8 +4,6 @@ Feet that are balls roll while they stand: their middle moves over the floor as 
 turns at :math:`\omega` without slipping moves by :math:`\dot c = \omega \times r e_z`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

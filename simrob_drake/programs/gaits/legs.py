@@ -5,8 +5,6 @@ roll and hip yaw) keep it ahead, at height and flat, and it goes sideways with t
 place.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter, SimrobError

@@ -1,7 +1,5 @@
 """What a planner hands to a simulation: joint angles over time, and the pose that the robot begins in."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any

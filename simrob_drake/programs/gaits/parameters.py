@@ -1,7 +1,5 @@
 """The parameters of a robot's gaits, read from the `gaits.yaml` beside its `robot.yaml`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Literal
 

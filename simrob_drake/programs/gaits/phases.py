@@ -1,7 +1,5 @@
 """Phases of a gait: who swings where, and where the zero-moment point goes meanwhile; and the steps of all walks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Walking on four legs: the trot, the crawl, and standing on three."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Postures one after the other: the thesis's step and march, bows, waves, swimming strokes, as data."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal

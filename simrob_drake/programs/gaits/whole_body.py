@@ -9,8 +9,6 @@ A trunk on legs without ankle roll cannot go sideways while the soles stay flat:
 with :math:`Z = \sum m (z\,\partial y/\partial\varphi - y\,\partial z/\partial\varphi) / \sum m`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from simrob_drake.frames import Vector

@@ -17,8 +17,6 @@ Read as an equation for :math:`c` it has one solution that stays bounded for a g
 some :math:`\sqrt{z/g}`. It is found as a boundary value problem: at rest over :math:`p` at the start and at the end.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import solve_banded
 

@@ -1,7 +1,5 @@
 """A browser window that shows a station while it is simulated, run after run."""
 
-from __future__ import annotations
-
 import gc
 from time import perf_counter, sleep
 

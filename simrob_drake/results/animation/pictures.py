@@ -1,7 +1,5 @@
 """A run's motion in pictures, rendered without display or browser: a strip of frames and a video."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from io import BytesIO

@@ -1,7 +1,5 @@
 """A run's motion as one HTML file that any browser plays, and the Meshcat windows of the package."""
 
-from __future__ import annotations
-
 import gc
 import json
 import logging

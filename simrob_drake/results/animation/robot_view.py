@@ -1,7 +1,5 @@
 """A robot in the browser, with a slider for every joint."""
 
-from __future__ import annotations
-
 import gc
 import math
 from time import monotonic, sleep

@@ -1,7 +1,5 @@
 """The visible world of a station, put into any configuration, on a floor with lines by which a way can be told."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.geometry import (
     Box,

@@ -1,7 +1,5 @@
 """A block graph in Graphviz' language: from left to right, a cluster for each role, signals as arrows."""
 
-from __future__ import annotations
-
 from simrob_drake.parts.captions import BlockRole
 from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, Block, BlockGraph
 

@@ -1,7 +1,5 @@
 """The blocks and arrows of a block picture, and what makes them easy to read: bus bars only where signals branch."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal, get_args

@@ -1,7 +1,5 @@
 """A block graph as a Mermaid flowchart, which GitHub and many editors draw inside of Markdown."""
 
-from __future__ import annotations
-
 from simrob_drake.results.block_diagram.dot import COLOURS, TITLES, WIRE
 from simrob_drake.results.block_diagram.graph import BARS, ROLES, Block, BlockGraph
 

@@ -3,8 +3,6 @@
 ``python -m simrob_drake.results.block_diagram.picture`` draws the stations of the package anew.
 """
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Whoever added a system to the station said in which block it stands (:meth:`simr
 others some are wiring, bars or sums; what is left is a user's own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

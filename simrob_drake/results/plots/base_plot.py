@@ -1,7 +1,5 @@
 """The plot of a walk: how the base of a robot went, tilted and turned, and its path seen from above."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The plots of a run as files: joints, tool, a base that is free, and what pieces, sensors and blocks tell."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import cycle, product
 from pathlib import Path

@@ -4,8 +4,6 @@ matplotlib can find margins and align labels by itself, but then it measures eve
 frames: with 40 of them that takes seconds. Here the room of numbers follows from how many characters they have.
 """
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Plots of a robot's joints, right and left ones of a name together, and of its tool."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

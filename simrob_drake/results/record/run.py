@@ -1,7 +1,5 @@
 """What was recorded of a run: signals, how it ended and how fast it was."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal

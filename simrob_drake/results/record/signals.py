@@ -1,7 +1,5 @@
 """Signals of a run: the ports of its station, evaluated after the run from the recorded states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import cached_property
 from typing import Any

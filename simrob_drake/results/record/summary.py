@@ -1,7 +1,5 @@
 """What ``summary.json`` holds."""
 
-from __future__ import annotations
-
 import platform
 from dataclasses import asdict
 from importlib.metadata import version

@@ -7,8 +7,6 @@ Under ``cenic`` torques are those of the second half of each step (see ``signals
 peaks and work of walks come out a little low: by a tenth with steps of 10 ms.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ A monitor changes nothing, so it may look a few steps late: the run is then cut 
 steps at which the monitor looked.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

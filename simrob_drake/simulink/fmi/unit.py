@@ -1,7 +1,5 @@
 """A station that is stepped from outside: inputs held over a step, outputs read at its end, states put back."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Write a station as a unit: a file that Simulink, OpenModelica, FMPy and others load."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """Frames that are rigidly joined are one body: which frames those are, and what each body carries."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element

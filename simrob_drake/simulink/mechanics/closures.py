@@ -3,8 +3,6 @@
 A URDF is a tree, so one joint of each loop becomes constraints: two points on its axis stay together, or one of a ball.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Spatial Contact Forces: which solids touch, and with which figures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Areas inside outlines: their integrals, and triangles that fill them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

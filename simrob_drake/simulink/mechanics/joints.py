@@ -1,7 +1,5 @@
 """Joint blocks: their degrees of freedom, with limits, springs, dampers, starts, and the ports that drive and sense."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import inf
 

@@ -1,7 +1,5 @@
 """The mesh files that File Solids name: found in given folders, weighed, and written as OBJ."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath
 from typing import Any

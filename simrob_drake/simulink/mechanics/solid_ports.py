@@ -4,8 +4,6 @@ Ports alternate between left and right from the top: first the solid's own frame
 where it is shown, takes the first place on the right.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree.ElementTree import Element

@@ -1,7 +1,5 @@
 """Solid, Inertia and Graphic blocks: what a body weighs, and what is seen of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The pose of a Rigid Transform's follower frame in its base frame, by each of the methods that the block offers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

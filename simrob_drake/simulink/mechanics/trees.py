@@ -1,7 +1,5 @@
 """From bodies and joints to trees: one mechanism for each that starts from the world, or stands free."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Put libraries and referenced subsystems into a model, and give every block the workspace it is evaluated in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any

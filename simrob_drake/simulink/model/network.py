@@ -1,7 +1,5 @@
 """What is connected with what: physical nodes over all levels, and where each signal comes from."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from simrob_drake.simulink.model.expand import Expanded, chosen_variant

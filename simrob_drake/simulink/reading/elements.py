@@ -1,7 +1,5 @@
 """From the XML elements of a model to its graph."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from xml.etree.ElementTree import Element
 

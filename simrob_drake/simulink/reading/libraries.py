@@ -1,7 +1,5 @@
 """Where the blocks come from that a model takes out of other files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The old `.mdl` text, ``Model { System { Block { ... } } }``, as the elements that `.slx` files have."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from xml.etree.ElementTree import Element, SubElement

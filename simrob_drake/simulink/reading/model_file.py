@@ -1,7 +1,5 @@
 """Read a model file: `.slx`, or `.mdl` as a package of parts or as the old text."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree.ElementTree import Element

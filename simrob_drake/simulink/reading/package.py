@@ -3,8 +3,6 @@
 Parts are read into memory within limits, by name; nothing is unpacked to disk, so no name can lead outside.
 """
 
-from __future__ import annotations
-
 import re
 import zipfile
 import zlib

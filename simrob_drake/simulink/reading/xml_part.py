@@ -1,7 +1,5 @@
 """From a part's XML to its elements, without document types, entities or depth that could harm."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from xml.parsers import expat
 

@@ -4,8 +4,6 @@ Linear blocks keep such sums exact through any number of levels, so a control la
 not by how it is drawn. What no sum can tell (a saturation, an integral, a MATLAB Function) becomes a term of its own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal
 

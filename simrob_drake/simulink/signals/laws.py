@@ -1,7 +1,5 @@
 """Recognise servos: the law of each driven joint, from the sum that its torque is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import inf
 

@@ -1,7 +1,5 @@
 """The sources of a model as functions of time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

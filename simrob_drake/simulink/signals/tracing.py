@@ -1,7 +1,5 @@
 """Follow signals from where they are used to where they come from, as sums of terms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -3,8 +3,6 @@
 What is outside the subset is passed over, and the names that it would have set are remembered as unknown.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Any

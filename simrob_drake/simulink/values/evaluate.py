@@ -1,7 +1,5 @@
 """The value of an expression: a matrix of shape (r, c), a text, or a structure (dict). Nothing is executed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

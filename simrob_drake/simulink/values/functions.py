@@ -1,7 +1,5 @@
 """The functions that expressions may call, each on matrices of shape (r, c)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """The contact, sensors and monitors of a station, from the contacts of a model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Plain names for what blocks become: letters, digits and ``_``, each once."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 

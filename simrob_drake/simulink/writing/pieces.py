@@ -1,7 +1,5 @@
 """Bodies without joints as pieces: what stands in the world, and what falls free."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

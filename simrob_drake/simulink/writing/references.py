@@ -1,7 +1,5 @@
 """What the joints of a station are asked to do: constants, inputs held at the start, or sources sampled in a table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

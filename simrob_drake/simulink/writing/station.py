@@ -1,7 +1,5 @@
 """Put robots, pieces, contacts, servos and references together: the files of a station."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What touches what: feet of robots, surfaces of pieces, the floor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

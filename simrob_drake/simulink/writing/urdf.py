@@ -1,7 +1,5 @@
 """A tree of bodies as a URDF."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from math import isfinite
