@@ -1,6 +1,7 @@
 """What several tests share: a one-joint arm as a URDF text and as a plant, and the plant of the IRB120."""
 
 import shutil
+import signal
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -58,6 +59,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what needs a program that is not there."""
     if item.get_closest_marker("graphviz") and shutil.which("dot") is None:
         pytest.skip("needs Graphviz, whose program `dot` is not found")
+
+
+def pytest_configure() -> None:
+    """Let commands that tests start hear Ctrl-C: what a script starts in the background would ignore it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture
