@@ -15,6 +15,7 @@ from simrob_drake.cli.options import Force, Settings, StationArgument
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import report_table
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.folders import check_folder
 from simrob_drake.importer.options import ImportOptions
 
 if TYPE_CHECKING:
@@ -161,7 +162,8 @@ def compare(
         typer.Option("--map", metavar="THEIRS=OURS", help="What a logged signal is called here, as yout.1=q.joint_1."),
     ] = None,
     set_: Settings = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for pictures of each signal with its log.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the numbers, and pictures of each signal.")] = None,
+    force: Force = False,
 ) -> None:
     """Hold logged signals of the original against a station's, in numbers and pictures.
 
@@ -171,16 +173,25 @@ def compare(
     """
     from simrob_drake.simulink import comparing
 
-    names = dict(entry.partition("=")[::2] for entry in map_ or [])
+    names = {}
+    for entry in map_ or []:
+        theirs, _, ours = (part.strip() for part in entry.partition("="))
+        if not (theirs and ours):
+            raise InvalidParameter("--map", entry, "of the form THEIRS=OURS, as yout.1=q.joint_1")
+        names[theirs] = ours
+    if out is not None:
+        check_folder(out, marker=comparing.NUMBERS, force=force)
     times, logged = comparing.read_log(with_, names)
-    _, differences = comparing.compare(given_station(station, set_), times, logged)
+    _, differences = comparing.compare(given_station(station, set_), times, logged, progress=True)
     table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
     for found in differences:
         table.add_row(found.signal, f"{found.largest:.3g}", f"{found.at:.3f}", f"{found.rms:.3g}")
     console.print(table)
+    if others := sorted(logged.keys() - {found.signal for found in differences}):
+        console.print(f"not among the station's signals: {', '.join(others)}", soft_wrap=True, highlight=False)
     if out is not None:
-        comparing.save_pictures(differences, out)
-        console.print(f"pictures {out}", soft_wrap=True, highlight=False)
+        comparing.save_differences(differences, out, force=force)
+        console.print(f"result   {out}", soft_wrap=True, highlight=False)
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu, "compare": compare}

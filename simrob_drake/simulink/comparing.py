@@ -1,14 +1,18 @@
 """Hold logged signals of the original against ours: differences in numbers and pictures."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from simrob_drake import simulate
 from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulink.values.functions import matrix
@@ -16,8 +20,13 @@ from simrob_drake.simulink.values.workspace import given_variables
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 TIMES = ("time", "tout", "t")
 """What the column of times may be called."""
+NUMBERS = "differences.csv"
+"""The file that every folder of a comparison holds."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +63,12 @@ def read_log(file: Path, names: Mapping[str, str]) -> tuple[Vector, dict[str, Ve
     """Return the times (m,) [s] and the signals of a log, by our names.
 
     Args:
-        file: `.csv` with a header, or `.mat`; of a matrix, ``yout.1`` is the first column.
+        file: `.csv` with a header, or `.mat`; of a matrix, ``yout.1`` is the first column; variables of another
+            length than the times are no signals.
         names: ours by theirs, for those that are called otherwise.
 
     Raises:
-        InvalidParameter: a file that cannot be read, without times, or with columns of other lengths.
+        InvalidParameter: a file that cannot be read, or without times that rise.
         UnknownName: a name that the log does not have.
     """
     columns = _of_mat(file) if file.suffix.lower() == ".mat" else _of_csv(file)
@@ -71,13 +81,12 @@ def read_log(file: Path, names: Mapping[str, str]) -> tuple[Vector, dict[str, Ve
     for theirs in names:
         if theirs not in columns:
             raise UnknownName("signal of the log", theirs, columns)
-    odd = [name for name, values in columns.items() if len(values) != len(times)]
-    return times, {names.get(name, name): values for name, values in columns.items() if name not in odd}
+    return times, {names.get(name, name): values for name, values in columns.items() if len(values) == len(times)}
 
 
 def _of_csv(file: Path) -> dict[str, Vector]:
     try:
-        header = file.read_text(encoding="utf-8").partition("\n")[0]
+        header = file.read_text(encoding="utf-8-sig").partition("\n")[0]
     except (OSError, ValueError) as problem:
         raise InvalidParameter("--with", str(file), f"a CSV or .mat file that can be read ({problem})") from problem
     names = [name.strip() for name in header.strip().split(",")]
@@ -99,7 +108,7 @@ def _of_mat(file: Path) -> dict[str, Vector]:
 
 
 def compare(
-    config: StationConfig, times: Vector, logged: Mapping[str, Vector]
+    config: StationConfig, times: Vector, logged: Mapping[str, Vector], *, progress: bool = False
 ) -> tuple[SimulationResult, list[Difference]]:
     """Run a station and hold its signals against logged ones.
 
@@ -109,12 +118,13 @@ def compare(
         config: the station.
         times: of the log, shape (m,) [s].
         logged: signals by our names, shape (m,) each.
+        progress: show a bar on a terminal.
 
     Raises:
         InvalidParameter: none of the signals is one of the station's.
     """
     reference = _reference(config, times, logged)
-    result = simulate(config, duration=float(times[-1]), reference=reference, progress=False)
+    result = simulate(config, duration=float(times[-1]), reference=reference, progress=progress)
     known = [name for name in logged if name in result.names]
     if not known:
         given = ", ".join(list(logged)[:5])
@@ -135,22 +145,29 @@ def _reference(config: StationConfig, times: Vector, logged: Mapping[str, Vector
     return np.column_stack([times, *(logged[name] for name in names)])
 
 
-def save_pictures(differences: list[Difference], folder: Path) -> list[Path]:
-    """Draw each signal with its log, and their difference below; return the files."""
+def save_differences(differences: list[Difference], folder: Path, *, force: bool = False) -> None:
+    """Write the numbers, and a picture of each signal with its log and their difference below.
+
+    Raises:
+        OutputError: the folder cannot be written, or is there and not to be replaced.
+    """
+    with filled_at_once(folder, marker=NUMBERS, force=force) as work:
+        rows = [f"{found.signal},{found.largest:.9g},{found.at:.9g},{found.rms:.9g}\n" for found in differences]
+        (work / NUMBERS).write_text("".join(["signal,largest,at,rms\n", *rows]), encoding="utf-8")
+        for found in differences:
+            _picture(found).savefig(work / f"{found.signal}.png", dpi=110)
+
+
+def _picture(found: Difference) -> Figure:
     from matplotlib.figure import Figure
 
-    folder.mkdir(parents=True, exist_ok=True)
-    files = []
-    for difference in differences:
-        figure = Figure(figsize=(7, 5), layout="constrained")
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        upper.plot(difference.times, difference.logged, label="logged")
-        upper.plot(difference.times, difference.ours, "--", label="ours")
-        upper.set_title(difference.signal)
-        upper.legend()
-        lower.plot(difference.times, difference.ours - difference.logged, color="tab:red")
-        lower.set_ylabel("ours - logged")
-        lower.set_xlabel("time [s]")
-        files.append(folder / f"{difference.signal}.png")
-        figure.savefig(files[-1], dpi=110)
-    return files
+    figure = Figure(figsize=(7, 5), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    upper.plot(found.times, found.logged, label="logged")
+    upper.plot(found.times, found.ours, "--", label="ours")
+    upper.set_title(found.signal)
+    upper.legend()
+    lower.plot(found.times, found.ours - found.logged, color="tab:red")
+    lower.set_ylabel("ours - logged")
+    lower.set_xlabel("time [s]")
+    return figure

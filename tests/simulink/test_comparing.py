@@ -38,6 +38,23 @@ def test_what_differs_is_told(run, tmp_path, capsys):
     ) == 0  # fmt: skip
     assert "q.joint_1" in capsys.readouterr().out
     assert (tmp_path / "out" / "q.joint_1.png").stat().st_size > 5000
+    signal, largest, *_ = (tmp_path / "out" / "differences.csv").read_text().splitlines()[1].split(",")
+    assert (signal, float(largest)) == ("q.joint_1", pytest.approx(difference.largest))
+
+
+def test_a_comparison_is_replaced_with_force_only_and_tells_what_it_left_out(run, tmp_path, capsys):
+    rows = np.column_stack([run.times, run["q.joint_1"], run.times])
+    np.savetxt(
+        tmp_path / "a.csv", rows, delimiter=",", header="\ufefftime,q.joint_1,mine", comments="", encoding="utf-8"
+    )
+    command = ["compare", "double_pendulum", "--with", str(tmp_path / "a.csv"), "--out", str(tmp_path / "out")]
+    assert run_command(command) == 0
+    assert "not among the station's signals: mine" in capsys.readouterr().out
+    assert run_command(command) == 2
+    assert "--force" in capsys.readouterr().err
+    assert run_command([*command, "--force"]) == 0
+    assert run_command([*command, "--force", "--map", "mine"]) == 2
+    assert "THEIRS=OURS" in capsys.readouterr().err
 
 
 def test_logs_that_cannot_be(tmp_path):
