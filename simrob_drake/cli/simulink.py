@@ -183,9 +183,9 @@ def compare(
         check_folder(out, marker=comparing.NUMBERS, force=force)
     times, logged = comparing.read_log(with_, names)
     _, differences = comparing.compare(given_station(station, set_), times, logged, progress=True)
-    table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
+    table = Table("signal", "unit", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
     for found in differences:
-        table.add_row(found.signal, f"{found.largest:.3g}", f"{found.at:.3f}", f"{found.rms:.3g}")
+        table.add_row(found.signal, found.unit, f"{found.largest:.3g}", f"{found.at:.3f}", f"{found.rms:.3g}")
     console.print(table)
     if others := sorted(logged.keys() - {found.signal for found in differences}):
         console.print(f"not among the station's signals: {', '.join(others)}", soft_wrap=True, highlight=False)

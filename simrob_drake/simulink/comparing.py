@@ -36,12 +36,14 @@ class Difference:
     Attributes:
         signal: its name in ours.
         times, logged, ours: of the log, shape (m,) each.
+        unit: of the signal.
     """
 
     signal: str
     times: Vector
     logged: Vector
     ours: Vector
+    unit: str
 
     @property
     def largest(self) -> float:
@@ -130,8 +132,9 @@ def compare(
         given = ", ".join(list(logged)[:5])
         raise InvalidParameter("--with", given, "signals such as q.<axis>; rename them with --map THEIRS=OURS")
     inside = times <= result.times[-1]
+    at = times[inside]
     return result, [
-        Difference(name, times[inside], logged[name][inside], np.interp(times[inside], result.times, result[name]))
+        Difference(name, at, logged[name][inside], np.interp(at, result.times, result[name]), result.units[name])
         for name in known
     ]
 
@@ -168,6 +171,7 @@ def _picture(found: Difference) -> Figure:
     upper.set_title(found.signal)
     upper.legend()
     lower.plot(found.times, found.ours - found.logged, color="tab:red")
-    lower.set_ylabel("ours - logged")
+    upper.set_ylabel(f"{found.signal} [{found.unit}]")
+    lower.set_ylabel(f"ours - logged [{found.unit}]")
     lower.set_xlabel("time [s]")
     return figure
