@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from simrob_drake.blocks.loop import Loop, LoopEnds
+from simrob_drake.blocks.loop import Loop
+from simrob_drake.blocks.sampled import RunEnds
 from simrob_drake.parts.controllers.fall_guard import ProtectivePosture
 from simrob_drake.parts.controllers.sequencer import CellSequence
 
@@ -64,7 +65,7 @@ def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on(
     loop = two_cells(timeout=1.0)
     memory = {"target": np.zeros(2), "active": np.ones(1), "cell": np.zeros(1), "done": np.zeros(1)}
     memory |= {"elapsed": np.array([0.95]), "origin": np.zeros(2)}
-    with pytest.raises(LoopEnds, match="cell 0 was not reached within 1 s: hip is late"):
+    with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s: hip is late"):
         loop.sample(memory, read)
     assert two_cells(timeout=1.0, stops=False).sample(memory, read)["cell"] == 1
 

@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.blocks.loop import Changes, Loop, Named
+from simrob_drake.blocks.loop import Loop
+from simrob_drake.blocks.sampled import Changes, Named
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot

@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.blocks.loop import Changes, Loop, LoopEnds, Named
+from simrob_drake.blocks.loop import Loop
+from simrob_drake.blocks.sampled import Changes, Named, RunEnds
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
@@ -162,5 +163,5 @@ class CellSequence(Loop):
         """Tell whether to go on to the next cell though joints are late; else end the run."""
         if self._stops:
             who = ", ".join(late) or "its ramp"
-            raise LoopEnds(f"cell {number} was not reached within {self._timeout:g} s: {who} is late")
+            raise RunEnds(f"cell {number} was not reached within {self._timeout:g} s: {who} is late")
         return True
