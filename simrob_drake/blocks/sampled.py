@@ -1,7 +1,8 @@
 """A block that looks around once a sample: what it remembers, by name, is discrete state; outputs are parts of it."""
 
 from abc import abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from types import MappingProxyType
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, EventStatus
@@ -23,6 +24,18 @@ class RunEnds(Exception):
     """What a sampled block raises to end the run, with the reason."""
 
 
+class _Looked(dict[str, Vector]):
+    """Vectors by name that are looked at when they are needed: looking is most of what a sample costs."""
+
+    def __init__(self, look: Callable[[str], Vector]) -> None:
+        super().__init__()
+        self._look = look
+
+    def __missing__(self, name: str) -> Vector:
+        value = self[name] = self._look(name)
+        return value
+
+
 class SampledBlock(Block):
     """What sensors that sample and loops share.
 
@@ -32,6 +45,9 @@ class SampledBlock(Block):
         in  as the block says; each has the name of what it reads.
         out the parts of its memory that the block names, perhaps as they were some samples ago.
     """
+
+    units: Mapping[str, str] = MappingProxyType({})
+    """The unit of each output that is a signal; ``1`` unless named."""
 
     def __init__(
         self,
@@ -55,7 +71,7 @@ class SampledBlock(Block):
         """
         super().__init__()
         self.period, self._delay = period, delay
-        self._reads = {name: self.DeclareVectorInputPort(name, size).get_index() for name, size in reads.items()}
+        self._inputs = {name: self.DeclareVectorInputPort(name, size) for name, size in reads.items()}
         self._memory = {name: self.DeclareDiscreteState(np.atleast_1d(value)) for name, value in memory.items()}
         self._late = {}
         for name in gives:
@@ -69,7 +85,7 @@ class SampledBlock(Block):
                 self._late[name] = line, told
             self.DeclareStateOutputPort(name, told)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self._stage = self.DeclareDiscreteState(np.array([_ASLEEP]))
+        self._stage = self.DeclareDiscreteState(np.array([_ASLEEP])) if at_once else None
         if at_once:
             self.DeclareInitializationDiscreteUpdateEvent(self._begin)
 
@@ -81,24 +97,23 @@ class SampledBlock(Block):
             RunEnds: the run is to end.
         """
 
-    def remembered(self, context: Context, name: str) -> Vector:
-        """Return what it remembers under a name."""
-        return np.asarray(context.get_discrete_state(self._memory[name]).value())
-
-    def _begin(self, context: Context, discrete: DiscreteValues) -> EventStatus:
+    def _begin(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
+        assert self._stage is not None  # only then is this asked
         if context.get_discrete_state(self._stage).value()[0] != _ASLEEP:
             return EventStatus.DidNothing()  # it goes on from another run, or in another diagram
         status = self._update(context, discrete)
         discrete.set_value(self._stage, np.array([_SAMPLED]))
         return status
 
-    def _update(self, context: Context, discrete: DiscreteValues) -> EventStatus:
-        stage = context.get_discrete_state(self._stage).value()[0]
-        discrete.set_value(self._stage, np.array([_AWAKE]))
-        if stage == _SAMPLED:  # this very moment, before the run began
-            return EventStatus.Succeeded()
-        memory = {name: self.remembered(context, name) for name in self._memory}
-        read = {name: self.get_input_port(index).Eval(context) for name, index in self._reads.items()}
+    def _update(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
+        if self._stage is not None:
+            stage = context.get_discrete_state(self._stage).value()[0]
+            discrete.set_value(self._stage, np.array([_AWAKE]))
+            if stage == _SAMPLED:  # this very moment, before the run began
+                return None
+        groups, inputs = self._memory, self._inputs
+        memory = _Looked(lambda name: context.get_discrete_state(groups[name]).value())
+        read = _Looked(lambda name: inputs[name].Eval(context))
         try:
             changed = self.sample(memory, read)
         except RunEnds as reason:
@@ -106,9 +121,9 @@ class SampledBlock(Block):
         for name, value in changed.items():
             discrete.set_value(self._memory[name], np.atleast_1d(value))
         for name, (waiting, told) in self._late.items():
-            now = np.atleast_1d(changed.get(name, memory[name]))
+            now = np.atleast_1d(changed[name] if name in changed else memory[name])
             line = context.get_discrete_state(waiting).value().reshape(self._delay, len(now))
             line = np.tile(now, (self._delay, 1)) if np.isnan(line).any() else line
             discrete.set_value(waiting, np.vstack([line[1:], now]).ravel())
             discrete.set_value(told, line[0])
-        return EventStatus.Succeeded()
+        return None

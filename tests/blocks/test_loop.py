@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from simrob_drake.blocks.loop import Loop
-from simrob_drake.blocks.sampled import RunEnds
+from simrob_drake.blocks.sampled import RunEnds, SampledBlock
 from simrob_drake.parts.controllers.fall_guard import ProtectivePosture
 from simrob_drake.parts.controllers.sequencer import CellSequence
 
@@ -14,7 +13,7 @@ NAN = np.nan
 class Driven:
     """A loop that is driven by hand."""
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: SampledBlock) -> None:
         """Begin as the loop does."""
         self.loop = loop
         self.context = loop.CreateDefaultContext()
@@ -26,7 +25,7 @@ class Driven:
         update = self.loop.EvalUniquePeriodicDiscreteUpdate(self.context)
         self.context.get_mutable_discrete_state().SetFrom(update)
         ports = [self.loop.get_output_port(index) for index in range(self.loop.num_output_ports())]
-        return {port.get_name(): port.Eval(self.context) for port in ports if port.get_name() != "layer"}
+        return {port.get_name(): port.Eval(self.context) for port in ports}
 
 
 def two_cells(**changed):

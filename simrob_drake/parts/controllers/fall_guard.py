@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.blocks.loop import Loop
-from simrob_drake.blocks.sampled import Changes, Named
-from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.frames import Vector, lean
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.quantities import NotNegative, Positive
@@ -46,7 +45,7 @@ class FallGuard(LoopSection):
         """Return the axes of the posture."""
         return [robot.axes[robot.model.axis_index(axis, "posture_deg")] for axis in self.posture_deg]
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> Loop:
+    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
         return ProtectivePosture(
             period=1 / self.rate,
@@ -59,7 +58,7 @@ class FallGuard(LoopSection):
         )
 
 
-class ProtectivePosture(Loop):
+class ProtectivePosture(SampledBlock):
     """Ramp to a posture from where the robot is asked to be, once the base falls.
 
     Ports:
@@ -91,7 +90,7 @@ class ProtectivePosture(Loop):
         """
         self.units = {"target": "rad"}
         self._posture, self._duration = posture, duration
-        self._height, self._tilt, self._up, self._reset_after = height, tilt, up, reset_after
+        self._height, self._tilt, self._up, self._reset_after = height, tilt, up.tolist(), reset_after
         zero = np.zeros(len(posture))
         memory = {"target": zero, "active": np.zeros(1), "elapsed": np.zeros(1), "origin": zero, "well": np.zeros(1)}
         reads = {"base_pose": 7, "reference": len(posture)}
@@ -99,14 +98,16 @@ class ProtectivePosture(Loop):
 
     def falls(self, base_pose: Vector) -> bool:
         """Tell whether a pose of the base (7,) is beyond a threshold."""
-        upward = (transform_from_xyz_quaternion(base_pose).rotation() @ self._up)[2]
-        return bool(base_pose[2] < self._height or math.acos(min(max(upward, -1.0), 1.0)) > self._tilt)
+        _, _, z, *quaternion = base_pose.tolist()
+        return bool(z < self._height or lean(self._up, *quaternion) > self._tilt)
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next point of the way to the posture, if the robot falls or has fallen."""
-        falls, reference = self.falls(read["base_pose"]), read["reference"]
+        falls = self.falls(read["base_pose"])
         if not memory["active"][0]:
-            return {"active": 1.0, "target": reference, "origin": reference, "elapsed": 0.0} if falls else {}
+            if not falls:
+                return {}
+            return {"active": 1.0, "target": read["reference"], "origin": read["reference"], "elapsed": 0.0}
         well = 0.0 if falls else memory["well"][0] + self.period
         if well >= self._reset_after:
             return {"active": 0.0, "well": 0.0}

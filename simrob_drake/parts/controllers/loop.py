@@ -7,16 +7,20 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import PassThrough, PortSwitch, Saturation
+from pydrake.systems.primitives import AffineSystem, PassThrough, Saturation
 
-from simrob_drake.blocks.loop import Loop
-from simrob_drake.blocks.wiring import fed, mapped, summed
+from simrob_drake.blocks.sampled import SampledBlock
+from simrob_drake.blocks.wiring import fed, joined, mapped, summed
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.quantities import Positive
 from simrob_drake.signals import Panel, Signal
 from simrob_drake.yaml_files import Number, Strict
+
+_FAR = 1e3
+"""Where an axis without limits is taken to end [rad or m]."""
 
 Weight = Annotated[Number, Field(gt=0, le=1)]
 
@@ -25,9 +29,9 @@ class LoopSection(Strict):
     """A section of ``controllers`` that is a loop of the package's.
 
     A kind has its key ``kind`` and the methods ``axes(robot)``, the names of the axes that it drives, and
-    ``block(key, robot, site)``, which makes its :class:`~simrob_drake.blocks.loop.Loop`. What that block gives tells
-    how it drives them: ``offset`` (n) is added to the reference [rad or m], ``target`` (n) takes its place while
-    ``active`` is not zero, ``feedforward`` (n) is added to the torques [N·m or N]; other outputs are signals.
+    ``block(key, robot, site)``, which makes its :class:`~simrob_drake.blocks.sampled.SampledBlock`. What that block
+    gives tells how it drives them: ``offset`` (n) is added to the reference [rad or m], ``target`` (n) takes its place
+    while ``active`` is not zero, ``feedforward`` (n) is added to the torques [N·m or N]; other outputs are signals.
     """
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
@@ -69,17 +73,20 @@ class LoopSection(Strict):
         """Return the names of the axes that it drives."""
         raise NotImplementedError
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> Loop:
+    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop; ``key`` is where the section stands, for errors."""
         raise NotImplementedError
 
-    def source(self, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
+    def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Return the output that an input of the loop reads.
 
         Raises:
             UnknownName: nothing of that name is measured while stepping.
         """
         given = self.reads.get(name, "")
+        direct = f"{robot.prefix}{name}"
+        if not given and direct in site.of_state:
+            return of_state(builder, site, direct)
         for output in (f"{name}.{given}", given) if given else (f"{robot.prefix}{name}", name):
             if output in site.outputs:
                 return site.outputs[output]
@@ -90,6 +97,18 @@ def sensors_read(loops: Mapping[str, LoopSection], sensors: Collection[str]) -> 
     """Return the names of the sensors that loops read: those must sample while the station is stepped."""
     parts = {part for loop in loops.values() for text in loop.named for part in text.split(".")}
     return parts & set(sensors)
+
+
+def of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
+    """Return what the plant's state tells at once, from blocks that need no Python: base poses above all.
+
+    Quaternions are as the state has them: of either sign, and of length one as well as the solver keeps it.
+    """
+    name = f"{output}.of_state"
+    if builder.HasSubsystemNamed(name):
+        return builder.GetSubsystemByName(name).get_output_port()
+    site.draw_nothing(name)
+    return mapped(builder, name, site.of_state[output].matrix, site.state)
 
 
 def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None:
@@ -126,7 +145,7 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         site.notes[name] = {"kind": section.kind}
         told = section.kind.replace("_", " ")
         site.draw(f"controller.{name}", "loop", f"{wrapped(name)}\n{told}, {section.rate:g} Hz", robot)
-        for port in _vector_outputs(block):
+        for port in _outputs(block):
             declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot)
     for name, section in loops.items():
         known = [blocks[name].get_input_port(index).get_name() for index in range(blocks[name].num_input_ports())]
@@ -135,7 +154,7 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
                 raise UnknownName(f"input of controllers.{name} for controllers.{name}.reads", read, known)
         for index in range(blocks[name].num_input_ports()):
             port = blocks[name].get_input_port(index)
-            source = section.source(port.get_name(), site.robot(section.robot), site, f"controllers.{name}")
+            source = section.source(builder, port.get_name(), site.robot(section.robot), site, f"controllers.{name}")
             if source.size() != port.size():
                 sizes = f"of size {source.size()}", f"of size {port.size()}"
                 raise InvalidParameter(f"controllers.{name}.reads.{port.get_name()}", *sizes)
@@ -158,7 +177,7 @@ def declare_output(site: Site, name: str, port: OutputPort, unit: str, robot: St
 
 
 def _drive(
-    builder: DiagramBuilder, site: Site, robot: StationRobot, layers: Mapping[str, tuple[LoopSection, Loop]]
+    builder: DiagramBuilder, site: Site, robot: StationRobot, layers: Mapping[str, tuple[LoopSection, SampledBlock]]
 ) -> None:
     """Lay loops over the reference of a robot and its feedforward, the lowest first, within the joint limits."""
     size, key = len(robot.axes), f"{robot.prefix}reference"
@@ -166,21 +185,15 @@ def _drive(
     inner, site.inputs[key] = site.inputs[key], asked.get_input_port()
     port, torques = asked.get_output_port(), list[OutputPort]()
     for name, (section, block) in layers.items():
-        outputs = {port.get_name(): port for port in _vector_outputs(block)}
+        outputs = {port.get_name(): port for port in _outputs(block)}
         weight, place = section.weight or 1.0, f"{key}.{name}"
         if "offset" in outputs:
             added = mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"])
             port = summed(builder, f"{place}.sum", port, added)
         if "target" in outputs:
-            share = weight * np.diag([float(axis in section.axes(robot)) for axis in robot.axes])
-            below = mapped(builder, f"{place}.below", np.eye(size) - share, port)
-            above = mapped(builder, f"{place}.above", share, outputs["target"])
-            switch = builder.AddNamedSystem(f"{place}.switch", PortSwitch(size))
-            layered = summed(builder, f"{place}.layers", below, above)
-            builder.Connect(block.GetOutputPort("layer"), switch.get_port_selector_input_port())
-            for label, source in (("below", port), ("layered", layered)):
-                builder.Connect(source, switch.DeclareInputPort(label))
-            port = switch.get_output_port()
+            share = np.where(np.isin(robot.axes, section.axes(robot)), weight, 0.0)
+            limits = robot.model.axis_limits
+            port = _laid_over(builder, place, port, outputs["target"], outputs["active"], share=share, limits=limits)
         if "feedforward" in outputs:
             torques.append(mapped(builder, f"{place}.torque", weight * np.eye(size), outputs["feedforward"]))
     limited = fed(builder, f"{key}.limits", Saturation(*robot.model.axis_limits), port)
@@ -188,6 +201,38 @@ def _drive(
     site.draw_nothing(key)
     if torques:
         _add_torques(builder, site, robot, torques)
+
+
+def _laid_over(
+    builder: DiagramBuilder,
+    place: str,
+    below: OutputPort,
+    above: OutputPort,
+    active: OutputPort,
+    *,
+    share: Vector,
+    limits: tuple[Vector, Vector],
+) -> OutputPort:
+    """Return (1 - share) below + share above where ``active`` is 1, and what is below where it is 0.
+
+    Of Drake's primitives, so that no Python is asked at each look of the solver: with the lower limits l, and W wider
+    than the limits, it is l + max(below - l - W active, 0) + max(above - l - W (1 - active), 0).
+    """
+    size = len(share)
+    lower, upper = np.clip(limits, -_FAR, _FAR)
+    eye, wide = np.eye(size), (upper - lower + 1.0)[:, None]
+    shown = np.block([[eye, 0 * eye, -wide], [0 * eye, eye, wide]])
+    hidden = np.concatenate([-lower, -lower - wide[:, 0]])
+    both = fed(
+        builder,
+        f"{place}.shown",
+        AffineSystem(D=shown, y0=hidden),
+        joined(builder, f"{place}.bus", below, above, active),
+    )
+    either = fed(builder, f"{place}.either", Saturation(np.zeros(2 * size), np.full(2 * size, np.inf)), both)
+    part = np.diag(share)
+    mixed = AffineSystem(D=np.hstack([part, part, eye - part]), y0=share * lower)
+    return fed(builder, f"{place}.layers", mixed, joined(builder, f"{place}.mixed_bus", either, below))
 
 
 def _add_torques(builder: DiagramBuilder, site: Site, robot: StationRobot, torques: Sequence[OutputPort]) -> None:
@@ -198,6 +243,5 @@ def _add_torques(builder: DiagramBuilder, site: Site, robot: StationRobot, torqu
     site.draw_nothing(key)
 
 
-def _vector_outputs(block: Loop) -> list[OutputPort]:
-    ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
-    return [port for port in ports if port.get_name() != "layer"]
+def _outputs(block: SampledBlock) -> list[OutputPort]:
+    return [block.get_output_port(index) for index in range(block.num_output_ports())]

@@ -11,8 +11,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.blocks.loop import Loop
-from simrob_drake.blocks.sampled import Changes, Named, RunEnds
+from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
@@ -67,7 +66,7 @@ class Sequencer(LoopSection):
                     raise InvalidParameter(f"cells[{number}].targets_deg.{axis}", target, f"within {limits}")
         return robot.axes
 
-    def block(self, key: str, robot: StationRobot, site: Site) -> Loop:
+    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
         model = robot.model
         return CellSequence(
@@ -87,7 +86,7 @@ def _targets(cell: Cell, model: RobotModel) -> Vector:
     return model.user_units * model.axis_vector(dict(cell.targets_deg), "targets_deg", np.nan)
 
 
-class CellSequence(Loop):
+class CellSequence(SampledBlock):
     """Ramp from cell to cell, each when the one before is reached.
 
     Ports:
@@ -136,7 +135,7 @@ class CellSequence(Loop):
                 "elapsed": np.zeros(1),
                 "origin": np.zeros(size),
             },
-            gives=("target", "cell", "done"),
+            gives=("target", "active", "cell", "done"),
         )
 
     def sample(self, memory: Named, read: Named) -> Changes:
