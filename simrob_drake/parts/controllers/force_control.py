@@ -21,7 +21,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import AfterValidator
-from pydrake.math import RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable
 
@@ -34,8 +33,8 @@ from simrob_drake.parts.targets import frame_of
 from simrob_drake.quantities import NotNegative, Positive, Triple
 from simrob_drake.robots.axis_map import AxisMap
 
-_DAMPING = 1e-3
-"""Of the least squares [1 and m]: near a singularity joints move less, elsewhere it does not show."""
+_DAMPED = 1e-6 * np.eye(6)
+"""The damping of the least squares, squared: near a singularity joints move less, elsewhere it does not show."""
 
 _NEAR = 0.2
 """How near the force must be to what is asked for, as a part of that, for the integral to act."""
@@ -143,6 +142,7 @@ class PressingTool(SampledBlock):
         super().__init__(period=period, reads={"force": 3, "asked": size}, memory={**memory, "drift": one}, gives=told)
         self._plant, self._axes, self._tool, self._sensor = weakref.proxy(plant), axes, tool.index(), sensor.index()
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
+        self._rest = plant.GetPositions(self._scratch)
         self._force, self._direction, self._gains, self._speeds, self._reach = force, direction, gains, speeds, reach
 
     def sample(self, memory: Named, read: Named) -> Changes:
@@ -164,23 +164,18 @@ class PressingTool(SampledBlock):
 
     def joints(self, offset: Vector, asked: Vector, path: float) -> Vector:
         """Return offsets (n,) [rad], from the last ones on, that put the tool ``path`` [m] beside the reference."""
-        plant, context = self._plant, self._scratch
+        plant, context, axes = self._plant, self._scratch, self._axes
         world, tool, sensor = plant.world_frame(), plant.get_frame(self._tool), plant.get_frame(self._sensor)
-        self._axes.set_positions(plant, context, asked)
+        plant.SetPositions(context, axes.spread_positions(asked, self._rest))
         wanted = tool.CalcPoseInWorld(context)
         along = sensor.CalcRotationMatrixInWorld(context) @ self._direction
-        self._axes.set_positions(plant, context, asked + offset)
+        plant.SetPositions(context, axes.spread_positions(asked + offset, self._rest))
         now = tool.CalcPoseInWorld(context)
-        left = wanted.translation() + path * along - now.translation()
-        error = np.concatenate([_turn(wanted.rotation() @ now.rotation().inverse()), left])
-        jacobian = self._axes.velocities(
+        turn = (wanted.rotation() @ now.rotation().inverse()).ToAngleAxis()
+        left = np.empty(6)
+        left[:3] = turn.angle() * turn.axis()
+        left[3:] = wanted.translation() + path * along - now.translation()
+        jacobian = axes.velocities(
             plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, tool, np.zeros(3), world, world)
         )
-        damped = jacobian @ jacobian.T + _DAMPING**2 * np.eye(6)
-        return np.asarray(offset + jacobian.T @ np.linalg.solve(damped, error))
-
-
-def _turn(rotation: RotationMatrix) -> Vector:
-    """Return the vector of a small rotation, shape (3,) [rad]."""
-    axis = rotation.ToAngleAxis()
-    return np.asarray(axis.angle() * axis.axis())
+        return np.asarray(offset + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED, left))

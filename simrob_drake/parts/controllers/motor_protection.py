@@ -187,21 +187,23 @@ class GuardedMotors(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how warm the motors are now, and what is done about it."""
-        torque, stage = read["torque"], memory["stage"][0]
-        heat = memory["heat"] + self._share * ((torque / self._nominal) ** 2 - memory["heat"])
-        above = np.where(abs(torque) > self._limit, memory["above"] + self.period, 0.0)
-        beyond = self._force is not None and float(np.linalg.norm(read["force"])) > self._force
-        pressed = memory["pressed"][0] + self.period if beyond else 0.0
-        known: Changes = {"heat": heat, "above": above, "pressed": pressed}
+        torque, stage, before = read["torque"], memory["stage"][0], memory["heat"]
+        heat = before + self._share * ((torque / self._nominal) ** 2 - before)
+        above = (memory["above"] + self.period) * (abs(torque) > self._limit)
+        known: dict[str, Vector | float] = {"heat": heat, "above": above}
+        longest, warmest, pressed = float(above.max()), float(heat.max()), 0.0
+        if self._force is not None:
+            beyond = math.hypot(*read["force"]) > self._force
+            known["pressed"] = pressed = memory["pressed"][0] + self.period if beyond else 0.0
         if stage == _STOPPED:
-            well = not (above.any() or beyond or (heat >= self._warn).any())
+            well = longest == pressed == 0 and warmest < self._warn
             return {**known, **self._stopped(memory, read, well=well)}
         hold, _, _ = self._times
-        if beyond and pressed > hold:
+        if pressed > hold:
             return {**known, **self._stop(read["position"], f"the force was above {self._force:g} N for {pressed:g} s")}
-        if stage == _GIVES_WAY or (above > hold).any() or (heat >= 1).any():
+        if stage == _GIVES_WAY or longest > hold or warmest >= 1:
             return {**known, **self._give_way(memory, read, heat)}
-        return {**known, "stage": _WARNS if (heat >= self._warn).any() else _GUARDS}
+        return {**known, "stage": _WARNS if warmest >= self._warn else _GUARDS}
 
     def _give_way(self, memory: Named, read: Named, heat: Vector) -> Changes:
         torque, offset = read["torque"], memory["offset"]
