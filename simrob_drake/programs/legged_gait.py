@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.trajectories import PiecewisePolynomial
 
-from simrob_drake.blocks.references import sequence
+from simrob_drake.blocks.references import hermite, sequence
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import check_limits
@@ -118,10 +117,9 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     cell, own = robot.cell, robot.cell.config
     here = float(np.abs(robot.base_pose.translation()[:2]).max())
     adapted = motion.adapted(own, robot.name, start=here)
-    times, positions, velocities = _from_here(robot, motion)
-    trajectory = PiecewisePolynomial.CubicHermite(times, positions.T, velocities.T)
+    trajectory = hermite(*_from_here(robot, motion))
     cell.change(adapted)
-    result = cell.follow({robot.name: trajectory}, float(times[-1]))
+    result = cell.follow({robot.name: trajectory}, trajectory.end_time())
     cell.change(own.model_copy(update={"floor": adapted.floor}))
     return result
 

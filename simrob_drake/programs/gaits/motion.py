@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydrake.trajectories import PiecewisePolynomial, Trajectory
+from pydrake.trajectories import Trajectory
 
+from simrob_drake.blocks.references import hermite
 from simrob_drake.frames import Vector, poses_from_matrices
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import ROBOT_FILE, AxisValues, RobotModel
@@ -55,7 +56,7 @@ class JointMotion:
 
     def trajectory(self) -> Trajectory:
         """Return the angles as a smooth curve through the samples (cubics with their velocities)."""
-        return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
+        return hermite(self.times, self.positions, self.velocities)
 
     def station(self, overrides: Mapping[str, Any] | None = None, *, name: str | None = None) -> StationConfig:
         """Return the robot's dynamic station, set to begin this motion; its trajectory is the reference to give it.
