@@ -74,7 +74,7 @@ def planned_gait(
 
 
 def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[AnyMove]:
-    """Return one step ahead: the robot's sequence ``step``, else the fewest steps of its first gait, of full length.
+    """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
 
     Args:
         robot: who.
@@ -91,12 +91,12 @@ def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[An
     if own is not None and carries(model, robot.worn_feet, made_for(model, own)):
         return _moves_of(model, own, move_time)
     known = gaits_of(model, steps=True)
-    section, gait = known[first_gait(model, robot.worn_feet, known)]
+    _, gait = known[first_gait(model, robot.worn_feet, known)]
     keys = type(gait).model_fields
     changes: dict[str, Any] = {"ramp_steps": 0} if "ramp_steps" in keys else {}  # the first step has its full length
     if move_time is not None:
         changes |= {key: move_time for key in _PACES if key in keys}
-    return [WalkMove(walk=checked(Walk, steps=section.fewest, **changes))]
+    return [WalkMove(walk=checked(Walk, steps=1, **changes))]
 
 
 def _moves_of(model: RobotModel, sequence: Posing, move_time: float | None) -> list[AnyMove]:

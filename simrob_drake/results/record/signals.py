@@ -1,6 +1,7 @@
 """Signals of a run: the ports of its station, evaluated after the run from the recorded states."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -99,7 +100,7 @@ class Sampler:
 
     def _value(self, port: OutputPort, context: Context) -> Any:
         try:
-            return port.Eval(context)
+            return copy(port.Eval(context))  # an abstract value is the cache's own, and changes with it
         except Exception:
             if not self._tolerant:
                 raise
