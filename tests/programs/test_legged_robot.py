@@ -555,7 +555,7 @@ class TestErrors:
                 "moves[1]: right_shoulder_pitch would be",
             ),
             ({"moves": [{"target_deg": {"HomDF": 200}}]}, "moves[0]: right_shoulder_pitch would be at 200 deg"),
-            ({"moves": [{"walk": {"steps": 0}}]}, "moves[0]: steps is 0; it must be at least 2"),
+            ({"moves": [{"walk": {"steps": 0}}]}, "moves[0]: steps is 0; it must be at least 1"),
             ({"references": [{"target_deg": {"HomDF": 200}}]}, "references[0]: right_shoulder_pitch would be"),
         ],
     )

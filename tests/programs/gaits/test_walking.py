@@ -68,7 +68,7 @@ def test_the_march_of_the_thesis_walks_with_its_gains():
 
 
 def test_a_turning_walk_turns_the_robot():
-    motion = walk("zjudancer", 10, "turn")
+    motion = walk("zjudancer", 6, "turn")
     planned = np.rad2deg(np.arctan2(motion.root[-1, 1, 0], motion.root[-1, 0, 0]))
     _, found = walked(motion)
     assert found.upright
