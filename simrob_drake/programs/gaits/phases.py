@@ -122,4 +122,4 @@ def ramp_shares(steps: int, ramp_steps: int) -> Vector:
     """
     ramp = min(ramp_steps, steps)
     number = np.arange(steps + ramp + 1, dtype=float)
-    return np.minimum(1.0, np.minimum(number + 1, steps + ramp - number) / (ramp + 1))
+    return np.asarray(np.minimum(1.0, np.minimum(number + 1, steps + ramp - number) / (ramp + 1)))
