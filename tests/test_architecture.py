@@ -39,6 +39,7 @@ BASE = {
     "progress",
     "quantities",
     "signals",
+    "rows",
 }
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 

@@ -146,7 +146,7 @@ def test_one_program_has_one_effect_on_three_humanoids():
 
 @pytest.mark.parametrize(("robot", "gait"), [("roid1", None), ("zjudancer", None), ("roid1", "sideways")])
 def test_a_humanoid_walks_as_it_is_told(robot, gait):
-    pose = example("humanoids_walk").run(robot, gait, steps=6).pose("base")
+    pose = example("humanoids_walk").run(robot, gait, steps=2).pose("base")
     way, ahead = pose[-1, :2] - pose[0, :2], {"roid1": [1, 0], "zjudancer": [0, 1]}[robot]
     turned = np.rad2deg(2 * np.arctan2(pose[-1, 6], pose[-1, 3]))
     if gait == "sideways":

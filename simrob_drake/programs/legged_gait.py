@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.trajectories import PiecewisePolynomial
 
-from simrob_drake.blocks.references import sequence
+from simrob_drake.blocks.references import hermite, sequence
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import check_limits
@@ -75,7 +74,7 @@ def planned_gait(
 
 
 def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[AnyMove]:
-    """Return one step ahead: the robot's sequence ``step``, else the fewest steps of its first gait, of full length.
+    """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
 
     Args:
         robot: who.
@@ -92,12 +91,12 @@ def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[An
     if own is not None and carries(model, robot.worn_feet, made_for(model, own)):
         return _moves_of(model, own, move_time)
     known = gaits_of(model, steps=True)
-    section, gait = known[first_gait(model, robot.worn_feet, known)]
+    _, gait = known[first_gait(model, robot.worn_feet, known)]
     keys = type(gait).model_fields
     changes: dict[str, Any] = {"ramp_steps": 0} if "ramp_steps" in keys else {}  # the first step has its full length
     if move_time is not None:
         changes |= {key: move_time for key in _PACES if key in keys}
-    return [WalkMove(walk=checked(Walk, steps=section.fewest, **changes))]
+    return [WalkMove(walk=checked(Walk, steps=1, **changes))]
 
 
 def _moves_of(model: RobotModel, sequence: Posing, move_time: float | None) -> list[AnyMove]:
@@ -118,10 +117,9 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     cell, own = robot.cell, robot.cell.config
     here = float(np.abs(robot.base_pose.translation()[:2]).max())
     adapted = motion.adapted(own, robot.name, start=here)
-    times, positions, velocities = _from_here(robot, motion)
-    trajectory = PiecewisePolynomial.CubicHermite(times, positions.T, velocities.T)
+    trajectory = hermite(*_from_here(robot, motion))
     cell.change(adapted)
-    result = cell.follow({robot.name: trajectory}, float(times[-1]))
+    result = cell.follow({robot.name: trajectory}, trajectory.end_time())
     cell.change(own.model_copy(update={"floor": adapted.floor}))
     return result
 

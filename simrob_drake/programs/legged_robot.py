@@ -144,7 +144,8 @@ class LeggedRobot(LeggedGeometry):
         stays as large as it had to become.
 
         Args:
-            steps: how many; legs in turn for a crawl.
+            steps: how many step lengths ahead; the steps of the ramps (``ramp_steps``) and the last one, which brings
+                the feet together, come in addition. Legs in turn for a crawl.
             amplitude: scales the length of the steps and, where the gait has them, way sideways and turn; of a march,
                 how far all joints go.
             gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.

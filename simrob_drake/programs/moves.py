@@ -85,7 +85,7 @@ class Walk(_Brief):
     model_config = ConfigDict(extra="allow")
 
     steps: Annotated[int, Field(strict=True)]
-    """How many; the fewest depend on the gait."""
+    """How many step lengths ahead; the gait's `ramp_steps` come in addition. Legs in turn for a crawl."""
     amplitude: Number = 1.0
     """Scales them."""
     gait: str | None = None

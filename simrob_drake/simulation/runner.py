@@ -138,7 +138,8 @@ class Runner:
         stepper = Stepper(config, diagrams.stepped, diagrams.edges, blocks=self._blocks)
         if start is not None:
             start.put(stepper.built.diagram, stepper.built.ports, stepper.simulator.get_mutable_context())
-        run = _Run(config, diagrams.whole, stepper, prepare=lambda: diagrams.play(courses, config.forces))
+        whole = diagrams.whole
+        run = _Run(config, whole, stepper, lambda: whole.play(courses, config.forces), diagrams.forget)
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
         result = run.result(progress=progress, on_step=on_step, references=given, start=start)
@@ -206,12 +207,14 @@ class _Run:
         whole: the diagram in which signals are evaluated.
         stepper: what is stepped.
         prepare: gives the whole diagram the references of this run back.
+        forget: takes them from all diagrams, so that they stand in memory once.
     """
 
     config: StationConfig
     whole: ClosedStation
     stepper: Stepper
     prepare: Callable[[], None] | None = None
+    forget: Callable[[], None] = lambda: None
 
     def result(
         self,
@@ -259,12 +262,13 @@ class _Run:
                 asked, lambda s, time: watch.holds(stop.name, s, time), self.stepper.step, onset=stop.onset, hold=hold
             )
             sampler.history = asked.history
+        self.forget()
         if outcome.ending == "monitor":
             outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
         outcome, times, values = self._sampled(sampler, outcome)
         positions = ports.plant.plant.num_positions()
         has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
-        return SimulationResult(
+        result = SimulationResult(
             config=self.config,
             plant=ports.plant,
             ending=outcome.ending,
@@ -288,6 +292,8 @@ class _Run:
             ),
             **told,
         )
+        self.forget()
+        return result
 
     def _sampled(self, sampler: Sampler, outcome: Outcome) -> tuple[Outcome, Vector, Vector]:
         """Return how the run ended, times, and values of the signals up to where a block fails."""

@@ -20,7 +20,7 @@ from simrob_drake.results.record.walks import locomotion
 def steps_within(seconds: float, robot: str, name: str) -> int:
     """Return how many steps of a walk end, with standing still, within a time [s]."""
     figures = load_gaits(robot).walks[name]
-    return int((seconds - 2 * figures.settle - figures.rest) / figures.step_time)
+    return int((seconds - 2 * figures.settle - figures.rest) / figures.step_time) - figures.ramp_steps - 1
 
 
 def biped(robot: str, name: str) -> Callable[[], JointMotion]:
@@ -30,11 +30,11 @@ def biped(robot: str, name: str) -> Callable[[], JointMotion]:
 WALKS: dict[str, Callable[[], JointMotion]] = {
     "humanoid walk": biped("humanoid", "walk"),
     "humanoid real_sole": biped("humanoid", "real_sole"),
-    "humanoid march": lambda: march("humanoid", 12),
+    "humanoid march": lambda: march("humanoid", 11),
     "roid1 walk": biped("roid1", "walk"),
     "zjudancer walk": biped("zjudancer", "walk"),
-    "yobotics trot": lambda: trot("yobotics", 111),
-    "yobotics fast": lambda: trot("yobotics", 111, "fast"),
+    "yobotics trot": lambda: trot("yobotics", 106),
+    "yobotics fast": lambda: trot("yobotics", 106, "fast"),
     "yobotics crawl": lambda: crawl("yobotics", 54),
     **{f"yobotics {foot}": (lambda foot=foot: three_legs("yobotics", foot=foot)) for foot in CRAWL_ORDER},
 }

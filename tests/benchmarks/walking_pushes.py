@@ -45,11 +45,11 @@ def largest(motion: JointMotion, facing: float, side: tuple[int, int], guess: fl
 def main(names: list[str]) -> None:
     """Push and print."""
     motions = {
-        "humanoid walk": (walk("humanoid", 20), 8.0),
-        "humanoid real_sole": (walk("humanoid", 20, "real_sole"), 6.0),
-        "roid1 walk": (walk("roid1", 30), 4.0),
-        "zjudancer walk": (walk("zjudancer", 20), 16.0),
-        "yobotics trot": (trot("yobotics", 30), 80.0),
+        "humanoid walk": (walk("humanoid", 16), 8.0),
+        "humanoid real_sole": (walk("humanoid", 16, "real_sole"), 6.0),
+        "roid1 walk": (walk("roid1", 26), 4.0),
+        "zjudancer walk": (walk("zjudancer", 16), 16.0),
+        "yobotics trot": (trot("yobotics", 25), 80.0),
         "yobotics crawl": (crawl("yobotics", 14), 80.0),
     }
     for name in names or motions:

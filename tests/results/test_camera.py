@@ -24,7 +24,7 @@ from simrob_drake.stations.resolve import resolve
 
 @pytest.fixture(scope="module")
 def walked():
-    motion = walk("zjudancer", 8)
+    motion = walk("zjudancer", 4)
     return simulate(motion.station(), reference=motion.trajectory(), progress=False)
 
 

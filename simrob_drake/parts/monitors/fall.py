@@ -30,6 +30,10 @@ class Fall(PoseMonitorSection):
             raise ValueError("a fall needs a bound: height or tilt_deg")
         return self
 
+    def faller(self, only_robot: str | None) -> str | None:
+        """Return the robot that it watches, of a station with one robot or several; None if it watches a piece."""
+        return None if self.piece is not None else self.robot or only_robot
+
     def condition(self, name: str, station: Surroundings) -> Condition:
         """Return what ends a run; its excess is the larger part of a bound by which it is exceeded."""
         who, watched, start = self.watched_pose(name, station, "base_pose")

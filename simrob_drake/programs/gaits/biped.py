@@ -25,7 +25,7 @@ def walk(
 
     Args:
         robot: its name, or its model.
-        steps: how many, at least two; the last one brings the feet side by side.
+        steps: how many full steps ahead; ``ramp_steps`` and the one that brings the feet side by side come in addition.
         name: of the walk in the robot's `gaits.yaml`.
         amplitude: scales length, way sideways and turn of the steps.
         changes: parameters of :class:`Walk` to change.

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydrake.trajectories import PiecewisePolynomial, Trajectory
+from pydrake.trajectories import Trajectory
 
+from simrob_drake.blocks.references import hermite
 from simrob_drake.frames import Vector, poses_from_matrices
+from simrob_drake.parts.monitors import Fall
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import ROBOT_FILE, AxisValues, RobotModel
 from simrob_drake.stations.config import FloorConfig, ServoConfig, StationConfig
@@ -31,6 +33,7 @@ class JointMotion:
         root: planned poses of the root in the world, shape (m, 4, 4).
         servo: gains of the servos for it, in place of the station's: kp, kd.
         feed_velocity: whether the servos are told the reference's velocity, too.
+        falls: whether it ends on the floor, as it shall.
     """
 
     model: RobotModel
@@ -40,6 +43,7 @@ class JointMotion:
     root: Vector
     servo: Mapping[str, AxisValues] = field(default_factory=dict)
     feed_velocity: bool = True
+    falls: bool = False
 
     @property
     def duration(self) -> float:
@@ -55,7 +59,7 @@ class JointMotion:
 
     def trajectory(self) -> Trajectory:
         """Return the angles as a smooth curve through the samples (cubics with their velocities)."""
-        return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
+        return hermite(self.times, self.positions, self.velocities)
 
     def station(self, overrides: Mapping[str, Any] | None = None, *, name: str | None = None) -> StationConfig:
         """Return the robot's dynamic station, set to begin this motion; its trajectory is the reference to give it.
@@ -84,7 +88,8 @@ class JointMotion:
         """Return a station on which a robot can perform the motion; a kinematic one is as it was.
 
         Its servos have the motion's gains, and are told the velocity if it feeds it; the floor is large enough
-        wherever the robot goes; steps of `cenic` are short enough for servos to follow.
+        wherever the robot goes; steps of `cenic` are short enough for servos to follow. If the robot shall fall, no
+        monitor of its fall is left.
 
         Args:
             config: the station.
@@ -103,6 +108,12 @@ class JointMotion:
             changes["floor"] = FloorConfig(size=max(config.floor.size, float(np.ceil(2.0 * (start + way + _BESIDE)))))
         if self.feed_velocity and "inputs" not in given:
             changes["inputs"] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
+        if self.falls and "monitors" not in given:
+            changes["monitors"] = {
+                name: each
+                for name, each in config.monitors.items()
+                if not (isinstance(each, Fall) and each.faller(config.only_robot) == robot)
+            }
         solver = config.solver
         if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic" and "solver.max_step" not in given:
             changes["solver"] = solver.model_copy(update={"max_step": min(solver.max_step, MAX_STEP)})

@@ -60,7 +60,7 @@ class _Stepping(_Planned):
     turn_deg: Number = 0.0
     """How far each step turns it to the left [deg]."""
     ramp_steps: int = Field(default=3, ge=0)
-    """Steps in which the step length grows at the start and shrinks at the end."""
+    """Steps in which the step length grows at the start and shrinks at the end, which go in addition."""
     settle: Positive = 0.6
     """Time to shift the weight at the start and at the end [s]."""
 
@@ -84,7 +84,7 @@ class Trot(_Stepping):
     """A gait on four legs, diagonal pairs in turn."""
 
     ramp_steps: int = Field(default=4, ge=0)
-    """Steps in which the step length grows at the start and shrinks at the end."""
+    """Steps in which the step length grows at the start and shrinks at the end, which go in addition."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
     lead: Number = 0.0
@@ -159,6 +159,10 @@ class Posing(Strict):
     """Kind of feet; the default one unless given."""
     rest: NotNegative = 1.0
     """Time to stay in the last posture [s]."""
+    feed_velocity: bool = True
+    """Whether the servos are told the reference's velocity, too; not so in the thesis."""
+    falls: bool = False
+    """Whether it ends on the floor: monitors of the robot's fall do not watch it then."""
 
 
 class Gaits(Strict):

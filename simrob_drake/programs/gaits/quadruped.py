@@ -17,8 +17,6 @@ PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left
 """Feet that a trot swings together."""
 CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_right_foot")
 """Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
-FEWEST_LEGS = 1
-"""Of a crawl."""
 
 
 def trot(
@@ -28,7 +26,7 @@ def trot(
 
     Args:
         robot: its name, or its model.
-        steps: how many, at least two.
+        steps: how many full steps ahead; ``ramp_steps`` and the last one come in addition.
         name: of the trot in the robot's `gaits.yaml`.
         amplitude: scales length, way sideways and turn of the steps.
         changes: parameters of :class:`Trot` to change.
@@ -76,7 +74,7 @@ def crawl(
     """
     walker = Walker.of(robot)
     gait: Crawl = walker.gait("crawls", name, changes, amplitude)
-    check_steps(legs, FEWEST_LEGS)
+    check_steps(legs)
     start = _stance(walker, gait)
     place = {foot: at.copy() for foot, at in start.items()}
     shift = gait.shift * gait.leg_time

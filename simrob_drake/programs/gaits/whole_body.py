@@ -20,6 +20,7 @@ from simrob_drake.programs.gaits.parameters import SolvedGait, Walk
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
 from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
+from simrob_drake.rows import parts
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 ROUNDS = 4
@@ -75,22 +76,28 @@ class WholeBody:
 
         The trunk goes over places (m, 2) [m] of the floor, and leans to the right by angles (m,) [rad].
         """
+        angles, root = angles.copy(), np.empty((len(lean), 4, 4))
+        for part in parts(len(lean)):
+            angles[part], root[part] = self._postures_of(part, place[part], lean[part], angles[part])
+        return angles, root
+
+    def _postures_of(self, part: slice, place: Vector, lean: Vector, angles: Vector) -> tuple[Vector, Vector]:
         course, bearing = self.course, self.gait.bearing
         count = len(lean)
-        turned = rotations_about(UP, course.heading)
+        turned = rotations_about(UP, course.heading[part])
         rotation = (
             turned @ rotations_about(LEFT, np.full(count, np.deg2rad(bearing.pitch_deg))) @ rotations_about(AHEAD, lean)
         )
         rotation = rotation @ facing_rotation(self.facing_deg)
         root = stacked(np.column_stack([place, np.full(count, bearing.height)]), rotation)
-        angles = self._with_arms(angles, lean)
+        angles = self._with_arms(part, angles, lean)
         apart = np.zeros(count)
         for foot in self.feet:
-            path = course.feet[foot.name]
+            path = course.feet[foot.name][part]
             goal = path[:, :3] + foot.over * UP
-            goal[:, :2] += self._rolled[foot.name]
+            goal[:, :2] += self._rolled[foot.name][part]
             target = stacked(goal, rotations_about(UP, path[:, 3]))
-            angles = leg_angles(self.skeleton.model, foot, target, root, angles, course.times)
+            angles = leg_angles(self.skeleton.model, foot, target, root, angles, course.times[part])
             if self.leans:  # which moves the root sideways
                 apart += (goal - foot.poses(angles, root)[:, :3, 3])[:, 1] / len(self.feet)
         root[:, 1, 3] += apart
@@ -103,12 +110,12 @@ class WholeBody:
                 standing = self.course.feet[foot.name][:, 2] <= 0
                 self._rolled[foot.name] = rolled(foot.poses(angles, root)[:, :3, :3], standing, foot.over)
 
-    def _with_arms(self, angles: Vector, lean: Vector) -> Vector:
+    def _with_arms(self, part: slice, angles: Vector, lean: Vector) -> Vector:
         """Return the angles with the axes that are in no leg set: posture, counterweight of a lean, and swing."""
         free = [axis for axis in range(angles.shape[1]) if not any(axis in foot.axes for foot in self.feet)]
         right, left = np.maximum(lean, 0.0), np.maximum(-lean, 0.0)
         course = self.course.feet
-        stride = course["left_foot"][:, 0] - course["right_foot"][:, 0] if "left_foot" in course else 0.0 * lean
+        stride = course["left_foot"][part, 0] - course["right_foot"][part, 0] if "left_foot" in course else 0.0 * lean
         other = mirrored(self.skeleton.model, self._arms)
         all_ = self._posture + np.outer(right, self._arms) + np.outer(left, other)
         all_ = all_ + np.outer(stride, self._swing)

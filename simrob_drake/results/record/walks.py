@@ -142,9 +142,7 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
 def fallen(result: RecordedRun) -> str | None:
     """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
     monitor = result.config.monitors.get(result.stopped_by or "")
-    if not isinstance(monitor, Fall) or monitor.piece is not None:
-        return None
-    return monitor.robot or result.config.only_robot
+    return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
 
 
 def mechanical_work(result: RecordedRun, robot: str) -> float:
