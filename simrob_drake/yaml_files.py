@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from simrob_drake.errors import InvalidConfig, nearest, shortened
+from simrob_drake.errors import InvalidConfig, nearest, quoted, shortened
 
 Model = TypeVar("Model", bound=BaseModel)
 Number = Annotated[float, Field(strict=True)]
@@ -150,7 +150,7 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
         case "missing":
             text = "this key is needed"
         case "union_tag_not_found":
-            kinds = [node["properties"]["kind"]["const"] for node in nodes]
+            kinds = [kind for node in nodes if (kind := _kind(node)) is not None]
             key, text = f"{key}.kind", f"this key is needed; known: {', '.join(kinds)}"
         case "union_tag_invalid":
             key, text = f"{key}.kind", _no_such(str(context["tag"]), context["expected_tags"])
@@ -159,17 +159,17 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
             section = f"a section with keys of: {', '.join(keys)}" if keys else "a section of names and their entries"
-            text = f"must be {section} (it is {shortened(repr(given))})"
+            text = f"must be {section} (it is {quoted(given)})"
         case _:
             message = finding["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list")
-            value = f" (it is {shortened(repr(given))})" if key else ""  # else it is the whole file
+            value = f" (it is {quoted(given)})" if key else ""  # else it is the whole file
             text = f"{message[:1].lower()}{message[1:]}{value}"
     return InvalidConfig(where, key, text)
 
 
 def _no_such(given: str, expected: str) -> str:
     """Say that a value is none of those that pydantic expected, listed in quotes."""
-    return f"there is no '{given}'{nearest(given, _QUOTED.findall(expected))}"
+    return f"there is no '{shortened(given)}'{nearest(given, _QUOTED.findall(expected))}"
 
 
 def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str], list[dict[str, Any]]]:
@@ -183,7 +183,7 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list
     known: set[str] = set()
     for depth, part in enumerate(location):
         alternatives = nodes if len(nodes) > 1 else []
-        tagged = [node for node in alternatives if node.get("properties", {}).get("kind", {}).get("const") == part]
+        tagged = [node for node in alternatives if part in (_kind(node), node.get("title"))]
         if tagged or _UNION_BRANCH.match(str(part)):
             nodes = tagged or nodes
             continue
@@ -202,6 +202,12 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list
         path.append(str(part))
         nodes = children
     return path, known, nodes
+
+
+def _kind(node: dict[str, Any]) -> str | None:
+    """Return the kind of section that a schema node stands for; None if it is of none, such as null."""
+    kind: str | None = node.get("properties", {}).get("kind", {}).get("const")
+    return kind
 
 
 def _branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:

@@ -32,6 +32,7 @@ BASE = {
     "paths",
     "folders",
     "frames",
+    "given",
     "lifetime",
     "interpolation",
     "yaml_files",

@@ -14,7 +14,8 @@ from pydrake.trajectories import BsplineTrajectory, PiecewisePolynomial, Traject
 
 from simrob_drake.blocks.wiring import fed, summed
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, numbers
+from simrob_drake.given import SHORTEST
 
 BLEND = (10.0, -15.0, 6.0)
 """Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
@@ -90,7 +91,7 @@ def hold(position: npt.ArrayLike) -> Trajectory:
 
 def ramp(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0) -> Trajectory:
     """Go from ``start`` to ``target``, each (n,) [rad], at constant speed in ``duration`` [s]."""
-    times = [start_time, start_time + duration]
+    times = _rising(np.array([start_time, start_time + duration]), "times")
     return PiecewisePolynomial.FirstOrderHold(times, np.column_stack([start, target]))
 
 
@@ -109,9 +110,7 @@ def sequence(
     Raises:
         InvalidParameter: times that do not rise.
     """
-    breaks = [start_time, *times]
-    if (np.diff(breaks) <= 0).any():
-        raise InvalidParameter("times", list(times), f"rising, the first after {start_time:g} s")
+    breaks = _rising(np.array([start_time, *times], dtype=float), "times")
     points = [np.asarray(point, dtype=float) for point in (start, *targets)]
     segments = []
     for low, high, before, after in zip(points, points[1:], breaks, breaks[1:], strict=False):
@@ -181,18 +180,23 @@ def _breaks(trajectory: Trajectory) -> tuple[Vector, bool]:
 
 
 def _checked(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vector]:
-    breaks, samples = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
+    breaks, samples = numbers(times), numbers(values)
     if breaks.ndim != 1 or samples.ndim != 2 or len(breaks) != len(samples) or len(breaks) < 2:
-        raise InvalidParameter(
-            "reference", f"{breaks.shape} times, {samples.shape} positions", "(m,) and (m, n), m > 1"
-        )
+        shapes = f"{breaks.shape} times, {samples.shape} positions"
+        raise InvalidParameter("reference", shapes, "(m,) and (m, n), m > 1")
     if not (np.isfinite(breaks).all() and np.isfinite(samples).all()):
         row = int(np.flatnonzero(~(np.isfinite(breaks) & np.isfinite(samples).all(axis=1)))[0])
         raise InvalidParameter("reference", f"row {row} with {breaks[row]}, {samples[row]}", "finite")
-    if (np.diff(breaks) <= 0).any():
-        row = int(np.flatnonzero(np.diff(breaks) <= 0)[0])
-        raise InvalidParameter("reference times", f"{breaks[row]:g}, {breaks[row + 1]:g}", "rising from row to row [s]")
-    return breaks, samples
+    return _rising(breaks, "reference times"), samples
+
+
+def _rising(times: Vector, name: str) -> Vector:
+    """Check that each time (m,) [s] is later than the one before, by more than rounding."""
+    close = np.flatnonzero(~(np.diff(times) >= SHORTEST))
+    if close.size:
+        told = f"rising by {SHORTEST:g} s or more each [s]"
+        raise InvalidParameter(name, f"{times[close[0]]:g}, {times[close[0] + 1]:g}", told)
+    return times
 
 
 def corner_times(trajectory: Course) -> list[float]:

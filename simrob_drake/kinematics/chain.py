@@ -13,7 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, PrismaticJoint, RevoluteJoint
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.errors import InvalidParameter, SimrobError, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.poses import Targets, one_pose
 from simrob_drake.kinematics.screws import Screws, skew
@@ -69,8 +69,7 @@ class Chain(Screws):
         if not model.tools:
             raise InvalidParameter("tools", model.tools, f"at least one tool frame of {model.name}")
         name = next(iter(model.tools)) if tool is None else tool
-        if name not in model.tools:
-            raise UnknownName(f"tool of {model.name}", name, model.tools)
+        one_of(f"tool of {model.name}", name, model.tools)
         plant, base = held_robot(model)
         joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
         signs = [axis.sign for axis in model.axes.values()]
@@ -182,9 +181,7 @@ class Chain(Screws):
         Raises:
             UnknownName: no such axis.
         """
-        if name not in self.names:
-            raise UnknownName("axis", name, self.names)
-        return self.names.index(name)
+        return self.names.index(one_of("axis", name, self.names))
 
     @cached_property
     def _axes_and_points(self) -> Vector:

@@ -15,7 +15,7 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.blocks.monitor import Trigger
 from simrob_drake.blocks.servo import ServoGains
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import BlockRole, Drawn
 from simrob_drake.quantities import Pose
@@ -39,9 +39,7 @@ def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: s
         if len(known) != 1:
             raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else f"a {kind}, and there is none")
         return known[0]
-    if name not in known:
-        raise UnknownName(kind, name, known)
-    return name
+    return one_of(kind, name, known)
 
 
 @dataclass(frozen=True)

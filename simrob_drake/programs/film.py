@@ -9,6 +9,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.given import path
 from simrob_drake.results.result import SimulationResult
 
 
@@ -30,10 +31,10 @@ def save_film(runs: Sequence[SimulationResult], file: Path | str) -> Path:
     from simrob_drake.results.animation.recording import save_recording
 
     save: dict[str, Callable[[SimulationResult, Path], Path]]
-    save, path = {".html": save_recording, ".png": save_film_strip, ".mp4": save_video}, Path(file)
-    if path.suffix not in save:
-        raise InvalidParameter("file", path.name, f"one that ends in {', '.join(save)}")
-    return save[path.suffix](joined(runs), path)
+    save, target = {".html": save_recording, ".png": save_film_strip, ".mp4": save_video}, path(file, "file")
+    if target.suffix not in save:
+        raise InvalidParameter("file", target.name, f"one that ends in {', '.join(save)}")
+    return save[target.suffix](joined(runs), target)
 
 
 def joined(runs: Sequence[SimulationResult]) -> SimulationResult:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.blocks.references import hermite, sequence
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, UnknownName, shown
 from simrob_drake.frames import Vector
 from simrob_drake.programs.checks import check_limits
 from simrob_drake.programs.gaits.motion import JointMotion
@@ -27,6 +27,8 @@ _FAR = float(np.deg2rad(45.0))
 _SAME = 1e-9  # rad
 _AT_REST = 0.02
 """Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
+_LONGEST = 1e4
+"""Time of a walk [s]: its reference is planned as a whole."""
 _SAMPLE = 0.01  # s between the samples of the way into it
 
 
@@ -61,6 +63,9 @@ def planned_gait(
     for key in changes:
         if key not in type(gait).model_fields:
             raise UnknownName(f"parameter of the {what} {name}", key, type(gait).model_fields)
+    paces = [value for key in _PACES if isinstance(value := changes.get(key, getattr(gait, key, 0)), (int, float))]
+    if (steps or 1) * max(paces) > _LONGEST:
+        raise InvalidParameter("steps", f"{steps} of {shown(max(paces))} s", f"at most {_LONGEST:g} s in all")
     _check_station(robot, section, name, held=getattr(gait, "held", False))
     made = changes.get("feet") or made_for(model, gait)
     if section.on_feet and not carries(model, worn, made):

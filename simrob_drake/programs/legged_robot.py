@@ -9,6 +9,7 @@ from typing import Any
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.given import instance
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
@@ -188,6 +189,7 @@ class LeggedRobot(LeggedGeometry):
             InvalidConfig: a damaged file.
             SimrobError: as :meth:`test_move`, naming the move.
         """
+        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
         given = program if isinstance(program, Program) else Program.load(program)
         check_some(given.moves)
         return self._do(given.moves, file="" if given is program else str(program))[-1]
@@ -202,7 +204,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: as :meth:`run`; or a program with a walk, an act or a piece.
         """
-        return joint_reference(self, program.moves)
+        return joint_reference(self, instance(program, "program", Program, "a Program").moves)
 
     def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
         """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
@@ -91,11 +91,9 @@ class StationModel(PosedStation):
         Raises:
             UnknownName: no such piece, or no such frame of it.
         """
-        if piece not in self.config.pieces:
-            raise UnknownName("piece", piece, self.config.pieces)
+        one_of("piece", piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
-        if frame not in known:
-            raise UnknownName(f"frame of {piece}", frame, known)
+        one_of(f"frame of {piece}", frame, known)
         return self._piece_link(piece, f"{piece}_{frame}")
 
     def piece_origin(self, piece: str) -> Frame:
@@ -109,8 +107,8 @@ class StationModel(PosedStation):
             UnknownName: no such tool.
         """
         own = self.robots[robot]
-        if tool is not None and tool not in own.model.tools:
-            raise UnknownName(f"tool of {robot}", tool, own.model.tools)
+        if tool is not None:
+            one_of(f"tool of {robot}", tool, own.model.tools)
         return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, tool), own.instance)
 
     def _piece_link(self, piece: str, name: str) -> Frame:
@@ -158,11 +156,9 @@ def reparented(
         InvalidParameter: the piece itself as its parent, or one that hangs on it.
     """
     config = model.config
-    if piece not in config.pieces:
-        raise UnknownName("piece", piece, config.pieces)
-    known = [WORLD, *config.robots, *config.pieces]
-    if parent not in known:
-        raise UnknownName("parent", parent, [name for name in known if name != piece])
+    one_of("piece", piece, config.pieces)
+    if parent != piece:
+        one_of("parent", parent, [name for name in (WORLD, *config.robots, *config.pieces) if name != piece])
     if frame is not None and parent == WORLD:
         raise InvalidParameter("frame", frame, "left out: the world has none")
     above = parent

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import PoseLike, Vector, as_transform, poses_from_matrices
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import PoseLike, Vector, as_transform, finite, poses_from_matrices
+from simrob_drake.given import instance, seconds
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.checks import check_collisions, look_times
@@ -56,12 +57,12 @@ class OngoingStation:
         Raises:
             SimrobError: as :func:`simrob_drake.load_station`.
         """
-        if overrides and isinstance(station, (str, Path)):
-            self.config = load_station(station, overrides)
-        elif overrides:
-            raise InvalidParameter("overrides", overrides, "left out with a configuration")
-        else:
+        if overrides is None or (isinstance(overrides, dict) and not overrides):
             self.config = config_of(station)
+        elif isinstance(station, (str, Path)):
+            self.config = load_station(station, overrides)
+        else:
+            raise InvalidParameter("overrides", overrides, "left out with a configuration")
         self.state = State.at_start_of(self.config)
         self.tape = Tape()
         self.progress = False
@@ -76,15 +77,18 @@ class OngoingStation:
 
     def position(self, robot: str) -> Vector:
         """Return where a robot's axes are, shape (n,) [rad or m]."""
-        return (self.robot(robot).initial if self.state is None else self.state.positions[robot]).copy()
+        initial = self.robot(robot).initial
+        return (initial if self.state is None else self.state.positions[robot]).copy()
 
     def velocity(self, robot: str) -> Vector:
         """Return how fast a robot's axes move, shape (n,) [rad/s or m/s]."""
-        return np.zeros_like(self.robot(robot).initial) if self.state is None else self.state.velocities[robot].copy()
+        initial = self.robot(robot).initial
+        return np.zeros_like(initial) if self.state is None else self.state.velocities[robot].copy()
 
     def reference(self, robot: str) -> Vector:
         """Return where a robot's axes should be, and its next move begins, shape (n,) [rad or m]."""
-        return (self.robot(robot).initial if self.state is None else self.state.references[robot]).copy()
+        initial = self.robot(robot).initial
+        return (initial if self.state is None else self.state.references[robot]).copy()
 
     @property
     def model(self) -> StationModel:
@@ -95,7 +99,7 @@ class OngoingStation:
 
     def robot(self, name: str) -> StationRobot:
         """Return what a robot is in the station's plant."""
-        return self._model.robots[name]
+        return self._model.robots[one_of("robot", name, self._model.robots)]
 
     def frame(self, wobj: WorkObject) -> RigidTransform:
         """Return the pose of a work object in the world.
@@ -118,8 +122,7 @@ class OngoingStation:
         if name in model.robots and not frame:
             robot = model.robots[name]
             return model.pose(robot.tools[robot.tcp] if robot.tcp else robot.root)
-        if name not in self.config.pieces:
-            raise UnknownName("work object", name, [WORLD, *self.config.pieces, *self.config.robots])
+        one_of("work object", name, [*self.config.pieces, WORLD, *self.config.robots])
         return model.pose(model.piece_frame(name, *frame))
 
     def run(self, *plans: Plan, duration: float | None = None) -> SimulationResult:
@@ -132,15 +135,15 @@ class OngoingStation:
         Returns:
             the run; unless it diverged or was interrupted, the next one begins where it ended.
         """
+        for plan in plans:
+            instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
         if not plans and duration is None:
             raise InvalidParameter(
                 "plans", "empty", "some, such as arm.plan.move_l(...), or go with a duration to wait"
             )
-        end = max(plan.duration for plan in plans) if duration is None else duration
-        if not (np.isfinite(end) and end > 0):
-            raise InvalidParameter("duration", end, "a positive time [s]")
+        end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         for plan in plans:
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
                 raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
@@ -162,6 +165,8 @@ class OngoingStation:
         Returns:
             the run; unless it diverged or was interrupted, the next one begins where it ended.
         """
+        instance(references, "references", Mapping, "a mapping by robot")
+        seconds(duration)
         still = [robot for robot in self.config.robots if robot not in references]
         held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
         result = self._runner.run(
@@ -208,6 +213,7 @@ class OngoingStation:
         Raises:
             InvalidParameter: a station with other robots.
         """
+        instance(config, "config", StationConfig, "what load_station() gives")
         if list(config.robots) != list(self.config.robots):
             raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
         model = StationModel(config)  # if it cannot be built, all stays as it was
@@ -223,6 +229,7 @@ class OngoingStation:
         Raises:
             PathCollision: names the first offending point.
         """
+        instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
         model = self._collision_model
         model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
         times = look_times(plan.duration, plan.points * len(plan.arrivals))
@@ -240,6 +247,8 @@ class OngoingStation:
 
     def draw(self, postures: dict[str, Vector]) -> None:
         """Show robots in postures (n,) in the window, without moving them."""
+        shown = instance(postures, "postures", Mapping, "a mapping by robot").items()
+        postures = {name: one_posture(q, len(self.robot(name).axes), f"postures: {name}") for name, q in shown}
         self.show()
         assert self._window is not None
         now = self._shown_state()
@@ -264,6 +273,18 @@ class OngoingStation:
     @cached_property
     def _collision_model(self) -> StationModel:
         return StationModel(self.config, collision=True)
+
+
+def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
+    """Return one posture (n,).
+
+    Raises:
+        InvalidParameter: another shape, or numbers that are not finite.
+    """
+    found = finite(values)
+    if found.shape != (axes,):
+        raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")
+    return found
 
 
 def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[Stretch, ...]:
@@ -294,14 +315,12 @@ class CellRobot:
             InvalidParameter: a station without a robot, or no robot named where there are several.
         """
         self.cell = cell
-        robots, wanted = cell.config.robots, robot or cell.config.only_robot
+        robots, wanted = cell.config.robots, cell.config.only_robot if robot is None else robot
         if not robots:
             raise InvalidParameter("station", self.cell.config.name, "one with a robot; it has none")
         if wanted is None:
             raise InvalidParameter("robot", "not named", f"one of {', '.join(robots)}: robot='{next(iter(robots))}'")
-        if wanted not in robots:
-            raise UnknownName("robot", wanted, robots)
-        self.name = wanted
+        self.name = one_of("robot", wanted, robots)
 
     def __repr__(self) -> str:
         """Say in one line which robot it is, and how it is."""

@@ -10,8 +10,9 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem, OutputPort
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import Course, Samples
-from simrob_drake.errors import InvalidParameter, SimrobError, shortened
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
+from simrob_drake.given import drake_asserts, instance
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
 from simrob_drake.progress import note, progress_bar
@@ -102,6 +103,7 @@ class Runner:
         self._station = resolve(self.config.model_copy(update={"inputs": (*self.config.inputs, *needed)}))
         self._diagrams: dict[Any, StationDiagrams] = {}
 
+    @drake_asserts()
     def run(
         self,
         *,
@@ -126,6 +128,8 @@ class Runner:
             SimrobError: input that cannot be run at all.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
+        if on_step is not None and not callable(on_step):
+            raise InvalidParameter("on_step", on_step, "a function of time and positions")
         start = _checked_start(config, start)
         given = by_robot(config, reference)
         courses = station_courses(self._station, given, start.references if start else None)
@@ -161,6 +165,7 @@ class Runner:
         return known
 
 
+@drake_asserts()
 def simulate_diagram(
     diagram: Diagram,
     ports: StationPorts,
@@ -186,6 +191,8 @@ def simulate_diagram(
     Raises:
         SimrobError: a solver that cannot run the station where it stands.
     """
+    instance(diagram, "diagram", Diagram, "a Diagram of Drake that contains a station")
+    instance(ports, "ports", StationPorts, "what add_station() gave, or station.ports")
     config = with_duration(ports.config, duration)
     built = ClosedStation(diagram, ports)
     names = [
@@ -194,6 +201,8 @@ def simulate_diagram(
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
     stepper = Stepper(config, lambda time: built, sorted(set(ports.edges)), blocks=blocks)
     if context is not None:
+        expected = "a Context of the diagram, such as diagram.CreateDefaultContext() gives"
+        instance(context, "context", Context, expected)
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
     return _Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
 
@@ -327,10 +336,7 @@ class _Run:
 def _checked_start(config: StationConfig, start: State | None) -> State | None:
     if start is None:
         return State.at_start_of(config)
-    if not isinstance(start, State):
-        raise InvalidParameter("start", shortened(repr(start)), "a State, such as the final_state of a result")
-    if not all(np.isfinite(reference).all() for reference in start.references.values()):
-        raise InvalidParameter("start", "the end of a run in which a block failed", "a state with all references")
+    instance(start, "start", State, "a State, such as the final_state of a result").check()
     return start
 
 

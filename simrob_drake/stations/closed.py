@@ -166,6 +166,10 @@ def check_course(robot: ResolvedRobot, course: Course, duration: float) -> None:
         InvalidParameter: names the joint, the time, the value and the limits.
     """
     times, positions = course_samples(course, duration)
+    if not np.isfinite(positions).all():
+        row, axis = np.argwhere(~np.isfinite(positions))[0]
+        told = f"{positions[row, axis]} at {times[row]:.2f} s"
+        raise InvalidParameter(f"reference of {robot.prefix}{robot.axes[axis]}", told, "a finite number at any time")
     lower, upper = robot.model.axis_limits
     outside = (positions < lower - 1e-9) | (positions > upper + 1e-9)
     if outside.any():

@@ -20,18 +20,19 @@ from simrob_drake.parts.forces import Forces
 from simrob_drake.parts.monitors import Monitors
 from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
-from simrob_drake.quantities import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
+from simrob_drake.quantities import FASTEST_RATE, ORIGIN, Colour, Duration, Inertia, NotNegative, Pose, Positive, Triple
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
-from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
 from simrob_drake.yaml_files import FileName, Number, Strict
 
 Input = Literal["feedforward", "reference_velocity", "external_force"]
 Realization = Literal["per_joint", "vector", "implicit"]
-FASTEST_RATE = 1e4  # Hz; ten samples in a step of 1 ms
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
+MOST_STEPS = 10_000_000
+"""Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 
 
 def _every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
@@ -242,14 +243,14 @@ class StationConfig(_Section):
     start: Path | None = None
     """Where it begins: the `start.json` of a result, in place of the initial postures; relative paths start at the
     station's file."""
-    duration: Positive = 3.0
+    duration: Duration = 3.0
     """Simulated time [s]."""
     sample_rate: Positive = Field(default=100.0, le=FASTEST_RATE)
     """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
 
     @model_validator(mode="after")
-    def _not_too_many_samples(self) -> StationConfig:
-        check_samples(self.duration, self.sample_rate)
+    def _can_be_computed(self) -> StationConfig:
+        check_effort(self)
         return self
 
     @field_validator("robots", "pieces", "sensors", "monitors", "forces", "controllers")
@@ -283,12 +284,23 @@ class StationConfig(_Section):
         return self.robots[robot].reference or self.reference
 
 
-def check_samples(duration: float, rate: float) -> None:
-    """Check that a run of a duration [s] has not more samples, ``rate`` a second [Hz], than a computer can keep.
+def check_effort(config: StationConfig) -> None:
+    """Check that a run has not more samples than a computer can keep, nor more steps than it can do.
 
     Raises:
         InvalidParameter: too many.
     """
+    duration, rate, solver = config.duration, config.sample_rate, config.solver
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
+    if config.mode == "dynamic":
+        key = "time_step" if isinstance(solver, DiscreteSolver) else "max_step"
+        if duration > MOST_STEPS * getattr(solver, key):
+            shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
+            raise InvalidParameter(f"solver.{key}", f"{getattr(solver, key):g} s", shortest)
+    for name, sensor in config.sensors.items():
+        often = getattr(sensor, "rate", None) or 0.0
+        if duration * often > MOST_STEPS:
+            most = f"at most {MOST_STEPS / duration:g} Hz for a duration of {duration:g} s: {MOST_STEPS:g} samples"
+            raise InvalidParameter(f"sensors.{name}.rate", f"{often:g} Hz", most)

@@ -7,16 +7,16 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.parts.forces.force import ForceSection
-from simrob_drake.quantities import NotNegative, Positive, Triple
+from simrob_drake.quantities import Duration, Instant, Triple
 
 
 class Push(ForceSection):
     """A constant force for a while."""
 
     kind: Literal["push"]
-    start: NotNegative = 0.0
+    start: Instant = 0.0
     """When it begins [s]."""
-    duration: Positive = 0.1
+    duration: Duration = 0.1
     """How long it lasts [s]."""
     force: Triple
     """Along x, y and z of what is pushed [N]."""
