@@ -640,7 +640,7 @@ FILES = [
     Defect(
         "xacro leftover", swap('effort="40"', 'effort="${e}"'), "error: joint 'elbow' <limit>: effort=\"${e}\" is an"
     ),
-    Defect("xacro", swap("<robot", '<robot xmlns:xacro="http://ros.org/wiki/xacro" xacro:a="1"'), "error: xacro"),
+    Defect("xacro", swap("</robot>", "<xacro:lost/></robot>"), "error: xacro"),
     Defect("50 MB", content(lambda text: text.encode() + b" " * 50_000_000), "error: is larger than 20 MB"),
 ]
 
