@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -58,7 +59,8 @@ def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
 def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     """Yield all that the result depends on, but for our code; the file's own name is no part of it."""
     yield options.model_dump_json().encode()
-    robot = read_source(source, ImportReport(source))
+    robot = read_source(source, ImportReport(source), options)
+    yield ET.tostring(robot)  # of a xacro with all that it includes
     beside = [file for file in (source, source.parent / ROBOT_FILE) if file.is_file()]
     for file in (*beside, *mesh_files(robot, source=source, options=options)):
         with file.open("rb") as content:  # meshes may be larger than what is read of them

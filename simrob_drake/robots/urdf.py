@@ -30,7 +30,7 @@ def read_urdf(path: Path) -> ET.Element:
     except (OSError, ValueError) as problem:
         raise InvalidModel(path, "", f"cannot be read as a text file ({problem})") from problem
     if path.suffix.lower() == ".xacro" or "xmlns:xacro" in text:
-        raise InvalidModel(path, "", "is a xacro file; expand it first: xacro FILE.xacro > PLAIN.urdf")
+        raise InvalidModel(path, "", "is a xacro file; expand it first, with simrob import")
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise InvalidModel(path, "", "declares entities or a document type, which a URDF never needs")
     try:

@@ -1,6 +1,7 @@
 """The multibody plant of a station: its robots, pieces and floor."""
 
 import logging
+import re
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -32,8 +33,10 @@ from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.solver_config import DiscreteSolver
 
-logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in record.getMessage())
-"""Drake warns of every half space that deformable bodies could not touch; a station has none of these."""
+_NEEDLESS = re.compile("deformable contact|does not handle joint limits for continuous models")
+"""Warnings of Drake: a station has no deformable bodies, and its joints have stops of its own."""
+
+logging.getLogger("drake").addFilter(lambda record: not _NEEDLESS.search(record.getMessage()))
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
 _FLOOR_THICKNESS = 0.02

@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.reading.xacro import XACRO, expanded
 from simrob_drake.importer.reading.xml_tree import parse_tree
 from simrob_drake.importer.report import ImportReport
@@ -39,7 +40,7 @@ _COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
 _HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>")
 
 
-def read_source(path: Path, report: ImportReport) -> ET.Element:
+def read_source(path: Path, report: ImportReport, options: ImportOptions | None = None) -> ET.Element:
     """Return the ``robot`` element of a URDF or xacro file, with every change noted in the report.
 
     Elements and attributes of foreign namespaces, which no simulation uses, are left out; those of Drake stay.
@@ -50,7 +51,7 @@ def read_source(path: Path, report: ImportReport) -> ET.Element:
     text = decoded(_content(path, report), report)
     robot, comments = parse_tree(text, report)
     if _is_xacro(robot, path):
-        text = expanded(path, report)
+        text = expanded(path, options or ImportOptions(), report)
         robot, comments = parse_tree(text, report)
         if _is_xacro(robot, path):
             raise report.refusal("", "still holds xacro elements after its expansion")
