@@ -165,7 +165,7 @@ def check_course(robot: ResolvedRobot, course: Course, duration: float) -> None:
     """
     times, positions = course_samples(course, duration)
     lower, upper = robot.model.axis_limits
-    outside = (positions < lower - 1e-9) | (positions > upper + 1e-9)
+    outside = ~((positions >= lower - 1e-9) & (positions <= upper + 1e-9))  # nor is what is no number inside
     if outside.any():
         row, axis = np.argwhere(outside)[0]
         unit, name = robot.model.user_units[axis], robot.model.unit_names[axis]

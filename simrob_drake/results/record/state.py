@@ -15,9 +15,12 @@ from pydrake.systems.framework import Context, Diagram, System
 
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.errors import InvalidConfig, InvalidParameter
+from simrob_drake.files import NotRead, text_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site, StationPlant
 from simrob_drake.stations.config import StationConfig
+
+_LARGEST = 10_000_000  # bytes of a file
 
 
 @dataclass(frozen=True)
@@ -171,7 +174,7 @@ class State:
                     for name, (continuous, discrete, *abstract) in content["blocks"].items()
                 },
             )
-        except (ValueError, TypeError, KeyError, AttributeError) as problem:
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as problem:
             raise InvalidParameter("state", text, "the text of a state, as State.to_json() writes it") from problem
 
     @classmethod
@@ -184,9 +187,9 @@ class State:
         if config.start is None:
             return None
         try:
-            return cls.from_json(config.start.read_text(encoding="utf-8"))
-        except (OSError, ValueError, InvalidParameter) as problem:
-            what = "cannot be read" if isinstance(problem, OSError) else "holds no state"
+            return cls.from_json(text_of(config.start, _LARGEST))
+        except (NotRead, InvalidParameter) as problem:
+            what = f"cannot be read ({problem})" if isinstance(problem, NotRead) else "holds no state"
             raise InvalidConfig(config.start, "", f"{what}; `start` names the start.json of a result") from problem
 
     def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
