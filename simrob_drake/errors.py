@@ -66,7 +66,7 @@ class OutputError(SimrobError):
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return "; did you mean 'x'?" or the list of known names, ready to be appended to a message."""
     names = sorted(set(known))
-    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(shortened(str(name)), names, n=1, cutoff=0.6)
     if close:
         return f"; did you mean '{close[0]}'?"
     return f"; known: {', '.join(names)}" if names else ""
