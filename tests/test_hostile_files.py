@@ -209,6 +209,9 @@ def test_an_obj_that_is_its_own_library_ends(tmp_path: Path) -> None:
 
 def test_comments_without_an_end_take_no_time(tmp_path: Path) -> None:
     (tmp_path / "a.urdf").write_text("<robot><!-- a -- b -->" + "<!--" * 1_000_000)  # was above two minutes
+    with pytest.raises(SimrobError, match="has more than 300000 tags"):
+        read_source(tmp_path / "a.urdf", ImportReport(tmp_path / "a.urdf"))
+    (tmp_path / "a.urdf").write_text("<robot><!-- a -- b -->" + "<!--" * 250_000)
     with pytest.raises(SimrobError, match="is not XML"):
         read_source(tmp_path / "a.urdf", ImportReport(tmp_path / "a.urdf"))
 

@@ -12,6 +12,8 @@ from simrob_drake.files import NotRead, text_of
 
 LARGEST_URDF = 10_000_000
 """Of a description [bytes]: published ones stay far below, for meshes are files of their own."""
+MOST_TAGS = 300_000
+"""Of a description: a robot of a thousand links has some forty thousand."""
 MOVABLE_JOINTS = ("revolute", "continuous", "prismatic")
 LIMITED_JOINTS = ("revolute", "prismatic")
 DRAKE = "{http://drake.mit.edu}"
@@ -32,6 +34,8 @@ def read_urdf(path: Path) -> ET.Element:
         text = text_of(path, LARGEST_URDF)
     except NotRead as problem:
         raise InvalidModel(path, "", f"cannot be read ({problem})") from problem
+    if text.count("<") > MOST_TAGS:
+        raise InvalidModel(path, "", f"has more than {MOST_TAGS} tags")
     if path.suffix.lower() == ".xacro" or "xmlns:xacro" in text:
         raise InvalidModel(path, "", "is a xacro file; expand it first: xacro FILE.xacro > PLAIN.urdf")
     if "<!ENTITY" in text or "<!DOCTYPE" in text:

@@ -11,7 +11,7 @@ from simrob_drake.files import NotRead, content_of
 from simrob_drake.importer.reading.xacro import XACRO, expanded
 from simrob_drake.importer.reading.xml_tree import parse_tree
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF
+from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 
 _OTHER_FORMATS = {
     "sdf": "an SDF file, which describes models and worlds for Gazebo",
@@ -78,6 +78,8 @@ def decoded(content: bytes, report: ImportReport) -> str:
         raise report.refusal("", "is a binary file, not the text of a URDF")
     if not text.strip():
         raise report.refusal("", "is empty")
+    if text.count("<") > MOST_TAGS:
+        raise report.refusal("", f"has more than {MOST_TAGS} tags")
     return _well_formed(text, report)
 
 
