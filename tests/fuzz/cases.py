@@ -37,7 +37,7 @@ moves:
   - {act: bow}
   - {attach: box}
 references:
-  - {target_deg: {left_elbow: 10}, duration: 1.0}
+  - {target_deg: {left_elbow: 10}}
 """
 START = """{"positions": {"robot": [0.1, 0.2]}, "velocities": {"robot": [0.0, 0.0]},
 "references": {"robot": [0.1, 0.2]}, "joints": {}, "blocks": {}}"""
