@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 # The matrices of a robot are small: more threads only wait for each other.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test lint types check bench wheel pictures hooks lock clean
+.PHONY: demo test lint types check bench fuzz wheel pictures hooks lock clean
 
 demo: $(READY)  ## run the main job and print where its recording is
 	$(BIN)/simrob run irb120_dynamic --out runs/demo --force
@@ -26,6 +26,9 @@ check: lint types test
 
 bench: $(READY)  ## measure speed and memory
 	$(BIN)/python -m tests.benchmarks
+
+fuzz: $(READY)  ## give a thousand hostile files and options to the command line
+	$(BIN)/python -m tests.fuzz
 
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --outdir dist .

@@ -4,9 +4,16 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
+_LONGEST = 2000
+"""Letters of a message: lists of what is known are long, too, but what a user gave may be a megabyte."""
+
 
 class SimrobError(ValueError):
     """Base of every error that a user's input can cause."""
+
+    def __init__(self, message: str = "") -> None:
+        """Say what is wrong."""
+        super().__init__(shortened(message, _LONGEST))
 
 
 class InvalidParameter(SimrobError):
@@ -65,7 +72,7 @@ def nearest(name: object, known: Iterable[str]) -> str:
 
 
 def _located(where: Path | str, what: str, problem: str) -> str:
-    place = str(where)
+    place, what = shortened(str(where), 1000), shortened(what, 200)
     told = place.split(" ", 1)[-1].lstrip("-") == what  # by what an override or an option is called
     return ": ".join(part for part in (place, "" if told else what, problem) if part)
 

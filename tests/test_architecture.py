@@ -28,6 +28,7 @@ ROAD = [
 ]
 BASE = {
     "errors",
+    "files",
     "constants",
     "paths",
     "folders",

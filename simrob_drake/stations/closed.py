@@ -171,7 +171,7 @@ def check_course(robot: ResolvedRobot, course: Course, duration: float) -> None:
         told = f"{positions[row, axis]} at {times[row]:.2f} s"
         raise InvalidParameter(f"reference of {robot.prefix}{robot.axes[axis]}", told, "a finite number at any time")
     lower, upper = robot.model.axis_limits
-    outside = (positions < lower - 1e-9) | (positions > upper + 1e-9)
+    outside = ~((positions >= lower - 1e-9) & (positions <= upper + 1e-9))  # nor is what is no number inside
     if outside.any():
         row, axis = np.argwhere(outside)[0]
         unit, name = robot.model.user_units[axis], robot.model.unit_names[axis]

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from copy import deepcopy
+from os.path import exists, isdir, isfile  # which are false for names that no file can have
 from pathlib import Path
 from typing import Any
 
@@ -123,13 +124,13 @@ def _station_file(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if str(name_or_path) in station_names():
         return diagrams_root() / f"{name_or_path}.yaml"
-    if path.is_dir():
+    if isdir(path):
         inside = path / "station.yaml"
-        hint = f"; did you mean {inside}?" if inside.is_file() else ""
+        hint = f"; did you mean {inside}?" if isfile(inside) else ""
         raise InvalidConfig(path, "", f"is a folder, and a station is a name or a YAML file{hint}")
     if path.suffix not in YAML_SUFFIXES:
         raise UnknownName("station", str(name_or_path), station_names())
-    if not path.is_file():
+    if not exists(path):
         raise InvalidConfig(path, "", "there is no such file")
     return path.resolve()
 
@@ -142,7 +143,9 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
         if child is None:
             child = node[part] = {}
         if not isinstance(child, dict):
-            raise InvalidConfig(where, ".".join(key[: depth + 1]), f"is {child!r}, so it has no key '{key[depth + 1]}'")
+            raise InvalidConfig(
+                where, ".".join(key[: depth + 1]), f"is {quoted(child)}, so it has no key '{key[depth + 1]}'"
+            )
         node = child
     section = key[-2] if len(key) > 1 else ""
     if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:

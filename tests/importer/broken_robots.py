@@ -641,7 +641,7 @@ FILES = [
         "xacro leftover", swap('effort="40"', 'effort="${e}"'), "error: joint 'elbow' <limit>: effort=\"${e}\" is an"
     ),
     Defect("xacro", swap("</robot>", "<xacro:lost/></robot>"), "error: xacro"),
-    Defect("50 MB", content(lambda text: text.encode() + b" " * 50_000_000), "error: is larger than 20 MB"),
+    Defect("50 MB", content(lambda text: text.encode() + b" " * 50_000_000), "error: it is larger than 10 MB"),
 ]
 
 DEFECTS = [*RESOLVING, *MESHES, *SHAPES, *NAMES, *TREE, *JOINTS, *DRIVES, *INERTIAS, *FILES]

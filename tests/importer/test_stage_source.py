@@ -74,11 +74,11 @@ def test_files_that_are_none_are_refused(tmp_path):
     pipe = tmp_path / "pipe.urdf"
     os.mkfifo(pipe)
     assert "is no regular file" in refusal(pipe)
-    assert "cannot be read" in refusal(tmp_path / ("a" * 300))
+    assert "there is no such file" in refusal(tmp_path / ("a" * 300))
 
 
 def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(source, "MAX_BYTES", 1_000_000)
+    monkeypatch.setattr(source, "LARGEST_URDF", 1_000_000)
     path = tmp_path / "a.urdf"
     path.write_bytes(b"<robot>" + b" " * 1_000_001 + b"</robot>")
     assert "is larger than 1 MB" in refusal(path)

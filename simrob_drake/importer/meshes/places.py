@@ -97,7 +97,7 @@ class MeshPlaces:
             except MeshMissing:
                 missing.append(name)
                 continue
-            if path.suffix.lower() == ".obj":  # its libraries name textures
+            if path.suffix.lower() == ".obj" != found[name].suffix.lower():  # its libraries name textures
                 inner, lost = self.needed_by(found[name])
                 found |= inner
                 missing += lost

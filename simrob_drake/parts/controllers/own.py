@@ -7,6 +7,7 @@ import importlib.util
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from os.path import isfile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -187,7 +188,7 @@ def class_beside(text: str, folder: Path) -> str:
     """
     place, colon, name = text.partition(":")
     file = folder / (place if place.endswith(".py") else f"{place}.py")
-    return f"{file}{colon}{name}" if place.endswith(".py") or file.is_file() else text
+    return f"{file}{colon}{name}" if place.endswith(".py") or isfile(file) else text
 
 
 def _place_of(kind: Any) -> str:

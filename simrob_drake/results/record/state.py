@@ -15,11 +15,13 @@ from pydrake.systems.framework import Context, Diagram, System
 
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.errors import InvalidConfig, InvalidParameter
+from simrob_drake.files import NotRead, text_of
 from simrob_drake.frames import Vector, finite
 from simrob_drake.given import instance
 from simrob_drake.parts.site import Site, StationPlant
 from simrob_drake.stations.config import StationConfig
 
+_LARGEST = 10_000_000  # bytes of a file
 _OF_ROBOTS = ("positions", "velocities", "references")
 
 
@@ -194,7 +196,7 @@ class State:
                     for name, (continuous, discrete, *abstract) in content["blocks"].items()
                 },
             )
-        except (ValueError, TypeError, KeyError, AttributeError) as problem:
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as problem:
             raise InvalidParameter("state", text, "the text of a state, as State.to_json() writes it") from problem
 
     @classmethod
@@ -207,9 +209,9 @@ class State:
         if config.start is None:
             return None
         try:
-            state = cls.from_json(config.start.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as problem:
-            what = "cannot be read" if isinstance(problem, OSError) else "holds no state"
+            state = cls.from_json(text_of(config.start, _LARGEST))
+        except (NotRead, InvalidParameter) as problem:
+            what = f"cannot be read ({problem})" if isinstance(problem, NotRead) else "holds no state"
             raise InvalidConfig(config.start, "", f"{what}; `start` names the start.json of a result") from problem
         try:
             state.check()
