@@ -34,6 +34,7 @@ BASE = {
     "frames",
     "lifetime",
     "interpolation",
+    "interrupts",
     "yaml_files",
     "csv_files",
     "progress",

@@ -23,13 +23,13 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
-from simrob_drake.stations.checks import step_findings
 from simrob_drake.stations.closed import ClosedStation, check_course, station_courses
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.stations.station import StationLike, config_of
+from simrob_drake.stations.steps import step_findings
 
 OnStep = Callable[[float, Vector], None]
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]

@@ -11,10 +11,10 @@ from pydrake.systems.framework import Context, LeafSystem
 from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.record.watch import Watch
-from simrob_drake.stations.checks import likely_cause
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.steps import likely_cause
 
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
 
