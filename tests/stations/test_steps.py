@@ -67,7 +67,7 @@ def test_a_stop_too_stiff_for_its_link_is_foretold_where_it_is_leaned_on(drafted
     assert "bend_second moves" in text
     assert "joint_stops.stiffness" in text
     assert "take solver.kind discrete and servo.realization implicit" in text
-    assert warnings(load_station(file, {**CREEPING, "joint_stops.stiffness": 100.0})) == []
+    assert warnings(load_station(file, {**CREEPING, "joint_stops.stiffness": 10.0})) == []
     assert warnings(load_station(file, {**CREEPING, "robot.initial_deg": 30, "reference.kind": "hold"})) == []
     (on_the_way,) = warnings(load_station(file, {**CREEPING, "robot.initial_deg": 30, "reference.target_deg": 0}))
     assert "joint_stops.stiffness" in on_the_way
