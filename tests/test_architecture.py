@@ -36,6 +36,7 @@ BASE = {
     "given",
     "lifetime",
     "interpolation",
+    "interrupts",
     "yaml_files",
     "csv_files",
     "progress",

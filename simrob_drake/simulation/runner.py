@@ -23,15 +23,16 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.record.watch import Watch, cut_at_stop
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
+from simrob_drake.simulation.pace import pace_watcher
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
-from simrob_drake.stations.checks import step_findings
 from simrob_drake.stations.closed import ClosedStation, check_course, station_courses
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.stations.station import StationLike, config_of
+from simrob_drake.stations.steps import step_findings
 
 OnStep = Callable[[float, Vector], None]
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
@@ -237,7 +238,7 @@ class _Run:
         watchers = [] if on_step is None else [_positions_watcher(self.stepper, on_step)]
         with progress_bar(f"simulating {self.config.name}", self.config.duration, shown=progress) as show:
             if show is not None:
-                watchers.append(lambda context: show(context.get_time()))
+                watchers.append(pace_watcher(self.config, show))
             ports = self.whole.ports
             watch = Watch(ports, Sampler(self.whole.diagram, ports, _NOTHING))
             recorder = Recorder(self.stepper.simulator, *watchers, look=watch.look if ports.monitors else None)
@@ -249,7 +250,7 @@ class _Run:
             return self._evaluated(recorder, watch, outcome, **told)
         except KeyboardInterrupt:  # the run is not to be lost
             note("interrupted; the signals are computed first, interrupt again to abandon them", shown=progress)
-            return self._evaluated(recorder, watch, interrupted(recorder), **told)
+            return self._evaluated(recorder, watch, interrupted(self.config, recorder), **told)
 
     def _evaluated(self, recorder: Recorder, watch: Watch, outcome: Outcome, **told: Any) -> SimulationResult:
         """Sample the signals of a run that has been stepped."""

@@ -11,10 +11,11 @@ from pydrake.systems.framework import Context, LeafSystem
 from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.record.watch import Watch
-from simrob_drake.stations.checks import likely_cause
+from simrob_drake.simulation.pace import creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.steps import likely_cause
 
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
 
@@ -70,7 +71,7 @@ class Stepper:
         try:
             status = self._advanced(recorder)
         except KeyboardInterrupt:
-            return interrupted(recorder)
+            return interrupted(self._config, recorder)
         except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
             if recorder.failure is not None:
                 raise
@@ -157,9 +158,10 @@ class Stepper:
         return Outcome("diverged", DIVERGED, f"diverged at {_time(recorder)}: {first_sentence}; {cause}")
 
 
-def interrupted(recorder: Recorder) -> Outcome:
+def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
     """Return the outcome of a run that its user interrupted."""
-    return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
+    told = creeping(config, recorder.times)
+    return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s" + (told and f"; {told}"))
 
 
 def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:

@@ -18,6 +18,7 @@ from simrob_drake.importer.meshes.parts import MeshPart, joined
 from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content, read_mesh
 from simrob_drake.importer.meshes.writing import obj_text
+from simrob_drake.interrupts import heard_afterwards
 from simrob_drake.robots.pieces import PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.stations.config import PieceConfig
 from simrob_drake.yaml_files import YAML_SUFFIXES
@@ -93,6 +94,7 @@ def _one_part(file: Path, others: Mapping[str, Path]) -> MeshPart:
     return part
 
 
+@heard_afterwards()
 def _outside_out(part: MeshPart) -> MeshPart:
     """Return a closed mesh with its faces outwards, which its volume depends on; an open one stays as it is."""
     from trimesh import Trimesh

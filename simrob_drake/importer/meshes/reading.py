@@ -18,6 +18,7 @@ from simrob_drake.files import NotRead, TooLarge, content_of
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
 from simrob_drake.importer.meshes.parts import MeshPart, Rgba, of_one_look, usable
+from simrob_drake.interrupts import heard_afterwards
 
 _MOST_FACES = 1_500_000
 """More take more than a gigabyte of memory to decimate."""
@@ -60,6 +61,7 @@ class MeshFile:
     notes: list[str] = field(default_factory=list)
 
 
+@heard_afterwards()
 def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     """Read a mesh file that may be read, with the ``others`` that it may ask for, by the names that it uses for them.
 
