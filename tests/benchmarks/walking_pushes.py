@@ -25,7 +25,7 @@ def survives(motion: JointMotion, facing: float, side: tuple[int, int], force: f
     along = facing_rotation(-facing) @ np.array([*side, 0.0])
     for start in STARTS:
         push = {"kind": "push", "start": start, "force": [float(part) for part in force * along]}
-        config = motion.station({"forces.push": push, "duration": 5.0})
+        config = motion.station({"forces.push": push, "duration": 5.0, **STEPS})
         if simulate(config, reference=motion.trajectory(), progress=False).stopped_by is not None:
             return False
     return True
