@@ -119,3 +119,19 @@ def test_pieces_fly_beside_a_robot_that_stands() -> None:
     result = simulate(load_station("humanoid_dynamic", {"pieces": pieces}), duration=0.3, progress=False)
     np.testing.assert_allclose(result.piece_pose("weight")[:, 2], 1 - 9.80665 * result.times**2 / 2, atol=1e-6)
     assert np.abs(result["base.z"] - 0.446).max() < 1e-3
+
+
+def test_a_run_goes_on_after_a_push_in_flight() -> None:
+    """Before and after it, another diagram is stepped; the push adds its impulse, and nothing else does."""
+    push = {"kind": "push", "start": 0.2, "duration": 0.1, "force": [2.0, 0.0, 0.0]}
+    config = load_station("humanoid_dynamic", {**IN_THE_AIR, "forces": {"shove": push}})
+    result = simulate(config, progress=False)
+    assert result.ending == "completed"
+    plant = result.plant.plant
+    context = plant.CreateDefaultContext()
+    positions, velocities = result.final_state.of_plant(result.plant)
+    plant.SetPositions(context, positions)
+    plant.SetVelocities(context, velocities)
+    _, linear, _ = momentum(plant, context)
+    weight = plant.CalcTotalMass(context) * GRAVITY * DURATION
+    assert np.linalg.norm(linear - weight) == pytest.approx(0.2, rel=0.02)  # pushed along the trunk, which turns

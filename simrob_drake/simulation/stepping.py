@@ -129,8 +129,8 @@ class Stepper:
         integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
-        self.simulator.Initialize()
         recorder.attach(self.simulator, self.correction())
+        self.simulator.Initialize()
 
     def _correction(self, built: ClosedStation) -> Callable[[Context], None] | None:
         flies = self._config.mode == "dynamic" and self._config.solver.scheme == "cenic"
