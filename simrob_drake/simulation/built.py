@@ -70,7 +70,7 @@ class StationDiagrams:
             return self.whole
         pushes = [force for force in self.forces.values() if isinstance(force, Push)]
         only_pushes = self._station.scheme == "cenic" and pushes and len(pushes) == len(self.forces)
-        if only_pushes and not any(push.edges[0] <= time < push.edges[1] for push in pushes):
+        if only_pushes and not any(push.start <= time < push.end for push in pushes):
             return self._unpushed
         return self._lean
 

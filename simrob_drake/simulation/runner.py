@@ -241,7 +241,12 @@ class _Run:
                 watchers.append(pace_watcher(self.config, show))
             ports = self.whole.ports
             watch = Watch(ports, Sampler(self.whole.diagram, ports, _NOTHING))
-            recorder = Recorder(self.stepper.simulator, *watchers, look=watch.look if ports.monitors else None)
+            recorder = Recorder(
+                self.stepper.simulator,
+                *watchers,
+                look=watch.look if ports.monitors else None,
+                correct=self.stepper.correction(),
+            )
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began

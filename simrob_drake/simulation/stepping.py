@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.record.watch import Watch
+from simrob_drake.simulation.flight import Flight
 from simrob_drake.simulation.pace import creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
@@ -66,6 +67,10 @@ class Stepper:
         """That of the diagram that is stepped now."""
         return self._simulators[id(self.built)]
 
+    def correction(self) -> Callable[[Context], None] | None:
+        """Return what corrects the steps from now on, if anything does."""
+        return self._correction(self.built)
+
     def run(self, recorder: Recorder, watch: Watch) -> Outcome:
         """Step to the end, or until something ends the run."""
         try:
@@ -96,9 +101,10 @@ class Stepper:
             RuntimeError: a state ran away on the way.
         """
         before = int((history.times < time).sum()) - 1
-        simulator = self._simulator(self._diagram_at(float(history.times[before])))
+        built = self._diagram_at(float(history.times[before]))
+        simulator = self._simulator(built)
         history.put(before, simulator.get_mutable_context())
-        recorder = Recorder(simulator)
+        recorder = Recorder(simulator, correct=self._correction(built))
         simulator.AdvanceTo(time)
         if not recorder.is_sane():
             raise RuntimeError("a state ran away between two recorded ones")
@@ -124,8 +130,12 @@ class Stepper:
         integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
+        recorder.attach(self.simulator, self.correction())
         self.simulator.Initialize()
-        recorder.attach(self.simulator)
+
+    def _correction(self, built: ClosedStation) -> Callable[[Context], None] | None:
+        flies = self._config.mode == "dynamic" and self._config.solver.scheme == "cenic"
+        return Flight(built.ports.plant.plant).correct if flies else None
 
     def _simulator(self, built: ClosedStation) -> Simulator:
         simulator = Simulator(built.diagram)

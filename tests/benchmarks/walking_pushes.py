@@ -17,6 +17,7 @@ from simrob_drake.programs.gaits.quadruped import crawl, trot
 STARTS = (3.0, 3.1, 3.2, 3.3)
 """Moments of the push, some in each phase of a step [s]; the weakest counts."""
 SIDES = {"forward": (1, 0), "backward": (-1, 0), "left": (0, 1), "right": (0, -1)}
+STEPS = {"solver.max_step": 0.01, "solver.error_control": True}
 CLOSE = 0.12  # of the force: where the bisection ends
 
 
@@ -25,7 +26,7 @@ def survives(motion: JointMotion, facing: float, side: tuple[int, int], force: f
     along = facing_rotation(-facing) @ np.array([*side, 0.0])
     for start in STARTS:
         push = {"kind": "push", "start": start, "force": [float(part) for part in force * along]}
-        config = motion.station({"forces.push": push, "duration": 5.0})
+        config = motion.station({"forces.push": push, "duration": 5.0, **STEPS})
         if simulate(config, reference=motion.trajectory(), progress=False).stopped_by is not None:
             return False
     return True

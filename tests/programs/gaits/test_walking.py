@@ -136,13 +136,25 @@ def test_what_the_station_of_a_motion_is_told_stays():
     adapted = motion.adapted(entry.cell.config, "robot")
     assert (adapted.floor, adapted.inputs, adapted.solver) == (config.floor, config.inputs, config.solver)
     assert adapted.servo_of("robot") == config.servo_of("robot")
-    assert config.solver.max_step == MAX_STEP
+    assert (config.solver.max_step, config.solver.fixed_steps) == (MAX_STEP, True)
     given = {"servo": {"kp": 7.0}, "inputs": [], "floor.size": 1.5, "solver.max_step": 0.015}
     told = motion.station(given)
     assert (told.servo_of("robot").kp, told.inputs, told.floor.size) == (7.0, (), 1.5)
     assert told.servo_of("robot").kd == config.servo_of("robot").kd
     assert told.solver.max_step == 0.015
+    assert not motion.station({"solver.error_control": True}).solver.fixed_steps
+    assert not motion.station({"solver.accuracy": 1e-4}).solver.fixed_steps
     assert motion.station({"duration": 1.0}).duration == 1.0
+
+
+def test_a_walk_at_its_own_steps_goes_as_far_as_at_finer_ones_and_its_station_says_them(tmp_path):
+    motion = trot("yobotics", 16)
+    result, found = walked(motion)
+    assert len(result.step_times) - 1 == pytest.approx(motion.duration / MAX_STEP, abs=1)
+    _, fine = walked(motion, {"solver.max_step": 0.0025})
+    assert found.ahead == pytest.approx(fine.ahead, rel=0.02)
+    file = result.save(tmp_path / "trot", recording=False) / "station.yaml"
+    assert load_station(file).solver == result.config.solver
 
 
 def test_a_kinematic_station_is_as_it_was():
