@@ -1,6 +1,7 @@
 """The film strip and the video: what is in the pictures."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -76,6 +77,24 @@ def test_the_video_plays_the_run(result, tmp_path):
     frames = [np.frombuffer(frame, np.uint8).reshape(size[1], size[0], 3) for frame in reader]
     assert len(frames) == 7
     assert changed(frames[0], frames[-1]) > 0.03
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_video_that_breaks_off_is_said_and_leaves_the_old_one(result, tmp_path, monkeypatch):
+    import imageio_ffmpeg
+
+    file, write_frames = tmp_path / "run.mp4", imageio_ffmpeg.write_frames
+
+    def to_a_full_disk(work, *given, **options):
+        Path(work).symlink_to("/dev/full")
+        return write_frames(work, *given, **{**options, "output_params": ["-f", "mpegts"]})
+
+    file.write_text("old")
+    monkeypatch.setattr(imageio_ffmpeg, "write_frames", to_a_full_disk)
+    with pytest.raises(OutputError, match=r"run\.mp4 cannot be written"):
+        save_video(result, file, frames_per_second=10)
+    assert file.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_a_missing_package_is_named_with_what_to_type(result, tmp_path, monkeypatch):

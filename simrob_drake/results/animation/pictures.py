@@ -21,7 +21,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
-from simrob_drake.folders import writing
+from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
@@ -81,8 +81,8 @@ def save_film_strip(result: RecordedRun, file: Path, *, frames: int = 7, height:
         OutputError: the file cannot be written.
     """
     strip = film_strip(result, frames=frames, height=height)
-    with writing(file):
-        file.write_bytes(strip)
+    with replaced_at_once(file) as work:
+        work.write_bytes(strip)
     return file
 
 
@@ -107,12 +107,19 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
     times = frame_times(result.stop_time, frames_per_second)
     if not file.parent.is_dir():
         raise OutputError(f"{file} cannot be written: there is no folder {file.parent}")
-    encoding = {"quality": 8, "macro_block_size": 2, "output_params": ["-preset", "veryfast"]}
-    writer = write_frames(str(file), _VIDEO_SIZE, fps=frames_per_second, **encoding)
-    with writing(file), closing(writer):
-        writer.send(None)
-        for image in Studio(result, height=height, width=width).images(times):
-            writer.send(np.ascontiguousarray(image))
+    encoding = {
+        "quality": 8,
+        "macro_block_size": 2,
+        "output_params": ["-preset", "veryfast"],
+        "ffmpeg_log_level": "fatal",
+    }
+    images = Studio(result, height=height, width=width).images(times)
+    with replaced_at_once(file) as work:
+        with closing(write_frames(str(work), _VIDEO_SIZE, fps=frames_per_second, **encoding)) as writer:
+            writer.send(None)
+            for image in images:
+                writer.send(np.ascontiguousarray(image))
+        _check_video(work)
     return file
 
 
@@ -128,6 +135,16 @@ def frame_writer() -> Callable[..., Any]:
         raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
     return writer
+
+
+def _check_video(file: Path) -> None:
+    """Read a video to its end: ffmpeg is silent about a disk that is full."""
+    from imageio_ffmpeg import count_frames_and_secs
+
+    try:
+        count_frames_and_secs(str(file))
+    except RuntimeError as problem:
+        raise OutputError(f"{file} cannot be written: it broke off, the disk may be full") from problem
 
 
 def _captions(times: Vector, way: Way | None) -> list[str]:

@@ -12,7 +12,7 @@ from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
 from pydrake.multibody.plant import ContactResults
 
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.folders import writing
+from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, frame_times, side, walked_way
 from simrob_drake.results.animation.drawn import draw_tool_paths, look, open_meshcat
@@ -43,8 +43,8 @@ def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float 
     """
     page = _page(result, frame_times(result.stop_time, frames_per_second), frames_per_second)
     gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
-    with writing(file):
-        file.write_text(page, encoding="utf-8")
+    with replaced_at_once(file) as work:
+        work.write_text(page, encoding="utf-8")
     return file
 
 
