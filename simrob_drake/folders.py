@@ -74,7 +74,7 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
             raise OutputError(f"{folder} holds something else than a result; it is not replaced, choose another folder")
         if not force:
             raise OutputError(f"{folder} exists already; choose another folder or replace it with --force")
-    with writing(folder), tempfile.TemporaryDirectory(dir=_nearest_parent(folder)):
+    with writing(folder), _workshop(_nearest_parent(folder), folder.name):
         pass  # trying tells more than asking for permissions
 
 

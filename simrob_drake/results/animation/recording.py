@@ -2,12 +2,12 @@
 
 import gc
 import json
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat, MeshcatAnimation
+from pydrake.geometry import GeometryId, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraphInspector, Sphere
 from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
 from pydrake.multibody.plant import ContactResults
 
@@ -23,6 +23,7 @@ _SCRIPT = Path(__file__).with_suffix(".js")
 _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
 _ARROW, _RADIUS = 0.12, 0.003  # m: length of the arrow of a typical large force, and its thickness
 _LARGE = 95  # percentile of the forces that is drawn at that length: a blow may be longer
+_SPHERE = Rgba(0.95, 0.35, 0.15, 0.6)  # through which the arrow shows
 _SMALLEST = 0.01  # part of that force that is still drawn
 
 
@@ -93,10 +94,13 @@ def _draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, s
     """
     if result.contacts_at is None:
         return
-    forces = np.vstack([Contacts.of(results).forces for results in result.contacts_at(times)])
-    sizes = np.linalg.norm(forces, axis=1)
+    contacts = Contacts.together([Contacts.of(results) for results in result.contacts_at(times)])
+    sizes = np.linalg.norm(contacts.forces, axis=1)
     if not sizes.size:
         return
+    _draw_spheres(
+        meshcat, result.plant.scene_graph.model_inspector(), {each for pair in contacts.pairs for each in pair}
+    )
     large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
     params = ContactVisualizerParams(
         prefix="contact_forces",
@@ -110,3 +114,17 @@ def _draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, s
         context.SetTime(time)
         arrows.contact_results_input_port().FixValue(context, Value[ContactResults](results))
         arrows.ForcedPublish(context)
+
+
+def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set[GeometryId]) -> None:
+    """Show the contact spheres that ever touched anything on their bodies, where the body's looks do not show them."""
+    for shape in touched:
+        sphere, frame = inspector.GetShape(shape), inspector.GetFrameId(shape)
+        looks = [inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)]
+        if isinstance(sphere, Sphere) and not any(
+            isinstance(look, Sphere) and look.radius() >= sphere.radius() for look in looks
+        ):
+            body = inspector.GetName(frame).replace("::", "/")
+            path = f"station/{body}/contact_sphere_{shape.get_value()}"
+            meshcat.SetObject(path, sphere, _SPHERE)
+            meshcat.SetTransform(path, inspector.GetPoseInFrame(shape))

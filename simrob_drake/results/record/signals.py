@@ -98,7 +98,9 @@ class Sampler:
 
     def _value(self, port: OutputPort, context: Context) -> Any:
         try:
-            return port.Eval(context)
+            if port.get_data_type() == PortDataType.kVectorValued:
+                return port.Eval(context)
+            return port.EvalAbstract(context).Clone().get_value()  # what Eval returns, the next state fills anew
         except Exception:
             if not self._tolerant:
                 raise
