@@ -1,5 +1,7 @@
 """When something happens in a run: by closed forms, and by what the run itself says."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -48,4 +50,4 @@ def test_the_feet_of_a_walk_touch_in_turn():
     walk = LeggedRobot("roid1_dynamic").walk(4)
     feet = [text.split("_")[0] for time, text in events_of([walk])[1:-1] if time > 1]
     assert len(feet) >= 4
-    assert all(one != other for one, other in zip(feet, feet[1:], strict=False))
+    assert all(one != other for one, other in pairwise(feet))

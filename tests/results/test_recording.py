@@ -57,6 +57,20 @@ def test_the_page_holds_the_motion_of_every_link_and_plays_at_once(page):
     assert any(b"tool_path/robot" in message for message in messages(page))
 
 
+def test_contact_spheres_that_touched_are_shown_where_they_are(tmp_path):
+    """Four at the corners of each sole of roid1; the ball looks like its own sphere, which is not drawn twice."""
+    feet = {b"l_foot": 0, b"r_foot": 0}
+    for station in ("roid1_dynamic", "bouncing_ball"):
+        run = simulate(load_station(station), duration=0.2, progress=False)
+        told = messages(save_recording(run, tmp_path / "spheres.html").read_text(encoding="utf-8"))
+        drawn = [one for one in told if b"set_object" in one and b"contact_sphere_" in one]
+        assert all(b"SphereGeometry" in one for one in drawn)
+        for foot in feet:
+            feet[foot] += sum(foot in one for one in drawn)
+        assert station == "roid1_dynamic" or not drawn
+    assert feet == {b"l_foot": 4, b"r_foot": 4}
+
+
 def test_the_page_needs_no_other_file(page):
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=[\"']?(?!data:)", page)
 
