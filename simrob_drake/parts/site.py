@@ -116,6 +116,7 @@ class Surroundings:
     Attributes:
         mode: ``dynamic`` or ``kinematic``.
         scheme: of the solver, such as ``cenic``.
+        time_step: of a discrete solver [s]; 0 for others, which look in between.
         has_contact, has_floor: whether it has these sections.
         robots: by name.
         pieces: by name, each after what it hangs on.
@@ -124,6 +125,7 @@ class Surroundings:
 
     mode: Literal["dynamic", "kinematic"]
     scheme: str
+    time_step: float
     has_contact: bool
     has_floor: bool
     robots: Mapping[str, ResolvedRobot]
