@@ -79,7 +79,7 @@ class SampledBlock(Block):
             if delay:
                 value = np.atleast_1d(memory[name])
                 line, told = (
-                    self.DeclareDiscreteState(np.full(delay * len(value), np.nan)),
+                    self.DeclareDiscreteState(np.full(delay * len(value), np.inf)),
                     self.DeclareDiscreteState(value),
                 )
                 self._late[name] = line, told
@@ -123,7 +123,7 @@ class SampledBlock(Block):
         for name, (waiting, told) in self._late.items():
             now = np.atleast_1d(changed[name] if name in changed else memory[name])
             line = context.get_discrete_state(waiting).value().reshape(self._delay, len(now))
-            line = np.tile(now, (self._delay, 1)) if np.isnan(line).any() else line
+            line = np.tile(now, (self._delay, 1)) if np.isinf(line).any() else line  # the first sample
             discrete.set_value(waiting, np.vstack([line[1:], now]).ravel())
             discrete.set_value(told, line[0])
         return None

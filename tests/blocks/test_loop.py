@@ -5,6 +5,7 @@ import pytest
 
 from simrob_drake.blocks.sampled import RunEnds, SampledBlock
 from simrob_drake.parts.controllers.fall_guard import ProtectivePosture
+from simrob_drake.parts.controllers.objective import WeightedObjective
 from simrob_drake.parts.controllers.sequencer import CellSequence
 
 NAN = np.nan
@@ -103,3 +104,43 @@ def test_a_guard_lets_go_once_all_was_well_for_long_enough():
         for pose in (LOW, UPRIGHT, UPRIGHT, LOW, UPRIGHT, UPRIGHT, UPRIGHT, UPRIGHT)
     ]
     assert seen == [1, 1, 1, 1, 1, 1, 0, 0]
+
+
+def objective(**changed):
+    figures = {"period": 0.1, "targets": [1.0], "weights": np.array([0.5, -1.0, 0.0]), "gains": (2.0, 0.4)}
+    return WeightedObjective(**{**figures, "limit": 10.0, "fastest": 100.0, **changed})
+
+
+def test_an_objective_is_a_pi_controller_spread_over_the_axes_by_their_weights():
+    driven, measured, integral = Driven(objective()), [0.2, 0.5, 1.3, 1.1], 0.0
+    for value in measured:
+        given = driven.sample(measured=value)
+        integral += 0.4 * (1.0 - value) * 0.1
+        assert given["error"] == pytest.approx(1.0 - value)
+        assert given["offset"] == pytest.approx((2.0 * (1.0 - value) + integral) * np.array([0.5, -1.0, 0.0]))
+
+
+def test_an_objective_keeps_to_its_limits_and_does_not_wind_up_there():
+    driven = Driven(objective(gains=(0.0, 5.0), limit=1.0, fastest=2.0))
+    seen = [driven.sample(measured=-9.0)["offset"][1] for _ in range(40)]
+    assert np.diff(seen).min() >= -0.2 - 1e-12  # 2 a second
+    assert min(seen) == -1.0
+    back = [driven.sample(measured=1.5)["offset"][1] for _ in range(10)]
+    assert back[1] > -1.0  # had it wound up over 4 s, it would stay at its limit for as long
+
+
+def test_an_objective_asks_for_its_targets_one_after_the_other_along_ramps():
+    driven = Driven(objective(targets=[1.0, 0.5], speed=2.0, hold=0.2, gains=(1.0, 0.0)))
+    asked = [driven.sample(measured=0.6)["error"][0] + 0.6 for _ in range(8)]
+    assert asked == pytest.approx([0.8, 1.0, 1.0, 0.8, 0.6, 0.5, 0.5, 0.5])
+
+
+def test_a_posture_follows_once_the_objective_has_been_met_for_long_enough():
+    posture = {"posture": np.array([0.0, 0.0, 1.0]), "near": (0.1, 0.2), "duration": 0.2}
+    driven, asked = Driven(objective(**posture)), np.array([0.0, 0.0, 0.5])
+    seen = [
+        (given["active"][0], given["target"][2])
+        for value in (0.5, 0.95, 0.7, 0.95, 0.95, 0.95, 0.7, 0.7)
+        for given in [driven.sample(measured=value, reference=asked)]
+    ]
+    assert seen == [(0, 0)] * 4 + [(1, 0.5), (1, 0.75), (1, 1.0), (1, 1.0)]

@@ -26,6 +26,10 @@ def sequence(**changed):
     return {"kind": "sequencer", "cells": CELLS, **changed}
 
 
+def objective(**changed):
+    return {"kind": "objective", "measures": "tcp.z", "target": 0.6, "weights": {"joint_2": -1}, "kp": 50, **changed}
+
+
 def test_a_sequencer_lets_slow_servos_take_their_time_and_skips_no_cell():
     ends = {}
     for part in (1.0, 0.25):
@@ -98,6 +102,12 @@ def test_a_saved_station_runs_again_as_it_ran(tmp_path):
         ({"s": sequence(rate=5000)}, "time_step"),
         ({"s": sequence(robot="left")}, "left"),
         ({"s": sequence(weight=0)}, "weight"),
+        ({"o": objective(weights={"joint_9": 1})}, "joint_9"),
+        ({"o": objective(weights={"joint_2": 0})}, "all zero"),
+        ({"o": objective(kp=0)}, "kp and ki are both zero"),
+        ({"o": objective(measures="base.height")}, "controllers.o.measures"),
+        ({"o": objective(then_deg={"joint_5": 10})}, "needs a tolerance"),
+        ({"o": objective(target=[])}, "empty"),
     ],
 )
 def test_what_cannot_be_is_refused_by_its_key(controllers, words):

@@ -73,6 +73,10 @@ class LoopSection(Strict):
         """Return the names of the axes that it drives."""
         raise NotImplementedError
 
+    def layered(self, robot: ResolvedRobot) -> Sequence[str]:
+        """Return those of them whose reference it takes over."""
+        return self.axes(robot)
+
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop; ``key`` is where the section stands, for errors."""
         raise NotImplementedError
@@ -84,7 +88,7 @@ class LoopSection(Strict):
             UnknownName: nothing of that name is measured while stepping.
         """
         given = self.reads.get(name, "")
-        direct = f"{robot.prefix}{name}"
+        direct = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
         if not given and direct in site.of_state:
             return of_state(builder, site, direct)
         for output in (f"{name}.{given}", given) if given else (f"{robot.prefix}{name}", name):
@@ -191,7 +195,7 @@ def _drive(
             added = mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"])
             port = summed(builder, f"{place}.sum", port, added)
         if "target" in outputs:
-            share = np.where(np.isin(robot.axes, section.axes(robot)), weight, 0.0)
+            share = np.where(np.isin(robot.axes, section.layered(robot)), weight, 0.0)
             limits = robot.model.axis_limits
             port = _laid_over(builder, place, port, outputs["target"], outputs["active"], share=share, limits=limits)
         if "feedforward" in outputs:
