@@ -37,6 +37,7 @@ pictures: $(READY)  ## renew the block pictures beside the stations, the schemas
 	$(BIN)/python -m simrob_drake.results.block_diagram.picture
 	$(BIN)/python -m simrob_drake.stations.schema
 	$(BIN)/python -m simrob_drake.programs.schemas
+	$(BIN)/python docs/gallery.py
 	$(BIN)/simrob run irb120_dynamic --duration 1.2 --out runs/readme --force
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
 	$(BIN)/simrob walk roid1_dynamic --steps 20 --out runs/docs --force

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
@@ -328,17 +328,18 @@ class LeggedRobot(LeggedGeometry):
             targets_on(self.model, cell.target_deg, f"{file}: references[{number}]")
         self._replace(program, str(file))
 
-    def film(self, file: Path | str) -> Path:
+    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
         """Write :attr:`runs`, one after the other, as one film; see :func:`save_film`.
 
         Args:
             file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
+            frames: of a strip: how many, or one for each of its ``events``.
 
         Raises:
-            InvalidParameter: nothing was run, a piece changes hands meanwhile, or another kind of file.
+            InvalidParameter: nothing was run, another kind of file, or a piece changes hands and it is no strip.
             OutputError: the file cannot be written.
         """
-        return save_film(self.runs, file)
+        return save_film(self.runs, file, frames=frames)
 
     def reset(self, *, keep_program: bool = False) -> None:
         """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""

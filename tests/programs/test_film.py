@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from simrob_drake import LeggedRobot, Program, load_station
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.programs.film import joined
+from simrob_drake.results.record.events import events_of
 
 PARCEL = {"parent": "world", "pose": [0.2, -0.3, 0.3, 0, 0, 0]}
 
@@ -57,3 +59,7 @@ def test_pieces_that_change_hands_are_shown_run_by_run(tmp_path):
     held.run(Program.model_validate({"moves": [move, {"attach": "parcel"}, move]}))
     with pytest.raises(InvalidParameter, match=r"changes hands; it must be shown one by one: robot\.runs"):
         held.film(tmp_path / "hands.html")
+    events = [text for _, text in events_of(held.runs)]
+    assert events == ["start", "parcel to robot", "end"]
+    narrow, wide = (Image.open(held.film(tmp_path / "hands.png", frames=n)).width for n in ("events", 4))
+    assert 1.3 < wide / narrow < 1.35  # three frames against four

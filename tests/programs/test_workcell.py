@@ -1,5 +1,7 @@
 """A station goes on where its last run left it: pieces change hands, arms share it, recordings replay."""
 
+import base64
+import json
 import urllib.request
 
 import numpy as np
@@ -267,7 +269,8 @@ def test_the_window_shows_moves_and_draws_the_way_of_the_tool(kinematic):
     assert url.startswith("http://127.0.0.1:")
     kinematic.move_abs_j([0.2, 0, 0, 0, 1.5, 0], duration=0.2)
     window = kinematic.cell._window
-    assert window._meshcat.HasPath("/drake/tool_path/robot/0")
+    (told,) = json.loads(window._window.news({"scene": 1, "poses": 0})[len("data:") :])[-1:]
+    assert b"/drake/tool_path/robot/0" in base64.b64decode(told)
     assert urllib.request.urlopen(url, timeout=5).status == 200
     kinematic.attach("weight")
     assert kinematic.show() == url

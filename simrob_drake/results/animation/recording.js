@@ -44,7 +44,7 @@
     return box;
   };
   const follow = way.length ? add_switch("follow the robot", true, () => {}) : null;
-  add_switch("axes", false, (on) => viewer.set_property(["Axes"], "visible", on));
+  add_switch("axes, 0.5 m long", false, (on) => viewer.set_property(["Axes"], "visible", on));
   if (lines.length) bar.append(`lines on the floor every ${spacing} m`);
 
   // The world goes by: a camera that moved would go on looking at where it began.
