@@ -18,6 +18,7 @@ from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import BlockRole, Drawn
+from simrob_drake.parts.ground import Ground
 from simrob_drake.quantities import Pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
@@ -116,7 +117,8 @@ class Surroundings:
     Attributes:
         mode: ``dynamic`` or ``kinematic``.
         scheme: of the solver, such as ``cenic``.
-        has_contact, has_floor: whether it has these sections.
+        has_contact: whether it has this section.
+        ground: what there is to stand on.
         robots: by name.
         pieces: by name, each after what it hangs on.
         sensors: their sections by name.
@@ -125,7 +127,7 @@ class Surroundings:
     mode: Literal["dynamic", "kinematic"]
     scheme: str
     has_contact: bool
-    has_floor: bool
+    ground: Ground
     robots: Mapping[str, ResolvedRobot]
     pieces: Mapping[str, ResolvedPiece]
     sensors: Mapping[str, Any]
@@ -177,12 +179,14 @@ class StationPlant:
         scene_graph: with which it is registered.
         robots: by name.
         free_pieces: the bodies of the pieces that nothing holds, by name.
+        ground: what there is to stand on.
     """
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
     robots: dict[str, StationRobot]
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
+    ground: Ground = field(default_factory=Ground)
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
         """Let a plant that stands outside of the diagram pose its geometry.

@@ -24,6 +24,7 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
 
 Stage = Callable[[LeggedGeometry], SimulationResult | None]
 """A part of a program, checked and ready, that a robot does from where it is; None of one that takes no time."""
@@ -42,7 +43,7 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationC
     Raises:
         SimrobError: what the robot cannot do; names the move.
     """
-    stages: list[Stage] = []
+    stages, changed = list[Stage](), False
     for of_joints, group in groupby(enumerate(moves), lambda entry: isinstance(entry[1], JointMove)):
         numbered = list(group)
         if of_joints:
@@ -54,18 +55,27 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationC
                 continue
             with _naming(name if len(moves) > 1 or file else ""):
                 if isinstance(move, AttachMove | ReleaseMove):
-                    station = handed_over(StationModel(station), robot.name, move)
-                    stages.append(partial(_hand_over, move=move))
+                    station, changed = handed_over(StationModel(station), robot.name, move), True
+                    stages.append(partial(_hand_over, move=move, name=name))
                 else:
-                    stages.append(partial(perform, motion=_planned(robot, move)))
+                    motion = _planned(robot, move, station)
+                    anew = changed or resolve(station).ground.incline  # then it depends on what was done before
+                    stages.append(
+                        partial(_walk_anew, move=move, name=name) if anew else partial(perform, motion=motion)
+                    )
     return stages
 
 
-def _planned(robot: LeggedGeometry, move: WalkMove | ActMove) -> JointMotion:
+def _planned(robot: LeggedGeometry, move: WalkMove | ActMove, station: StationConfig) -> JointMotion:
     if isinstance(move, ActMove):
-        return planned_gait(robot, move.act.name, move.act.model_extra or {})
-    walk = move.walk
-    return planned_gait(robot, walk.gait, walk.model_extra or {}, steps=walk.steps, amplitude=walk.amplitude)
+        return planned_gait(robot, move.act.name, move.act.model_extra or {}, station=station)
+    walk, more = move.walk, move.walk.model_extra or {}
+    return planned_gait(robot, walk.gait, more, steps=walk.steps, amplitude=walk.amplitude, station=station)
+
+
+def _walk_anew(robot: LeggedGeometry, move: WalkMove | ActMove, name: str) -> SimulationResult:
+    with _naming(name):
+        return perform(robot, _planned(robot, move, robot.cell.config))
 
 
 def _move_joints(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> SimulationResult:
@@ -73,8 +83,9 @@ def _move_joints(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> SimulationR
     return robot.cell.follow({robot.name: reference}, duration)
 
 
-def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove) -> None:
-    robot.cell.change(handed_over(robot.cell.model, robot.name, move))
+def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove, name: str) -> None:
+    with _naming(name):
+        robot.cell.change(handed_over(robot.cell.model, robot.name, move))
 
 
 def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Reference, float]:

@@ -5,14 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.pieces import TCP, PieceModel
-from simrob_drake.stations.config import RobotConfig, ServoConfig, StationConfig
+from simrob_drake.stations.config import FloorConfig, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.piece_sources import piece_of
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
@@ -39,12 +41,13 @@ def resolve(config: StationConfig) -> ResolvedStation:
     for name in config.pieces:
         if name in config.robots or name == WORLD:
             raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
-    robots = {name: _robot(config, name, model, pieces) for name, model in models.items()}
+    ground = _ground(config.floor, pieces)
+    robots = {name: _robot(config, name, model, pieces, ground) for name, model in models.items()}
     return ResolvedStation(
         mode=config.mode,
         scheme=config.solver.scheme if config.mode == "dynamic" else "",
         has_contact=config.contact is not None,
-        has_floor=config.floor is not None,
+        ground=ground,
         robots=robots,
         pieces=pieces,
         sensors=config.sensors,
@@ -78,7 +81,28 @@ def _robot_model(entry: RobotConfig) -> RobotModel:
     return load_robot_file(Path(model)) if model.endswith(YAML_SUFFIXES) else load_robot(model)
 
 
-def _robot(config: StationConfig, name: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece]) -> ResolvedRobot:
+def _ground(floor: FloorConfig | None, pieces: Mapping[str, ResolvedPiece]) -> Ground:
+    """Return what there is to stand on: the floor, and the boxes of pieces that are fixed in the world."""
+    places: dict[str, RigidTransform] = {}
+    boxes: list[tuple[RigidTransform, Vector]] = []
+    for piece in pieces.values():
+        if piece.free or piece.parent not in (WORLD, *places):
+            continue
+        place = piece.pose
+        if piece.parent in places:
+            frame = pieces[piece.parent].model.frame_poses[piece.mount.removeprefix(f"{piece.parent}_")]
+            place = places[piece.parent] @ transform_from_pose(frame) @ place
+        places[piece.name] = place
+        solid = [shape for shape in piece.model.shapes if shape.box is not None and shape.collides]
+        boxes += [(place @ transform_from_pose(shape.pose), np.array(shape.box) / 2) for shape in solid]
+    if floor is None:
+        return Ground(has_floor=False, boxes=tuple(boxes))
+    return Ground(float(np.deg2rad(floor.incline_deg)), float(np.deg2rad(floor.heading_deg)), boxes=tuple(boxes))
+
+
+def _robot(
+    config: StationConfig, name: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece], ground: Ground
+) -> ResolvedRobot:
     entry = config.robots[name]
     _check_axes(config, name, model)
     if model.feet is None and entry.feet is not None:
@@ -92,7 +116,7 @@ def _robot(config: StationConfig, name: str, model: RobotModel, pieces: Mapping[
         name=name,
         prefix=config.prefix(name),
         model=model,
-        base=transform_from_pose(entry.base),
+        base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
         floats=config.mode == "dynamic" and model.base == "floating",
         gains=servo_gains(model, config.servo_of(name)),
         initial=_initial_position(entry, name, model),
