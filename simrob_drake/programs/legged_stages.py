@@ -12,10 +12,11 @@ from itertools import groupby
 import numpy as np
 
 from simrob_drake.blocks.references import sequence
-from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.grasps import let_go
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel, reparented
@@ -85,7 +86,12 @@ def _move_joints(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> SimulationR
 
 def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove, name: str) -> None:
     with _naming(name):
-        robot.cell.change(handed_over(robot.cell.model, robot.name, move))
+        if isinstance(move, ReleaseMove):
+            given = move.release
+            robot.cell.release(given.piece, given.parent, fixed=given.fixed)
+        else:
+            piece, (parent, frame) = move.attach, _taker(robot.cell.config, robot.name, move)
+            robot.cell.attach(piece.piece, parent, frame=frame, pose=piece.pose)
 
 
 def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Reference, float]:
@@ -108,20 +114,21 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Re
 
 
 def handed_over(model: StationModel, robot: str, move: AttachMove | ReleaseMove) -> StationConfig:
-    """Return the station in which a robot has taken a piece or let go of it.
+    """Return the station in which a robot has taken a piece or let go of it, however far away it is now.
 
     Raises:
         UnknownName: no such piece, tool or parent.
     """
     if isinstance(move, AttachMove):
-        piece, tool, pose = move.attach.piece, move.attach.tool, move.attach.pose
-        own = model.robots[robot]
-        if tool is not None and tool not in own.tools:
-            raise UnknownName(f"tool of {own.model.name}", tool, own.tools)
-        if tool in model.config.pieces:
-            return reparented(model, piece, tool, pose=pose)
-        return reparented(model, piece, robot, frame=tool, pose=pose)
-    return reparented(model, move.release.piece, move.release.parent)
+        parent, frame = _taker(model.config, robot, move)
+        return reparented(model, move.attach.piece, parent, frame=frame, pose=move.attach.pose)
+    return let_go(model, move.release.piece, move.release.parent, fixed=move.release.fixed)
+
+
+def _taker(station: StationConfig, robot: str, move: AttachMove) -> tuple[str, str | None]:
+    """Return what a robot takes a piece with: a piece that it carries, or itself with a tool."""
+    tool = move.attach.tool
+    return (tool, None) if tool is not None and tool in station.pieces else (robot, tool)
 
 
 def check_some(moves: Sequence[AnyMove]) -> None:

@@ -141,7 +141,8 @@ class PieceConfig(Strict):
     parent: str | None = None
     """What it hangs on: `world`, a robot, or another piece (then its TCP); the only robot unless given."""
     frame: str | None = None
-    """A frame of the piece that it hangs on, instead of its TCP; or a tool of the robot, instead of its first one."""
+    """A frame of the piece that it hangs on, instead of its TCP; or a tool or link of the robot, instead of its first
+    tool, or of the root where that is a foot."""
     pose: Pose = ORIGIN
     """Pose in the parent's frame, [x y z Rz Ry Rx]."""
     density: Positive | None = None

@@ -30,6 +30,9 @@ class ResolvedStation(Surroundings):
     config: StationConfig
 
 
+_FOOT = "foot"  # how tools on feet are called, after their side
+
+
 def resolve(config: StationConfig) -> ResolvedStation:
     """Read the robots and pieces of a station.
 
@@ -108,8 +111,14 @@ def _robot(
     if model.feet is None and entry.feet is not None:
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
+    worn: list[str] = []  # on links that are no tools, and what hangs on such pieces
+    for piece in carried:
+        frame = config.pieces[piece].frame if pieces[piece].parent == name else None
+        if pieces[piece].parent in worn or (frame is not None and frame not in model.tools):
+            worn.append(piece)
+    held = tuple(piece for piece in carried if piece not in worn)
     frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
-    tcp = tool_in_use(model.tools, carried, entry.tcp)
+    tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp and tcp not in frames:
         raise UnknownName(f"tool of {name}", tcp, frames)
     return ResolvedRobot(
@@ -121,6 +130,7 @@ def _robot(
         gains=servo_gains(model, config.servo_of(name)),
         initial=_initial_position(entry, name, model),
         carried=carried,
+        held=held,
         tool_frames=frames,
         tcp=tcp,
         tcp_offset=entry.tcp_offset,
@@ -252,13 +262,13 @@ def _mount(
 ) -> str:
     """Return the name of the frame of the plant that a piece hangs on; empty for the world.
 
-    On a robot that is one of its own tools, the first unless named, or its root; on a piece one of its frames.
+    On a robot that is one of its tools or links, see :func:`flange`; on a piece one of its frames.
     """
     if parent in robots:
-        tools = robots[parent].tools
-        if frame is not None and frame not in tools:
-            raise UnknownName(f"tool of {parent} for {key}", frame, tools)
-        return flange(tools, robots[parent].root, frame)
+        places = [*robots[parent].tools, *robots[parent].links]
+        if frame is not None and frame not in places:
+            raise UnknownName(f"tool of {parent} for {key}", frame, places)
+        return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:
             raise InvalidParameter(key, frame, "left out: it hangs on the world, which has no frames")
@@ -279,8 +289,12 @@ def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None)
 
 
 def flange(own: Mapping[str, str], root: str, tool: str | None = None) -> str:
-    """Return the frame that what a robot carries hangs on: of the tool that is named, else of its first, else its root.
+    """Return the frame that what a robot carries hangs on: of the tool or link that is named, else of its first tool.
 
-    ``own`` are the frames of its tools by name, ``root`` is that of its root link.
+    It is the root where there is none, or where that is a foot: on four legs a load lies on the trunk. ``own`` are the
+    frames of its tools by name, ``root`` is that of its root link.
     """
-    return own[tool] if tool is not None and tool in own else next(iter(own.values()), root)
+    if tool is not None:
+        return own.get(tool, tool)
+    first, frame = next(iter(own.items()), (_FOOT, root))
+    return root if first.endswith(_FOOT) else frame

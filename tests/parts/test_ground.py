@@ -46,7 +46,7 @@ def test_tops_of_boxes_are_where_drake_has_their_surfaces():
     for point in on:
         near = posed.query().ComputeSignedDistanceToPoint(point, threshold=1e-9)
         assert any("plate" in inspector.GetName(found.id_G) for found in near)
-        above = posed.query().ComputeSignedDistanceToPoint(point + [0, 0, 1e-4], threshold=0.0)
+        above = posed.query().ComputeSignedDistanceToPoint(point + np.array([0, 0, 1e-4]), threshold=0.0)
         assert above == []
 
 

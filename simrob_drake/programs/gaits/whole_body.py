@@ -2,8 +2,8 @@ r"""From a course of feet and zero-moment point to the joint angles of the whole
 
 The trunk first follows the linear inverted pendulum. The motion so found has another zero-moment point than was asked
 for, since legs and arms have masses of their own; what is missing drives the pendulum again, and the trunk is moved by
-as much (Kajita's preview of the error, 2003). A few rounds bring it to millimetres. All this is done in the frame of the ground: on a
-slope gravity is what leans, and the trunk stays upright against it.
+as much (Kajita's preview of the error, 2003). A few rounds bring it to millimetres. All this is done in the
+frame of the ground: on a slope it is gravity that leans, and the trunk stays upright against it.
 
 A trunk on legs without ankle roll cannot go sideways while the soles stay flat: it leans instead. Its lean
 :math:`\varphi` moves the centre of mass by :math:`k\varphi`, and acts like a pendulum of another height, :math:`Z/k`

@@ -91,7 +91,7 @@ def walked_way(result: RecordedRun) -> Way | None:
 
     def way(at: Vector) -> Vector:
         gone = np.column_stack([*(np.interp(at, times, column) for column in smooth), np.zeros(len(at))])
-        return gone + np.outer(ground.floor_heights(gone), [0.0, 0.0, 1.0])
+        return np.asarray(gone + np.outer(ground.floor_heights(gone), [0.0, 0.0, 1.0]))
 
     return way
 
