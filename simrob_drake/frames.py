@@ -4,6 +4,8 @@ Inside the package a pose is a :class:`pydrake.math.RigidTransform`. The pose ve
 of SimRob: metres and radians, with the rotation R = Rz(rz) Ry(ry) Rx(rx).
 """
 
+import math
+import operator
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -151,3 +153,13 @@ def _numbers(values: npt.ArrayLike) -> Vector:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         return np.zeros(0)
+
+
+def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
+    """Return the angle between a body's direction ``up`` (3,) and the world's, at an orientation [rad].
+
+    Of plain numbers, because a run asks after every step and at every sample.
+    """
+    vertical = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
+    upward = sum(map(operator.mul, vertical, up))
+    return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward

@@ -15,7 +15,7 @@ MANY = 8
 
 _WIDTH = 26
 
-BlockRole = Literal["reference", "servo", "robot", "scene", "sensor", "own"]
+BlockRole = Literal["reference", "loop", "servo", "robot", "scene", "sensor", "own"]
 """What a block is for, in the order of the signal flow; it makes the cluster and the colour in the picture."""
 
 

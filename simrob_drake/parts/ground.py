@@ -56,6 +56,10 @@ class Ground:
             highest = np.where(tops <= points[:, 2] + _PRESSED_IN, np.maximum(highest, tops), highest)
         return highest
 
+    def height(self, pose: Vector) -> float:
+        """Return how high a pose (7,) or a point (3,) is over the ground beneath [m]: quickly, for every step."""
+        return float(pose[2]) if self.plain else float(pose[2] - self.beneath(pose[np.newaxis, :3])[0])
+
     def carries(self, points: Vector, within: float) -> bool:
         """Tell whether there is something to stand on ``within`` a distance [m] beneath each of some points (m, 3)."""
         if self.has_floor:

@@ -119,6 +119,7 @@ class Surroundings:
     Attributes:
         mode: ``dynamic`` or ``kinematic``.
         scheme: of the solver, such as ``cenic``.
+        time_step: of a discrete solver [s]; 0 for others, which look in between.
         has_contact: whether it has this section.
         ground: what there is to stand on.
         robots: by name.
@@ -128,6 +129,7 @@ class Surroundings:
 
     mode: Literal["dynamic", "kinematic"]
     scheme: str
+    time_step: float
     has_contact: bool
     ground: Ground
     robots: Mapping[str, ResolvedRobot]

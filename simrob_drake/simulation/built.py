@@ -7,6 +7,8 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from simrob_drake.blocks.references import Course, SineCourse, corner_times
+from simrob_drake.parts.controllers import loops_of
+from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.own import DRIVABLE, driven_inputs
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.stations.closed import ClosedStation, closed_station
@@ -82,7 +84,9 @@ class StationDiagrams:
 
     @property
     def _stepped_sensors(self) -> list[str]:
-        return [name for name, sensor in self._station.sensors.items() if sensor.stepped]
+        sensors = self._station.sensors
+        read = sensors_read(loops_of(self._station.config.controllers), sensors)
+        return [name for name, sensor in sensors.items() if sensor.stepped or name in read]
 
     def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> ClosedStation:
         kept = self._stepped_sensors if sensors is None else sensors

@@ -12,6 +12,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.blocks.references import Course, Samples
 from simrob_drake.errors import InvalidParameter, SimrobError, shortened
 from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
 from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.history import History, Recorder
@@ -95,7 +96,7 @@ class Runner:
             SimrobError: no such station, or a block that is none.
         """
         self.config = config_of(station)
-        made = {name: section.block(f"controllers.{name}") for name, section in self.config.controllers.items()}
+        made = own_blocks(self.config.controllers)
         self._blocks = {**made, **named_blocks(blocks)}
         needed = [name for name in needed_inputs(self._blocks) if name not in self.config.inputs]
         self._station = resolve(self.config.model_copy(update={"inputs": (*self.config.inputs, *needed)}))

@@ -85,7 +85,7 @@ class Stepper:
         if not recorder.is_sane():
             return self._diverged(recorder, RuntimeError("a state ran away to infinity"))
         if status.reason() == _ENDED:
-            return Outcome("monitor", status.system().get_name().removeprefix("monitor."), status.message())
+            return Outcome("monitor", status.system().get_name().rpartition(".")[2], status.message())
         return Outcome("completed", None, f"ran to its end at {self._config.duration:g} s")
 
     def step(self, history: History, time: float) -> History:

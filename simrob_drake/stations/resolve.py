@@ -10,12 +10,17 @@ from pydrake.math import RigidTransform
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.parts.controllers import loops_of
+from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.ground import Ground
+from simrob_drake.parts.sensors import SensorConfig
+from simrob_drake.parts.sensors.sampled import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.stations.config import FloorConfig, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.piece_sources import piece_of
+from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
@@ -39,6 +44,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
     Raises:
         SimrobError: a name that stands for nothing, or a figure that does not fit; the message names the key.
     """
+    config = _with_inputs(config)
     models = {name: _robot_model(entry) for name, entry in config.robots.items()}
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
@@ -49,13 +55,29 @@ def resolve(config: StationConfig) -> ResolvedStation:
     return ResolvedStation(
         mode=config.mode,
         scheme=config.solver.scheme if config.mode == "dynamic" else "",
+        time_step=config.solver.time_step if isinstance(config.solver, DiscreteSolver) else 0.0,
         has_contact=config.contact is not None,
         ground=ground,
         robots=robots,
         pieces=pieces,
-        sensors=config.sensors,
+        sensors=_sensors(config),
         config=config,
     )
+
+
+def _with_inputs(config: StationConfig) -> StationConfig:
+    """Return a station with the inputs that its loops drive."""
+    needed = {name for loop in loops_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
+    return config.model_copy(update={"inputs": (*config.inputs, *sorted(needed))}) if needed else config
+
+
+def _sensors(config: StationConfig) -> dict[str, SensorConfig]:
+    """Return the sensors; those that loops read sample while the station is stepped."""
+    sensors = dict(config.sensors)
+    for name in sensors_read(loops_of(config.controllers), sensors):
+        if isinstance(sensors[name], SampledSensor):
+            sensors[name] = sensors[name].model_copy(update={"in_loop": True})
+    return sensors
 
 
 def check_parts(station: ResolvedStation) -> None:
@@ -71,6 +93,7 @@ def check_parts(station: ResolvedStation) -> None:
     for name, monitor in config.monitors.items():
         monitor.check(name, station)
         monitor.condition(name, station)
+    check_loops(station, loops_of(config.controllers))
     for name, force in config.forces.items():
         force.check(f"forces.{name}", station)
 

@@ -11,6 +11,8 @@ from simrob_drake.blocks.events import EventTimes
 from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter, shortened
 from simrob_drake.lifetime import release
+from simrob_drake.parts.controllers import loops_of, own_blocks
+from simrob_drake.parts.controllers.loop import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks
 from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
@@ -89,7 +91,7 @@ def compose(
     add_poses(builder, ports)
     _sort_by_robot(ports)
     add_free_pieces(builder, ports)
-    for name, sensor in config.sensors.items():
+    for name, sensor in station.sensors.items():
         if sensors is None or name in sensors:
             ports.notes[name] = {"kind": sensor.kind}
             sensor.wire(builder, ports, name)
@@ -97,7 +99,8 @@ def compose(
         add_force(builder, ports, name, force, force.source(), force.caption())
         ports.edges.extend(force.edges)
     _gather_forces(builder, ports)
-    made = {name: section.block(f"controllers.{name}") for name, section in config.controllers.items()}
+    add_loops(builder, ports, loops_of(config.controllers))
+    made = own_blocks(config.controllers)
     add_own_blocks(builder, ports, made if blocks is None else blocks)
     for name, monitor in config.monitors.items():
         add_monitor(builder if monitors else None, ports, name, monitor, monitor.condition(name, station))

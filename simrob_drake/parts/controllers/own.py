@@ -15,8 +15,8 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, Out
 
 from simrob_drake.errors import InvalidParameter, UnknownName, shortened
 from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.controllers.loop import declare_output
 from simrob_drake.parts.site import Site
-from simrob_drake.signals import Panel, Signal
 from simrob_drake.yaml_files import Strict
 
 
@@ -167,12 +167,7 @@ def _add_output(builder: DiagramBuilder, site: Site, name: str, block: LeafSyste
             raise InvalidParameter(f"the output {output} of the block {name}", *sizes)
         builder.Connect(port, target)
         return
-    own, numbers = f"{name}.{output}", [str(index) for index in range(port.size())]
-    entries = next((robot.axes for robot in site.plant.robots.values() if len(robot.axes) == port.size()), numbers)
-    names = (own,) if port.size() == 1 else tuple(f"{own}.{entry}" for entry in entries)
-    unit = str(getattr(block, "units", {}).get(output, "1"))
-    panel = Panel(f"controller_{name}", f"the block '{name}'", output, f"{output} [{unit}]", names)
-    site.add(own, port, Signal(names, (unit,) * port.size(), "own", own, part=name, panel=panel))
+    declare_output(site, name, port, str(getattr(block, "units", {}).get(output, "1")))
 
 
 def _outputs(block: LeafSystem) -> list[OutputPort]:

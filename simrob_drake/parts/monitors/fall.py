@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import operator
 from typing import Literal
 
 import numpy as np
 from pydantic import model_validator
 
 from simrob_drake.blocks.monitor import Condition
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, lean
 from simrob_drake.parts.monitors.monitor import PoseMonitorSection
 from simrob_drake.parts.site import Surroundings
 from simrob_drake.quantities import Positive
@@ -40,10 +39,9 @@ class Fall(PoseMonitorSection):
 
         def parts(pose: Vector) -> tuple[float, float]:
             """Return the parts by which height and tilt exceed their bounds, -1 for a bound that is not given."""
-            _, _, z, *quaternion = pose.tolist()
-            over = z if ground.plain else z - float(ground.beneath(pose[np.newaxis, :3])[0])
-            low = -1.0 if self.height is None else 1 - over / self.height
-            return low, -1.0 if tilt is None else _lean(up, *quaternion) / tilt - 1
+            _, _, _, *quaternion = pose.tolist()
+            low = -1.0 if self.height is None else 1 - ground.height(pose) / self.height
+            return low, -1.0 if tilt is None else lean(up, *quaternion) / tilt - 1
 
         def excess(pose: Vector) -> float:
             found = parts(pose)
@@ -58,13 +56,3 @@ class Fall(PoseMonitorSection):
             return f"{who} fell: it leans by more than {self.tilt_deg:g} deg"
 
         return Condition(watched, excess, why)
-
-
-def _lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
-    """Return the angle between a body's direction ``up`` and the world's [rad].
-
-    Of plain numbers, because a run asks after every step.
-    """
-    vertical = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
-    upward = sum(map(operator.mul, vertical, up))
-    return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward

@@ -10,19 +10,17 @@ no accelerations, which depend on a solver's scheme, and holds what an impact do
 """
 
 import weakref
-from functools import partial
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, DiscreteValues
+from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.blocks.block import Block
-from simrob_drake.frames import Vector, transform_from_xyz_quaternion, xyz_quaternion_from_transform
-from simrob_drake.lifetime import weakly
-from simrob_drake.parts.sensors.sampled import SampledSensor
+from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.frames import transform_from_xyz_quaternion, xyz_quaternion_from_transform
+from simrob_drake.parts.sensors.sampled import SampledSensor, normal
 from simrob_drake.parts.sensors.sensor import axis_names
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -30,11 +28,10 @@ from simrob_drake.quantities import NotNegative
 from simrob_drake.signals import Panel, Signal
 
 _PARTS = {
-    "specific_force": (slice(0, 3), ("x", "y", "z"), "m/s²"),
-    "angular_velocity": (slice(3, 6), ("x", "y", "z"), "rad/s"),
-    "orientation": (slice(6, 10), ("qw", "qx", "qy", "qz"), "1"),
+    "specific_force": (("x", "y", "z"), "m/s²"),
+    "angular_velocity": (("x", "y", "z"), "rad/s"),
+    "orientation": (("qw", "qx", "qy", "qz"), "1"),
 }
-_NO_SAMPLE = np.array([0.0, 0, 0, 0, 0, 0, 1, 0, 0, 0])
 
 
 class Imu(SampledSensor):
@@ -68,12 +65,13 @@ class Imu(SampledSensor):
             plant=site.plant.plant,
             frame=frame_of(site.plant, frame),
             period=1 / self.rate,
+            delay=self.late_samples,
             seed=self.seed,
             noise=(self.accelerometer_noise, self.gyroscope_noise),
             bias=(self.accelerometer_bias, self.gyroscope_bias),
         )
         signals = {}
-        for part, (_, axes, unit) in _PARTS.items():
+        for part, (axes, unit) in _PARTS.items():
             names, quantity = axis_names(part, name, axes), part.replace("_", " ")
             panel = Panel(f"imu_{name}", f"the IMU '{name}'", quantity, f"{quantity} [{unit}]", names)
             signals[part] = Signal(names, (unit,) * len(names), "inertial", part=name, panel=panel)
@@ -87,7 +85,7 @@ class Imu(SampledSensor):
         return f"{robot.prefix}{robot.model.root}"
 
 
-class InertialUnit(Block):
+class InertialUnit(SampledBlock):
     """Sample what an inertial measurement unit at a frame tells.
 
     The first sample has none before it, and takes the velocity as constant.
@@ -104,6 +102,7 @@ class InertialUnit(Block):
         plant: MultibodyPlant,
         frame: Frame,
         period: float,
+        delay: int = 0,
         seed: int = 0,
         noise: tuple[float, float] = (0.0, 0.0),
         bias: tuple[float, float] = (0.0, 0.0),
@@ -114,44 +113,43 @@ class InertialUnit(Block):
             plant: finalized; it need not be part of the diagram.
             frame: of the plant.
             period: T, between samples [s].
+            delay: by how many samples it tells them late.
             seed: of noise and biases.
             noise: standard deviations of a sample of the accelerometer [m/s²] and the gyroscope [rad/s].
             bias: standard deviations of their constant errors, likewise.
         """
-        super().__init__()
-        self._plant, self._frame, self._period = weakref.proxy(plant), frame.index(), period
+        super().__init__(
+            period=period,
+            reads={"state": plant.num_multibody_states()},
+            memory={
+                "specific_force": np.zeros(3),
+                "angular_velocity": np.zeros(3),
+                "orientation": np.array([1.0, 0, 0, 0]),
+                "velocity": np.zeros(3),  # of the origin, in the world
+                "count": np.zeros(1),
+            },
+            gives=list(_PARTS),
+            delay=delay,
+            at_once=True,
+        )
+        self._plant, self._frame = weakref.proxy(plant), frame.index()
         self._gravity = plant.gravity_field().gravity_vector()
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
         self._seed, self._noise = seed, np.repeat(noise, 3)
-        self._bias = np.repeat(bias, 3) * self._drawn(0)
-        self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
-        unknown = np.concatenate([_NO_SAMPLE, np.zeros(4)])
-        self._memory = self.DeclareDiscreteState(unknown)  # sample, velocity of the origin, number of samples
-        for name, (columns, *_) in _PARTS.items():
-            calc = partial(weakly(self._calc), columns)
-            self.DeclareVectorOutputPort(name, len(_NO_SAMPLE[columns]), calc, {self.xd_ticket()})
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self._bias = np.repeat(bias, 3) * normal(seed, 0, 6)
 
-    def _drawn(self, number: int) -> Vector:
-        """Return six figures of the standard normal distribution; a generator each, so that none remembers."""
-        return np.random.default_rng([self._seed, number]).standard_normal(6)
-
-    def _update(self, context: Context, discrete: DiscreteValues) -> None:
-        memory = context.get_discrete_state(self._memory).value()
-        before, last, count = memory[6:10], memory[10:13], int(memory[13])
-        plant, scratch = self._plant, self._scratch
-        plant.SetPositionsAndVelocities(scratch, self._state.Eval(context))
+    def sample(self, memory: Named, read: Named) -> Changes:
+        """Return force and rates by the motion since the last sample."""
+        plant, scratch, count = self._plant, self._scratch, int(memory["count"][0])
+        plant.SetPositionsAndVelocities(scratch, read["state"])
         frame = plant.get_frame(self._frame)
         pose, motion = frame.CalcPoseInWorld(scratch), frame.CalcSpatialVelocityInWorld(scratch)
         velocity, orientation = motion.translational(), xyz_quaternion_from_transform(pose)[3:]
-        if count == 0:
-            before, last = orientation, velocity
+        before, last = (memory["orientation"], memory["velocity"]) if count else (orientation, velocity)
         middle = before + np.copysign(1.0, before @ orientation) * orientation
         to_frame = transform_from_xyz_quaternion([0, 0, 0, *middle]).rotation().inverse()
-        force = to_frame @ ((velocity - last) / self._period - self._gravity)
+        force = to_frame @ ((velocity - last) / self.period - self._gravity)
         rates = pose.rotation().inverse() @ motion.rotational()
-        measured = np.concatenate([force, rates]) + self._bias + self._noise * self._drawn(count + 1)
-        discrete.set_value(self._memory, np.concatenate([measured, orientation, velocity, [count + 1]]))
-
-    def _calc(self, columns: slice, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._memory).value()[columns])
+        measured = np.concatenate([force, rates]) + self._bias + self._noise * normal(self._seed, count + 1, 6)
+        told = {"specific_force": measured[:3], "angular_velocity": measured[3:], "orientation": orientation}
+        return {**told, "velocity": velocity, "count": count + 1}

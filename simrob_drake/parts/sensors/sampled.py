@@ -11,7 +11,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.lifetime import release_with
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
 from simrob_drake.parts.site import Site, StationRobot
-from simrob_drake.quantities import Positive
+from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.signals import Recorded, Signal
 
 
@@ -22,6 +22,14 @@ class SampledSensor(Sensor):
     """Samples a second [Hz]."""
     in_loop: bool = False
     """Sample while stepping, so that blocks can read it; otherwise it is computed after the run and costs nothing."""
+
+    delay: NotNegative = 0.0
+    """How late its figures are told [s], to the nearest sample."""
+
+    @property
+    def late_samples(self) -> int:
+        """By how many samples its figures are late."""
+        return round(self.delay * self.rate)
 
     @property
     def stepped(self) -> bool:
@@ -58,6 +66,11 @@ class SampledSensor(Sensor):
             else:
                 compute = partial(_after_the_run, block=block, inputs=inputs, output=port)
                 site.signals.append(replace(signal, compute=compute))
+
+
+def normal(seed: int, number: int, size: int) -> Vector:
+    """Return figures (size,) of the standard normal distribution; a generator each, so that nothing remembers one."""
+    return np.random.default_rng([seed, number]).standard_normal(size)
 
 
 def _after_the_run(

@@ -5,6 +5,7 @@ from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, Block, 
 
 TITLES: dict[BlockRole, str] = {
     "reference": "reference",
+    "loop": "outer loops",
     "servo": "servos",
     "robot": "robot",
     "scene": "scene",
@@ -13,6 +14,7 @@ TITLES: dict[BlockRole, str] = {
 }
 COLOURS: dict[BlockRole, tuple[str, str]] = {  # of the cluster, of the lines of its blocks
     "reference": ("#eaf3fb", "#3f78a8"),
+    "loop": ("#fbeaea", "#a84b4b"),
     "servo": ("#fdf3e3", "#b9791f"),
     "robot": ("#e9f5e9", "#3d8745"),
     "sensor": ("#f1edf8", "#735aa3"),

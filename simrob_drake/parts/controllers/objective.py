@@ -1,0 +1,212 @@
+r"""A loop that brings a measured quantity to a value by joints that move in given proportions.
+
+The thesis's automatic control with an objective (p. 102 to 107): no joint angles are given, the robot finds its own.
+With the error e of the quantity and the weights :math:`w_i` of the axes,
+
+.. math:: u = \mathrm{clip}\bigl(k_p e + x\bigr), \qquad \dot x = k_i e, \qquad \Delta q_i = w_i u,
+
+where x stands still while u is at its limit, or at its fastest, and e would drive it on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+
+from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.blocks.wiring import mapped
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.yaml_files import Number
+
+
+class Objective(LoopSection):
+    """Bring a signal of the station, such as the height of the base, to a value; then perhaps take a posture."""
+
+    kind: Literal["objective"]
+    measures: str
+    """What is to be brought there: a column of `signals.csv`, such as `base.z`, `tcp.z` or `force.tip.z`."""
+    target: Number | list[Number]
+    """The value, in the unit of the column; several in a list are asked for one after the other."""
+    hold: Positive = 2.0
+    """How long each of several is asked for, from when its ramp ends [s]."""
+    speed: Positive | None = None
+    """How fast the value that is asked for goes there from where it is at the start [1/s]; at once unless given."""
+    weights: dict[str, Number] = Field(min_length=1)
+    """By how much each axis takes part, by name: in which proportions, and in which sense, they raise the quantity."""
+    kp: NotNegative = 0.0
+    """How far an axis of weight 1 moves for an error [deg or m per unit of the column]."""
+    ki: NotNegative = 0.0
+    """How fast it moves for an error [deg/s or m/s per unit]."""
+    limit_deg: Positive = 90.0
+    """How far an axis of weight 1 may move [deg, or m where it slides]."""
+    rate_deg: Positive = 60.0
+    """How fast [deg/s or m/s]."""
+    tolerance: Positive = math.inf
+    """How near is near enough, for the posture [unit of the column]."""
+    settled: NotNegative = 0.5
+    """How long it must be that near [s]."""
+    then_deg: dict[str, Number] = Field(default_factory=dict)
+    """Where other axes go once that is so, by name."""
+    then_duration: NotNegative = 1.0
+    """How long they take [s]."""
+
+    @model_validator(mode="after")
+    def _can_act(self) -> Objective:
+        if self.target == []:
+            raise ValueError("target is an empty list: nothing is asked for")
+        if not any(self.weights.values()):
+            raise ValueError("weights are all zero: no axis would move")
+        if self.kp == 0 and self.ki == 0:
+            raise ValueError("kp and ki are both zero: nothing would move")
+        if self.then_deg and not math.isfinite(self.tolerance):
+            raise ValueError("then_deg needs a tolerance")
+        return self
+
+    @property
+    def named(self) -> list[str]:
+        """What it reads by names of the user's."""
+        return [*super().named, self.measures]
+
+    def axes(self, robot: ResolvedRobot) -> Sequence[str]:
+        """Return the axes with weights, and those of the posture."""
+        moved = [robot.axes[robot.model.axis_index(axis, "weights")] for axis in self.weights]
+        return [*moved, *self.layered(robot)]
+
+    def layered(self, robot: ResolvedRobot) -> Sequence[str]:
+        """Return the axes of the posture."""
+        return [robot.axes[robot.model.axis_index(axis, "then_deg")] for axis in self.then_deg]
+
+    def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
+        """Return what an input reads; ``measured`` is one entry of an output."""
+        if name != "measured" or name in self.reads:
+            return super().source(builder, name, robot, site, key)
+        for signal in site.signals:
+            if self.measures in signal.names and signal.output in site.outputs:
+                output = super().source(builder, signal.output, robot, site, key)
+                pick = np.eye(output.size())[[signal.names.index(self.measures)]]
+                site.draw_nothing(f"{key}.measured")
+                return mapped(builder, f"{key}.measured", pick, output)
+        known = [column for signal in site.signals if signal.output in site.outputs for column in signal.names]
+        raise UnknownName(f"signal of the station for {key}.measures", self.measures, known)
+
+    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
+        model, weights = robot.model, robot.model.axis_vector(dict(self.weights), f"{key}.weights")
+        units = set(model.user_units[weights != 0])
+        if len(units) > 1:
+            raise InvalidParameter(f"{key}.weights", "of axes that turn and that slide", "of axes of one sort")
+        unit = float(units.pop())
+        posture = model.user_units * model.axis_vector(dict(self.then_deg), f"{key}.then_deg")
+        return WeightedObjective(
+            period=1 / self.rate,
+            targets=self.target if isinstance(self.target, list) else [self.target],
+            hold=self.hold,
+            speed=math.inf if self.speed is None else self.speed,
+            weights=weights,
+            gains=(unit * self.kp, unit * self.ki),
+            limit=unit * self.limit_deg,
+            fastest=unit * self.rate_deg,
+            posture=posture if self.then_deg else None,
+            near=(self.tolerance, self.settled),
+            duration=self.then_duration,
+        )
+
+
+class WeightedObjective(SampledBlock):
+    """PI control of one quantity by joints in given proportions.
+
+    Ports:
+        in  ``measured`` (1); ``reference`` (n) [rad]: where the posture's ramp begins.
+        out ``offset`` (n) [rad]: to be added to the reference; ``error`` (1): of the quantity, against what is asked
+        for now; ``target`` (n) [rad] and ``active`` (1): the posture, once the objective is met, if there is one.
+    """
+
+    def __init__(
+        self,
+        *,
+        period: float,
+        targets: Sequence[float],
+        hold: float = math.inf,
+        speed: float = math.inf,
+        weights: Vector,
+        gains: tuple[float, float],
+        limit: float,
+        fastest: float,
+        posture: Vector | None = None,
+        near: tuple[float, float] = (math.inf, 0.0),
+        duration: float = 1.0,
+    ) -> None:
+        """Make the block.
+
+        Args:
+            period: between samples [s].
+            targets: values of the quantity, one after the other.
+            hold: how long each is asked for, from when its ramp ends [s].
+            speed: of what is asked for, on its way there [1/s].
+            weights: of the axes, shape (n,).
+            gains: kp [rad per unit] and ki [rad/s per unit] of an axis of weight 1.
+            limit: how far that axis may move [rad].
+            fastest: how fast [rad/s].
+            posture: to be taken then, shape (n,) [rad]; None for none.
+            near: how near the quantity must be to its target, and for how long [s].
+            duration: of the way to the posture [s].
+        """
+        self.units = {"offset": "rad", "target": "rad"}
+        self._targets, self._hold, self._speed, self._weights, self._gains = targets, hold, speed, weights, gains
+        self._limit, self._fastest, self._posture, self._near, self._duration = limit, fastest, posture, near, duration
+        zero, one = np.zeros(len(weights)), np.zeros(1)
+        memory = {"offset": zero, "error": one, "integral": one, "asked": np.array([math.inf]), "effort": one}
+        memory |= {"number": one, "held": one}
+        if posture is not None:
+            memory |= {"target": zero, "active": one, "origin": zero, "elapsed": one}
+        super().__init__(
+            period=period,
+            reads={"measured": 1, **({} if posture is None else {"reference": len(weights)})},
+            memory=memory,
+            gives=("offset", "error", *(() if posture is None else ("target", "active"))),
+        )
+
+    def sample(self, memory: Named, read: Named) -> Changes:
+        """Return how far the axes are to be moved now."""
+        measured, asked = read["measured"][0], memory["asked"][0]
+        number, held = int(memory["number"][0]), memory["held"][0]
+        if held >= self._hold and number + 1 < len(self._targets):
+            number, held = number + 1, 0.0
+        target, step = self._targets[number], self._speed * self.period
+        asked = measured if math.isinf(asked) else asked  # it begins there
+        asked = min(max(target, asked - step), asked + step)
+        held = held + self.period if asked == target else 0.0
+        error, before, integral = asked - measured, memory["effort"][0], memory["integral"][0]
+        kp, ki = self._gains
+        wanted = kp * error + integral + ki * error * self.period
+        step = self._fastest * self.period
+        effort = float(np.clip(np.clip(wanted, before - step, before + step), -self._limit, self._limit))
+        if (wanted - effort) * error <= 0:  # else it would wind up
+            integral += ki * error * self.period
+        moved = {"offset": self._weights * effort, "error": error, "integral": integral, "effort": effort}
+        course = {"asked": asked, "number": number, "held": held}
+        return {**moved, **course, **self._posture_now(memory, read, measured - target)}
+
+    def _posture_now(self, memory: Named, read: Named, left: float) -> Changes:
+        """Return where the other axes are on their way to the posture, once the quantity has been near long enough."""
+        if self._posture is None:
+            return {}
+        tolerance, settled = self._near
+        elapsed = memory["elapsed"][0] + self.period
+        if not memory["active"][0]:
+            if abs(left) > tolerance:
+                return {"elapsed": 0.0}
+            if elapsed < settled:
+                return {"elapsed": elapsed}
+            return {"active": 1.0, "target": read["reference"], "origin": read["reference"], "elapsed": 0.0}
+        part = min(elapsed / self._duration, 1.0) if self._duration > 0 else 1.0
+        return {"target": memory["origin"] + part * (self._posture - memory["origin"]), "elapsed": elapsed}

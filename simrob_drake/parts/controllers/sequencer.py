@@ -1,0 +1,166 @@
+"""A loop that goes from posture to posture, each as soon as the robot has reached the one before.
+
+The thesis's automatic controller of joint positions (p. 98 to 102): the robot sets the time, not the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.yaml_files import Number, Strict
+
+
+class Cell(Strict):
+    """Targets that are approached at the same time; other axes stay where they were asked to be."""
+
+    targets_deg: dict[str, Number] = Field(min_length=1)
+    """Positions to go to, by axis."""
+    duration: NotNegative = 1.0
+    """How long the way there is [s]; the cell itself lasts until the robot has followed."""
+
+
+class Sequencer(LoopSection):
+    """Go through cells of joint targets; to the next one when the measured joints have reached the last.
+
+    It drives all axes of its robot.
+    """
+
+    kind: Literal["sequencer"]
+    cells: list[Cell] = Field(min_length=1)
+    """What to do, one after the other."""
+    tolerance_deg: Positive = 2.0
+    """How near the measured joints must come to a cell's targets [deg, or m where they slide]."""
+    speed_deg: Positive = 10.0
+    """How slow they must have become there, all axes [deg/s, or m/s]."""
+    timeout: Positive | None = None
+    """How long a cell may take [s]; for ever unless given."""
+    on_timeout: Literal["stop", "go_on"] = "stop"
+    """What happens then: the run ends with the names of the joints that are late, or the next cell begins."""
+
+    @model_validator(mode="after")
+    def _can_time_out(self) -> Sequencer:
+        if self.on_timeout == "go_on" and self.timeout is None:
+            raise ValueError("on_timeout: go_on needs a timeout [s]")
+        return self
+
+    def axes(self, robot: ResolvedRobot) -> Sequence[str]:
+        """Return all axes; the targets are checked."""
+        lower, upper = robot.model.axis_limits
+        for number, cell in enumerate(self.cells):
+            for axis, target in cell.targets_deg.items():
+                index = robot.model.axis_index(axis, f"cells[{number}].targets_deg")
+                unit, name = robot.model.user_units[index], robot.model.unit_names[index]
+                if not lower[index] - 1e-9 <= target * unit <= upper[index] + 1e-9:
+                    limits = f"{lower[index] / unit:.5g} to {upper[index] / unit:.5g} {name}"
+                    raise InvalidParameter(f"cells[{number}].targets_deg.{axis}", target, f"within {limits}")
+        return robot.axes
+
+    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
+        model = robot.model
+        return CellSequence(
+            period=1 / self.rate,
+            targets=[_targets(cell, model) for cell in self.cells],
+            durations=[cell.duration for cell in self.cells],
+            tolerance=model.user_units * self.tolerance_deg,
+            speed=model.user_units * self.speed_deg,
+            timeout=np.inf if self.timeout is None else self.timeout,
+            stops=self.on_timeout == "stop",
+            names=robot.axes,
+        )
+
+
+def _targets(cell: Cell, model: RobotModel) -> Vector:
+    """Return the targets of all axes, shape (n,) [rad or m]; nan where the cell has none."""
+    return model.user_units * model.axis_vector(dict(cell.targets_deg), "targets_deg", np.nan)
+
+
+class CellSequence(SampledBlock):
+    """Ramp from cell to cell, each when the one before is reached.
+
+    Ports:
+        in  ``position``, ``velocity`` (n) [rad, rad/s]: measured; ``reference`` (n): where the first ramp begins.
+        out ``target`` (n) [rad]; ``cell`` (1): the number of the cell, counted from 0; ``done`` (1): 1 once the last is
+        reached.
+    """
+
+    def __init__(
+        self,
+        *,
+        period: float,
+        targets: Sequence[Vector],
+        durations: Sequence[float],
+        tolerance: Vector,
+        speed: Vector,
+        timeout: float = np.inf,
+        stops: bool = True,
+        names: Sequence[str] = (),
+    ) -> None:
+        """Make the block.
+
+        Args:
+            period: between samples [s].
+            targets: of each cell, shape (n,) [rad]; nan where an axis stays.
+            durations: of the ramp to each [s].
+            tolerance: how near each axis must come to its target, shape (n,) [rad].
+            speed: below which all axes must be, shape (n,) [rad/s].
+            timeout: how long a cell may take [s].
+            stops: whether the run ends then; otherwise the next cell begins.
+            names: of the axes, for the reason of such an end.
+        """
+        size = len(tolerance)
+        self.units = {"target": "rad"}
+        self._targets, self._durations = targets, durations
+        self._tolerance, self._speed, self._timeout, self._stops = tolerance, speed, timeout, stops
+        self._names = names or [str(index) for index in range(size)]
+        super().__init__(
+            period=period,
+            reads={"position": size, "velocity": size, "reference": size},
+            memory={
+                "target": np.zeros(size),
+                "active": np.zeros(1),
+                "cell": np.zeros(1),
+                "done": np.zeros(1),
+                "elapsed": np.zeros(1),
+                "origin": np.zeros(size),
+            },
+            gives=("target", "active", "cell", "done"),
+        )
+
+    def sample(self, memory: Named, read: Named) -> Changes:
+        """Return the next point of the ramp, or the beginning of the next cell."""
+        if not memory["active"][0]:
+            return {"active": 1.0, "target": read["reference"], "origin": read["reference"]}
+        number, elapsed = int(memory["cell"][0]), memory["elapsed"][0] + self.period
+        goal, duration = self._targets[number], self._durations[number]
+        part = min(elapsed / duration, 1.0) if duration > 0 else 1.0
+        full = np.where(np.isnan(goal), memory["origin"], goal)
+        target = memory["origin"] + part * (full - memory["origin"])
+        late = ~np.isnan(goal) & (abs(read["position"] - goal) > self._tolerance) | (
+            abs(read["velocity"]) > self._speed
+        )
+        reached = part == 1.0 and not late.any()
+        if not reached and elapsed >= self._timeout and not memory["done"][0]:
+            reached = self._goes_on(number, [self._names[index] for index in map(int, np.flatnonzero(late))])
+        changed: Changes = {"target": target, "elapsed": elapsed}
+        if reached and number + 1 < len(self._targets):
+            return {**changed, "cell": number + 1, "elapsed": 0.0, "origin": full}
+        return {**changed, "done": 1.0} if reached else changed
+
+    def _goes_on(self, number: int, late: Sequence[str]) -> bool:
+        """Tell whether to go on to the next cell though joints are late; else end the run."""
+        if self._stops:
+            who = ", ".join(late) or "its ramp"
+            raise RunEnds(f"cell {number} was not reached within {self._timeout:g} s: {who} is late")
+        return True

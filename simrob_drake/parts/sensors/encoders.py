@@ -1,0 +1,118 @@
+r"""Encoders of joints: what a controller knows of the axes, with resolution, noise and delay.
+
+A sample tells positions rounded to the resolution, and as speed what incremental encoders give: their difference over
+a sample, smoothed with the time constant :math:`T_s`,
+
+.. math:: \hat q_k = \mathrm{round}(q_k + n_k), \qquad
+    \hat v_k = \hat v_{k-1} + \frac{T}{T + T_s}\left( \frac{\hat q_k - \hat q_{k-1}}{T} - \hat v_{k-1} \right) .
+"""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.frames import Vector
+from simrob_drake.parts.sensors.sampled import SampledSensor, normal
+from simrob_drake.parts.sensors.sensor import axis_names
+from simrob_drake.parts.site import Site, Surroundings
+from simrob_drake.quantities import NotNegative
+from simrob_drake.signals import Panel, Signal
+
+
+class Encoders(SampledSensor):
+    """Positions and speeds of a robot's axes as encoders tell them: sampled, rounded, noisy and late."""
+
+    kind: Literal["encoders"]
+    robot: str | None = None
+    """Whose axes; the only robot's unless given."""
+    resolution_deg: NotNegative = 0.0
+    """Step from one position that they tell to the next [deg, or m where an axis slides]; 0 for none."""
+    noise_deg: NotNegative = 0.0
+    """Standard deviation of a position [deg, or m]."""
+    smoothing: NotNegative = 0.0
+    """Time constant of the speeds' low-pass filter [s]."""
+    seed: int = Field(default=0, ge=0)
+    """Of the noise: the same seed, the same figures."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the robot exists."""
+        station.robot(self.robot, key)
+
+    def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
+        """Add ``position.<sensor>`` and ``velocity.<sensor>`` (n) [rad and rad/s, or m and m/s]."""
+        robot = site.robot(self.robot)
+        block = JointEncoders(
+            size=len(robot.axes),
+            period=1 / self.rate,
+            delay=self.late_samples,
+            resolution=robot.model.user_units * self.resolution_deg,
+            noise=robot.model.user_units * self.noise_deg,
+            smoothing=self.smoothing,
+            seed=self.seed,
+        )
+        signals = {}
+        for output, suffix in (("position", ""), ("velocity", "/s")):
+            names = axis_names(output, name, robot.axes)
+            units = tuple(f"{unit.si}{suffix}" for unit in robot.model.units)
+            label = f"{output} [{', '.join(dict.fromkeys(units))}]"
+            panel = Panel(f"encoders_{name}", f"the encoders '{name}'", output, label, names)
+            signals[output] = Signal(names, units, "motion", part=name, panel=panel)
+        inputs = {"position": site.outputs[f"{robot.prefix}position"]}
+        self._give(builder, site, name, block=block, title="Encoders", inputs=inputs, signals=signals, robot=robot)
+        site.notes[name] = {"kind": self.kind}
+
+
+class JointEncoders(SampledBlock):
+    """Sample joint positions, and take their differences as speeds.
+
+    Ports:
+        in  ``position`` (n) [rad].
+        out ``position`` (n) [rad], ``velocity`` (n) [rad/s]; zero speed at the first sample.
+    """
+
+    def __init__(
+        self,
+        *,
+        size: int,
+        period: float,
+        delay: int = 0,
+        resolution: Vector,
+        noise: Vector,
+        smoothing: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        """Make the block.
+
+        Args:
+            size: n, of axes.
+            period: T, between samples [s].
+            delay: by how many samples it tells them late.
+            resolution: of each axis, shape (n,) [rad]; 0 for none.
+            noise: standard deviation of each position, shape (n,) [rad].
+            smoothing: Ts, of the speeds [s].
+            seed: of the noise.
+        """
+        memory = {"position": np.zeros(size), "velocity": np.zeros(size), "count": np.zeros(1)}
+        super().__init__(
+            period=period,
+            reads={"position": size},
+            memory=memory,
+            gives=("position", "velocity"),
+            delay=delay,
+            at_once=True,
+        )
+        self._resolution, self._noise, self._seed = resolution, noise, seed
+        self._share = period / (period + smoothing)
+
+    def sample(self, memory: Named, read: Named) -> Changes:
+        """Return what the encoders tell now."""
+        count = int(memory["count"][0])
+        told = read["position"] + self._noise * normal(self._seed, count, len(self._noise))
+        step = np.where(self._resolution > 0, self._resolution, 1.0)
+        told = np.where(self._resolution > 0, np.round(told / step) * step, told)
+        difference = (told - memory["position"]) / self.period if count else np.zeros(len(told))
+        velocity = memory["velocity"] + self._share * (difference - memory["velocity"])
+        return {"position": told, "velocity": velocity, "count": count + 1}

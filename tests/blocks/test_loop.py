@@ -1,0 +1,146 @@
+"""Loops alone, sample by sample: what one remembers is given in, what changes comes out."""
+
+import numpy as np
+import pytest
+
+from simrob_drake.blocks.sampled import RunEnds, SampledBlock
+from simrob_drake.parts.controllers.fall_guard import ProtectivePosture
+from simrob_drake.parts.controllers.objective import WeightedObjective
+from simrob_drake.parts.controllers.sequencer import CellSequence
+
+NAN = np.nan
+
+
+class Driven:
+    """A loop that is driven by hand."""
+
+    def __init__(self, loop: SampledBlock) -> None:
+        """Begin as the loop does."""
+        self.loop = loop
+        self.context = loop.CreateDefaultContext()
+
+    def sample(self, **read):
+        """Let it sample once, and return its outputs by name."""
+        for name, value in read.items():
+            self.loop.GetInputPort(name).FixValue(self.context, np.atleast_1d(value))
+        update = self.loop.EvalUniquePeriodicDiscreteUpdate(self.context)
+        self.context.get_mutable_discrete_state().SetFrom(update)
+        ports = [self.loop.get_output_port(index) for index in range(self.loop.num_output_ports())]
+        return {port.get_name(): port.Eval(self.context) for port in ports}
+
+
+def two_cells(**changed):
+    figures = {
+        "period": 0.1,
+        "targets": [np.array([1.0, NAN]), np.array([NAN, -0.5])],
+        "durations": [0.5, 0.0],
+        "tolerance": np.full(2, 0.05),
+        "speed": np.full(2, 0.2),
+        "names": ["hip", "knee"],
+    }
+    return CellSequence(**{**figures, **changed})
+
+
+def test_a_sequence_ramps_waits_for_each_joint_and_for_its_speed_and_then_goes_on():
+    driven = Driven(two_cells())
+    start = np.array([0.2, 0.1])
+    read = {"position": start, "velocity": np.zeros(2), "reference": start}
+    assert driven.sample(**read)["target"] == pytest.approx(start)
+    for k in range(1, 6):  # the ramp of the first cell; the other axis stays where it was asked to be
+        assert driven.sample(**read)["target"] == pytest.approx([0.2 + 0.8 * k / 5, 0.1])
+    late = {**read, "position": [0.94, 0.1]}
+    for _ in range(20):  # one joint is late by more than its tolerance: no cell is skipped
+        assert driven.sample(**late)["cell"] == 0
+    assert driven.sample(**{**read, "position": [0.96, 0.1], "velocity": [0.0, 0.3]})["cell"] == 0  # too fast
+    assert driven.sample(**{**read, "position": [0.96, 0.1]})["cell"] == 1
+    given = driven.sample(**{**read, "position": [0.96, 0.1]})
+    assert given["target"] == pytest.approx([1.0, -0.5])
+    assert given["done"] == 0
+    given = driven.sample(**{**read, "position": [0.96, -0.49]})
+    assert (given["cell"], given["done"]) == (1, 1)
+
+
+def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on():
+    read = {"position": np.zeros(2), "velocity": np.zeros(2), "reference": np.zeros(2)}
+    loop = two_cells(timeout=1.0)
+    memory = {"target": np.zeros(2), "active": np.ones(1), "cell": np.zeros(1), "done": np.zeros(1)}
+    memory |= {"elapsed": np.array([0.95]), "origin": np.zeros(2)}
+    with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s: hip is late"):
+        loop.sample(memory, read)
+    assert two_cells(timeout=1.0, stops=False).sample(memory, read)["cell"] == 1
+
+
+def guard(**changed):
+    figures = {"period": 0.1, "posture": np.array([1.0, -1.0]), "duration": 0.2, "height": 0.4, "tilt": 0.5}
+    return ProtectivePosture(**{**figures, "up": np.array([0.0, 0.0, 1.0]), **changed})
+
+
+UPRIGHT, LOW = np.array([0, 0, 0.41, 1, 0, 0, 0.0]), np.array([0, 0, 0.39, 1, 0, 0, 0.0])
+
+
+def leaning(angle):
+    return np.array([0, 0, 0.41, np.cos(angle / 2), 0, np.sin(angle / 2), 0.0])
+
+
+def test_a_guard_acts_at_the_first_sample_beyond_its_threshold_and_stays():
+    driven, asked = Driven(guard()), np.array([0.2, 0.2])
+    for pose in (UPRIGHT, leaning(0.49), leaning(-0.49)):
+        assert driven.sample(base_pose=pose, reference=asked)["active"] == 0
+    given = driven.sample(base_pose=LOW, reference=asked)
+    assert given["active"] == 1
+    assert given["target"] == pytest.approx(asked)
+    assert driven.sample(base_pose=UPRIGHT, reference=asked)["target"] == pytest.approx([0.6, -0.4])
+    for _ in range(20):
+        given = driven.sample(base_pose=UPRIGHT, reference=asked)
+    assert given["active"] == 1
+    assert given["target"] == pytest.approx([1.0, -1.0])
+    assert Driven(guard()).sample(base_pose=leaning(0.51), reference=asked)["active"] == 1
+
+
+def test_a_guard_lets_go_once_all_was_well_for_long_enough():
+    driven, asked = Driven(guard(reset_after=0.3)), np.zeros(2)
+    seen = [
+        driven.sample(base_pose=pose, reference=asked)["active"][0]
+        for pose in (LOW, UPRIGHT, UPRIGHT, LOW, UPRIGHT, UPRIGHT, UPRIGHT, UPRIGHT)
+    ]
+    assert seen == [1, 1, 1, 1, 1, 1, 0, 0]
+
+
+def objective(**changed):
+    figures = {"period": 0.1, "targets": [1.0], "weights": np.array([0.5, -1.0, 0.0]), "gains": (2.0, 0.4)}
+    return WeightedObjective(**{**figures, "limit": 10.0, "fastest": 100.0, **changed})
+
+
+def test_an_objective_is_a_pi_controller_spread_over_the_axes_by_their_weights():
+    driven, measured, integral = Driven(objective()), [0.2, 0.5, 1.3, 1.1], 0.0
+    for value in measured:
+        given = driven.sample(measured=value)
+        integral += 0.4 * (1.0 - value) * 0.1
+        assert given["error"] == pytest.approx(1.0 - value)
+        assert given["offset"] == pytest.approx((2.0 * (1.0 - value) + integral) * np.array([0.5, -1.0, 0.0]))
+
+
+def test_an_objective_keeps_to_its_limits_and_does_not_wind_up_there():
+    driven = Driven(objective(gains=(0.0, 5.0), limit=1.0, fastest=2.0))
+    seen = [driven.sample(measured=-9.0)["offset"][1] for _ in range(40)]
+    assert np.diff(seen).min() >= -0.2 - 1e-12  # 2 a second
+    assert min(seen) == -1.0
+    back = [driven.sample(measured=1.5)["offset"][1] for _ in range(10)]
+    assert back[1] > -1.0  # had it wound up over 4 s, it would stay at its limit for as long
+
+
+def test_an_objective_asks_for_its_targets_one_after_the_other_along_ramps():
+    driven = Driven(objective(targets=[1.0, 0.5], speed=2.0, hold=0.2, gains=(1.0, 0.0)))
+    asked = [driven.sample(measured=0.6)["error"][0] + 0.6 for _ in range(8)]
+    assert asked == pytest.approx([0.8, 1.0, 1.0, 0.8, 0.6, 0.5, 0.5, 0.5])
+
+
+def test_a_posture_follows_once_the_objective_has_been_met_for_long_enough():
+    posture = {"posture": np.array([0.0, 0.0, 1.0]), "near": (0.1, 0.2), "duration": 0.2}
+    driven, asked = Driven(objective(**posture)), np.array([0.0, 0.0, 0.5])
+    seen = [
+        (given["active"][0], given["target"][2])
+        for value in (0.5, 0.95, 0.7, 0.95, 0.95, 0.95, 0.7, 0.7)
+        for given in [driven.sample(measured=value, reference=asked)]
+    ]
+    assert seen == [(0, 0)] * 4 + [(1, 0.5), (1, 0.75), (1, 1.0), (1, 1.0)]

@@ -1,0 +1,121 @@
+"""Loops in a station: what drives a joint, how several mix, how a run goes on, and what is refused."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import SimrobError
+from simrob_drake.stations.load import station_yaml
+
+STILL = {
+    "pieces": {},
+    "floor": None,
+    "solver": {"kind": "discrete", "time_step": 1e-3},
+    "servo.realization": "implicit",
+    "reference": {"kind": "hold", "target_deg": 0},
+}
+CELLS = [{"targets_deg": {"joint_5": 30}, "duration": 0.3}, {"targets_deg": {"joint_1": -20, "joint_5": 0}}]
+
+
+def arm(**controllers):
+    """Return the arm under a discrete solver, whose runs go on to the last bit."""
+    return load_station("irb120_dynamic", {**STILL, "controllers": controllers})
+
+
+def sequence(**changed):
+    return {"kind": "sequencer", "cells": CELLS, **changed}
+
+
+def objective(**changed):
+    return {"kind": "objective", "measures": "tcp.z", "target": 0.6, "weights": {"joint_2": -1}, "kp": 50, **changed}
+
+
+def test_a_sequencer_lets_slow_servos_take_their_time_and_skips_no_cell():
+    ends = {}
+    for part in (1.0, 0.25):
+        gains = {"servo.kp": 1000 * part, "servo.kd": 20 / part}
+        config = load_station("irb120_dynamic", {**STILL, **gains, "controllers": {"sequence": sequence(speed_deg=1)}})
+        result = simulate(config, duration=6)
+        cell, done = result["sequence.cell"], result["sequence.done"]
+        assert sorted(set(cell)) == [0, 1]
+        assert (np.diff(cell) >= 0).all()
+        assert done[-1] == 1
+        for number, reached in ((0, np.argmax(cell > 0)), (1, np.argmax(done > 0))):
+            for axis, target in CELLS[number]["targets_deg"].items():
+                assert np.rad2deg(result[f"q.{axis}"][reached]) == pytest.approx(target, abs=2.05)
+        ends[part] = result.times[np.argmax(done > 0)]
+    assert ends[0.25] > ends[1.0] + 0.2
+
+
+def test_a_late_cell_ends_the_run_and_names_the_joint():
+    slow = load_station(
+        "irb120_dynamic",
+        {**STILL, "servo.torque_limit": {"joint_1": 0.001}, "controllers": {"sequence": sequence(timeout=1.5)}},
+    )
+    result = simulate(slow, duration=5)
+    assert (result.ending, result.stopped_by) == ("monitor", "sequence")
+    assert "cell 1 was not reached within 1.5 s: joint_1 is late" in result.message
+
+
+def test_what_lies_above_drives_its_own_axes_and_a_weight_shows_what_is_below():
+    wave = {"kind": "fall_guard", "height": 2.0, "duration": 0, "posture_deg": {"joint_5": 50, "joint_6": 10}}
+    both = simulate(arm(sequence=sequence(), above={**wave, "priority": 1}), duration=1.0)
+    assert np.rad2deg(both["q_ref.joint_5"][-1]) == pytest.approx(50)
+    assert np.rad2deg(both["q_ref.joint_6"][-1]) == pytest.approx(10)
+    assert both["q_ref.joint_1"][-1] == both["sequence.target.joint_1"][-1]
+    mixed = simulate(arm(sequence=sequence(weight=1), above={**wave, "weight": 0.25, "priority": 1}), duration=1.0)
+    below, above = mixed["sequence.target.joint_5"][-1], np.deg2rad(50)
+    assert mixed["q_ref.joint_5"][-1] == pytest.approx(0.75 * below + 0.25 * above)
+
+
+def test_a_run_goes_on_in_the_middle_of_a_cell_to_the_last_bit():
+    config = arm(
+        sequence=sequence(), guard={"kind": "fall_guard", "height": 0.1, "posture_deg": {"joint_6": 5}, "priority": 1}
+    )
+    first = simulate(config, duration=0.5)
+    second = simulate(config, duration=0.5, start=first.final_state)
+    whole = simulate(config, duration=1.0)
+    assert (second.values[-1] == whole.values[-1]).all()
+    assert second["sequence.cell"][-1] == 1
+
+
+def test_a_saved_station_runs_again_as_it_ran(tmp_path):
+    config = arm(sequence=sequence())
+    (tmp_path / "station.yaml").write_text(station_yaml(config))
+    again = load_station(tmp_path / "station.yaml")
+    assert (simulate(again, duration=0.4).values == simulate(config, duration=0.4).values).all()
+
+
+@pytest.mark.parametrize(
+    ("controllers", "words"),
+    [
+        ({"s": sequence(cells=[])}, "controllers.s.cells"),
+        ({"s": sequence(cells=[{"targets_deg": {}}])}, "targets_deg"),
+        ({"s": sequence(cells=[{"targets_deg": {"joint_5": 500}}])}, "cells[0].targets_deg.joint_5 is 500"),
+        ({"s": sequence(cells=[{"targets_deg": {"joint_7": 5}}])}, "joint_7"),
+        ({"s": sequence(timeout=None, on_timeout="wait")}, "on_timeout"),
+        ({"s": sequence(on_timeout="go_on")}, "needs a timeout"),
+        ({"g": {"kind": "fall_guard", "posture_deg": {"joint_1": 0}}}, "height or tilt_deg"),
+        ({"s": sequence(), "t": sequence()}, "a priority (or both with a weight)"),
+        ({"s": sequence(reads={"position": "encoders"})}, "controllers.s.reads.position"),
+        ({"s": sequence(reads={"angle": "encoders"})}, "controllers.s.reads"),
+        ({"s": sequence(rate=5000)}, "time_step"),
+        ({"s": sequence(robot="left")}, "left"),
+        ({"s": sequence(weight=0)}, "weight"),
+        ({"o": objective(weights={"joint_9": 1})}, "joint_9"),
+        ({"o": objective(weights={"joint_2": 0})}, "all zero"),
+        ({"o": objective(kp=0)}, "kp and ki are both zero"),
+        ({"o": objective(measures="base.height")}, "controllers.o.measures"),
+        ({"o": objective(then_deg={"joint_5": 10})}, "needs a tolerance"),
+        ({"o": objective(target=[])}, "empty"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_its_key(controllers, words):
+    with pytest.raises(SimrobError) as caught:
+        simulate(arm(**controllers), duration=0.1)
+    assert words in str(caught.value)
+
+
+def test_a_kinematic_station_has_no_loops():
+    with pytest.raises(SimrobError, match="dynamic"):
+        load_station("irb120_kinematic", {"controllers": {"s": sequence()}})
