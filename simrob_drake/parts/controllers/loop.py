@@ -147,8 +147,7 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         block = blocks[name] = section.block(f"controllers.{name}", robot, site)
         builder.AddNamedSystem(f"controller.{name}", block)
         site.notes[name] = {"kind": section.kind}
-        told = section.kind.replace("_", " ")
-        site.draw(f"controller.{name}", "loop", f"{wrapped(name)}\n{told}, {section.rate:g} Hz", robot)
+        _draw(site, f"controller.{name}", name, section, robot)
         for port in _outputs(block):
             declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot)
     for name, section in loops.items():
@@ -191,6 +190,7 @@ def _drive(
     for name, (section, block) in layers.items():
         outputs = {port.get_name(): port for port in _outputs(block)}
         weight, place = section.weight or 1.0, f"{key}.{name}"
+        _draw(site, place, name, section, robot)
         if "offset" in outputs:
             added = mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"])
             port = summed(builder, f"{place}.sum", port, added)
@@ -202,9 +202,15 @@ def _drive(
             torques.append(mapped(builder, f"{place}.torque", weight * np.eye(size), outputs["feedforward"]))
     limited = fed(builder, f"{key}.limits", Saturation(*robot.model.axis_limits), port)
     builder.Connect(limited, inner)
-    site.draw_nothing(key)
+    _draw(site, f"{key}.limits", name, section, robot)
     if torques:
         _add_torques(builder, site, robot, torques)
+
+
+def _draw(site: Site, system: str, name: str, section: LoopSection, robot: StationRobot) -> None:
+    """Say that a system is part of a loop's block in the picture."""
+    label = f"{wrapped(name)}\n{section.kind.replace('_', ' ')}, {section.rate:g} Hz"
+    site.draw(system, "loop", label, robot, key=f"controller.{name}")
 
 
 def _laid_over(

@@ -50,7 +50,7 @@ class Objective(LoopSection):
     """How far an axis of weight 1 may move [deg, or m where it slides]."""
     rate_deg: Positive = 60.0
     """How fast [deg/s or m/s]."""
-    tolerance: Positive = math.inf
+    tolerance: Positive | None = None
     """How near is near enough, for the posture [unit of the column]."""
     settled: NotNegative = 0.5
     """How long it must be that near [s]."""
@@ -67,7 +67,7 @@ class Objective(LoopSection):
             raise ValueError("weights are all zero: no axis would move")
         if self.kp == 0 and self.ki == 0:
             raise ValueError("kp and ki are both zero: nothing would move")
-        if self.then_deg and not math.isfinite(self.tolerance):
+        if self.then_deg and self.tolerance is None:
             raise ValueError("then_deg needs a tolerance")
         return self
 
@@ -116,7 +116,7 @@ class Objective(LoopSection):
             limit=unit * self.limit_deg,
             fastest=unit * self.rate_deg,
             posture=posture if self.then_deg else None,
-            near=(self.tolerance, self.settled),
+            near=(self.tolerance or 0.0, self.settled),
             duration=self.then_duration,
         )
 
