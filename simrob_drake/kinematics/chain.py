@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import numpy.typing as npt
@@ -193,14 +194,16 @@ class Chain(Screws):
         return columns
 
 
-def held_robot(model: RobotModel) -> tuple[MultibodyPlant, Frame]:
+def held_robot(model: RobotModel, element: Element | None = None) -> tuple[MultibodyPlant, Frame]:
     """Return a plant of a robot alone, and its root, which stands at the world's origin.
+
+    ``element`` is its URDF with what it carries, mesh names absolute; its own unless given.
 
     Raises:
         InvalidModel: a URDF that Drake cannot read.
     """
     plant = MultibodyPlant(0.0)
-    robot = with_absolute_meshes(model.element, model.folder)
+    robot = with_absolute_meshes(model.element, model.folder) if element is None else element
     add_urdf(plant, robot, name=model.name, where=model.urdf_path, collision=False)
     root = plant.GetFrameByName(model.root)
     plant.WeldFrames(plant.world_frame(), root)

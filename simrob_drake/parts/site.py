@@ -18,6 +18,7 @@ from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import BlockRole, Drawn
+from simrob_drake.parts.ground import Ground
 from simrob_drake.quantities import Pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
@@ -54,6 +55,7 @@ class ResolvedRobot:
         gains: of its servos.
         initial: where its axes are at the start, shape (n,) [rad or m].
         carried: the pieces that it carries, each after what it hangs on.
+        held: those of them that hang on its tools, and not elsewhere.
         tool_frames: by tool or carried piece the name of its frame in the plant.
         tcp: the tool in use; empty without any.
         tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
@@ -68,6 +70,7 @@ class ResolvedRobot:
     gains: ServoGains
     initial: Vector
     carried: tuple[str, ...]
+    held: tuple[str, ...]
     tool_frames: Mapping[str, str]
     tcp: str
     tcp_offset: Pose | None
@@ -115,7 +118,8 @@ class Surroundings:
         mode: ``dynamic`` or ``kinematic``.
         scheme: of the solver, such as ``cenic``.
         time_step: of a discrete solver [s]; 0 for others, which look in between.
-        has_contact, has_floor: whether it has these sections.
+        has_contact: whether it has this section.
+        ground: what there is to stand on.
         robots: by name.
         pieces: by name, each after what it hangs on.
         sensors: their sections by name.
@@ -125,7 +129,7 @@ class Surroundings:
     scheme: str
     time_step: float
     has_contact: bool
-    has_floor: bool
+    ground: Ground
     robots: Mapping[str, ResolvedRobot]
     pieces: Mapping[str, ResolvedPiece]
     sensors: Mapping[str, Any]
@@ -177,12 +181,14 @@ class StationPlant:
         scene_graph: with which it is registered.
         robots: by name.
         free_pieces: the bodies of the pieces that nothing holds, by name.
+        ground: what there is to stand on.
     """
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
     robots: dict[str, StationRobot]
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
+    ground: Ground = field(default_factory=Ground)
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
         """Let a plant that stands outside of the diagram pose its geometry.

@@ -258,9 +258,9 @@ class Arm(CellRobot):
         own = tool if tool in self.cell.config.pieces else self.name
         self.cell.attach(piece, own if parent is None else parent, frame=frame, pose=pose)
 
-    def release(self, piece: str, parent: str = "world", *, frame: str | None = None) -> None:
-        """Let go of a piece: it stays where it is, in the world or on another piece; see :meth:`Workcell.attach`."""
-        self.cell.attach(piece, parent, frame=frame)
+    def release(self, piece: str, parent: str = "world", *, frame: str | None = None, fixed: bool = False) -> None:
+        """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`."""
+        self.cell.release(piece, parent, frame=frame, fixed=fixed)
 
     def record(self) -> None:
         """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""

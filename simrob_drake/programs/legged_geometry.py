@@ -145,6 +145,17 @@ class LeggedGeometry(CellRobot):
         bodies = [plant.GetFrameByName(link, robot.instance).body().index() for link in links]
         return [name for name, frame in robot.tools.items() if frame.body().index() in bodies]
 
+    @property
+    def soles(self) -> Vector:
+        """The points of its feet that may touch the ground, in the world, shape (m, 3) [m]; none without feet."""
+        robot, model = self.cell.robot(self.name), self.cell.model
+        if robot.feet is None:
+            return np.zeros((0, 3))
+        poses = {link: model.pose(model.plant.GetFrameByName(link, robot.instance)) for link in robot.feet.links}
+        return np.vstack(
+            [robot.feet.lowest_points(link, pose.GetAsMatrix4()[np.newaxis])[0] for link, pose in poses.items()]
+        )
+
     def targets_deg(self, q: npt.ArrayLike) -> dict[str, float]:
         """Return a posture (n,) [rad] as targets of a move [deg]: the axes that differ from where the reference is."""
         wanted = one_posture(q, len(self.axes), "q")

@@ -211,23 +211,21 @@ class LeggedRobot(LeggedGeometry):
 
         Args:
             piece: which.
-            tool: one of :attr:`tools`, such as ``left_hand``; the first unless given, on the humanoids the right hand.
+            tool: one of :attr:`tools`, such as ``left_hand``, or a link, such as ``trunk``; the first tool unless
+                given, on the humanoids the right hand, and the trunk of a quadruped.
             pose: its pose in the hand, to put it there; it keeps its place in the world unless given.
             store: at the end of the program.
 
         Raises:
             UnknownName: no such piece or tool; proposes the nearest.
+            InvalidParameter: a piece that is more than 30 mm away, and no pose.
         """
         place = None if pose is None else pose_from_transform(as_transform(pose))
         self._do([AttachMove(attach=checked(Attach, piece=piece, tool=tool, pose=place))], store=store)
 
-    def release(self, piece: str, parent: str = WORLD, *, store: bool = False) -> None:
-        """Let go of a piece: it stays where it is, in the world or on another piece; see :meth:`Workcell.attach`.
-
-        Raises:
-            UnknownName: no such piece or parent.
-        """
-        self._do([ReleaseMove(release=checked(Release, piece=piece, parent=parent))], store=store)
+    def release(self, piece: str, parent: str = WORLD, *, fixed: bool = False, store: bool = False) -> None:
+        """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
+        self._do([ReleaseMove(release=checked(Release, piece=piece, parent=parent, fixed=fixed))], store=store)
 
     def simulate(self) -> SimulationResult:
         """Run all that is stored from the start (Sim); the robot goes on from its end.

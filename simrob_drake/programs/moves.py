@@ -111,7 +111,7 @@ class Attach(_Named):
     piece: str
     """Which."""
     tool: str | None = None
-    """With what: a tool of the robot, or a piece that it carries; the first tool unless given."""
+    """With what: a tool or link of the robot, or a piece that it carries; the first tool unless given."""
     pose: Pose | None = None
     """Its pose in the hand, to put it there; it keeps its place in the world unless given."""
 
@@ -122,7 +122,9 @@ class Release(_Named):
     piece: str
     """Which."""
     parent: str = WORLD
-    """Where it stays: the world, or another piece."""
+    """Where it is then: the world, or another piece that it hangs on."""
+    fixed: bool = False
+    """Hang it in the world, too, instead of letting it fall."""
 
 
 class WalkMove(Strict):

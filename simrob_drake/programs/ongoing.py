@@ -1,6 +1,7 @@
 """A station that goes on where its last run left it."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ from simrob_drake.given import instance, seconds
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.checks import check_collisions, look_times
-from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.grasps import let_go, taken
+from simrob_drake.programs.model import StationModel, free_joint, reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
@@ -93,6 +95,7 @@ class OngoingStation:
     @property
     def model(self) -> StationModel:
         """The station's plant, where it is and in the postures that it has now."""
+        self._model.place_pieces(self.state)
         self._model.place_robots({robot: self.position(robot) for robot in self.config.robots})
         self._model.place_bases(self.state)
         return self._model
@@ -197,15 +200,43 @@ class OngoingStation:
         Args:
             piece: which; what hangs on it comes along.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-            frame: a frame of the parent piece, instead of its tool centre point; or a tool of the robot, instead of the
-                first.
-            pose: the piece's pose in the parent's frame, to put it there.
+            frame: a frame of the parent piece, instead of its tool centre point; or a tool or link of the robot,
+                instead of the first tool: a backpack hangs on the trunk.
+            pose: the piece's pose in the parent's frame, to put it there from wherever it is.
 
         Raises:
             UnknownName: no such piece, parent or frame.
-            InvalidParameter: the piece itself as its parent, or one that hangs on it.
+            InvalidParameter: the piece itself as its parent, or one that hangs on it; or a robot takes it without a
+                ``pose`` from more than 30 mm away: the tool's tool centre point, or the link, from its shapes.
         """
-        self.change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+        if pose is None:
+            self.change(taken(self.model, piece, parent, frame=frame))
+        else:
+            self.change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+
+    def release(self, piece: str, parent: str = WORLD, *, frame: str | None = None, fixed: bool = False) -> None:
+        """Let go of a piece, in the world or on another piece.
+
+        In the world of a dynamic station it is free from then on: it goes on as fast as it was carried, falls, and
+        rests on what it meets. On another piece, and on a kinematic station, it hangs where it is.
+
+        Args:
+            piece: which.
+            parent: ``world``, or a piece that it hangs on from then on.
+            frame: a frame of that piece, instead of its tool centre point.
+            fixed: hang it in the world, too.
+
+        Raises:
+            UnknownName: no such piece, parent or frame.
+            InvalidParameter: it would fall for ever: no contact, no shape that collides, nothing beneath it; or it
+                has no mass.
+        """
+        model, state = self.model, self.state
+        config = let_go(model, piece, parent, frame=frame, fixed=fixed)
+        if state is not None and config.pieces[piece].free:
+            state = replace(state, joints={**state.joints, free_joint(piece): model.motion(piece, state)})
+        self.change(config)
+        self.state = state
 
     def change(self, config: StationConfig) -> None:
         """Go on with a changed station, such as other gains, from the state that this one is in.
@@ -231,6 +262,7 @@ class OngoingStation:
         """
         instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
         model = self._collision_model
+        model.place_pieces(self.state)
         model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
         times = look_times(plan.duration, plan.points * len(plan.arrivals))
         check_collisions(model, {plan.robot: plan.postures(times)}, times, plan.named)

@@ -127,6 +127,11 @@ class RobotModel(Strict):
         return root
 
     @property
+    def links(self) -> list[str]:
+        """The names of the links of the URDF."""
+        return [name_of(link) for link in self.element.iterfind("link")]
+
+    @property
     def links_without_inertia(self) -> list[str]:
         """Moving links that have no inertia, which only a kinematic station can take."""
         return links_without_inertia(self.element, floating=self.base == "floating")

@@ -104,8 +104,10 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     """Say how a robot with a free base begins: on what it stands, whether it tips over, what its joints hold."""
     config, subject = ports.config, f"{robot.prefix}base"
     found = standing(ports.plant, robot)
-    if config.floor is None or config.contact is None or found is None:
-        missing = "floor" if config.floor is None else "contact" if config.contact is None else "collision shapes"
+    ground = ports.plant.ground
+    nothing = not (ground.has_floor or ground.boxes)
+    if nothing or config.contact is None or found is None:
+        missing = "floor" if nothing else "contact" if config.contact is None else "collision shapes"
         return [Finding("warning", subject, f"the base is free and the robot has no {missing} to stand on: it falls")]
     findings = []
     parts = "feet's" if robot.feet else "collision shapes'"

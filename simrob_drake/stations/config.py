@@ -106,7 +106,8 @@ class RobotConfig(_Section):
     import_options: ImportOptions | None = None
     """Choices for the import of the URDF, which then takes place in any case."""
     base: Pose = ORIGIN
-    """Pose of the root link in the world, [x y z Rz Ry Rx]."""
+    """Pose of the root link in the world, [x y z Rz Ry Rx]; over the floor, if that is inclined and the robot stands on
+    feet of its own."""
     initial_deg: AxisValues = 0.0
     """Joint positions at the start, per axis."""
     tcp: str | None = None
@@ -141,7 +142,8 @@ class PieceConfig(Strict):
     parent: str | None = None
     """What it hangs on: `world`, a robot, or another piece (then its TCP); the only robot unless given."""
     frame: str | None = None
-    """A frame of the piece that it hangs on, instead of its TCP; or a tool of the robot, instead of its first one."""
+    """A frame of the piece that it hangs on, instead of its TCP; or a tool or link of the robot, instead of its first
+    tool, or of the root where that is a foot."""
     pose: Pose = ORIGIN
     """Pose in the parent's frame, [x y z Rz Ry Rx]."""
     density: Positive | None = None
@@ -181,10 +183,14 @@ class PieceConfig(Strict):
 
 
 class FloorConfig(Strict):
-    """A square floor around the world's origin, its top at z = 0."""
+    """A square floor around the world's origin, its top at z = 0 there."""
 
     size: Positive = 3.0
     """Length of a side [m]."""
+    incline_deg: Annotated[float, Field(ge=0, le=45)] = 0.0
+    """How steep it is [deg]; robots on their own feet are put upright on it."""
+    heading_deg: Number = 0.0
+    """Which way it rises, counterclockwise from the world's x [deg]."""
 
 
 class JointStops(Strict):

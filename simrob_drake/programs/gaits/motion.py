@@ -12,7 +12,7 @@ from simrob_drake.frames import Vector, poses_from_matrices
 from simrob_drake.parts.monitors import Fall
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import ROBOT_FILE, AxisValues, RobotModel
-from simrob_drake.stations.config import FloorConfig, ServoConfig, StationConfig
+from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
 from simrob_drake.stations.solver_config import ContinuousSolver
 
@@ -106,7 +106,8 @@ class JointMotion:
         changes: dict[str, Any] = {"robots": {**config.robots, robot: entry}}
         if config.floor is not None and "floor.size" not in given:
             way = np.linalg.norm(self.root[:, :2, 3] - self.root[0, :2, 3], axis=1).max()
-            changes["floor"] = FloorConfig(size=max(config.floor.size, float(np.ceil(2.0 * (start + way + _BESIDE)))))
+            size = max(config.floor.size, float(np.ceil(2.0 * (start + way + _BESIDE))))
+            changes["floor"] = config.floor.model_copy(update={"size": size})
         if self.feed_velocity and "inputs" not in given:
             changes["inputs"] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
         if self.falls and "monitors" not in given:

@@ -20,12 +20,12 @@ CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_ri
 
 
 def trot(
-    robot: str | RobotModel, steps: int, name: str = "trot", *, amplitude: float = 1.0, **changes: Any
+    robot: str | RobotModel | Walker, steps: int, name: str = "trot", *, amplitude: float = 1.0, **changes: Any
 ) -> JointMotion:
     """Plan a trot: diagonal pairs in turn; the last step brings the feet under the hips.
 
     Args:
-        robot: its name, or its model.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
         steps: how many full steps ahead; ``ramp_steps`` and the last one come in addition.
         name: of the trot in the robot's `gaits.yaml`.
         amplitude: scales length, way sideways and turn of the steps.
@@ -56,12 +56,12 @@ def trot(
 
 
 def crawl(
-    robot: str | RobotModel, legs: int, name: str = "crawl", *, amplitude: float = 1.0, **changes: Any
+    robot: str | RobotModel | Walker, legs: int, name: str = "crawl", *, amplitude: float = 1.0, **changes: Any
 ) -> JointMotion:
     """Plan a crawl: one leg after the other, the zero-moment point well inside of the other three feet.
 
     Args:
-        robot: its name, or its model.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
         legs: how many legs swing in all; a multiple of four ends as it began.
         name: of the crawl in the robot's `gaits.yaml`.
         amplitude: scales the stride.
@@ -91,11 +91,11 @@ def crawl(
     return _solved(walker, gait, start, phases)
 
 
-def three_legs(robot: str | RobotModel, name: str = "three_legs", **changes: Any) -> JointMotion:
+def three_legs(robot: str | RobotModel | Walker, name: str = "three_legs", **changes: Any) -> JointMotion:
     """Plan to lift one foot and stand on the other three.
 
     Args:
-        robot: its name, or its model.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
         name: of the stand in the robot's `gaits.yaml`.
         changes: parameters of :class:`Stand` to change, such as ``foot``.
 

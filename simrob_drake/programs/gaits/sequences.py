@@ -18,11 +18,11 @@ from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
 
-def posing(robot: str | RobotModel, name: str, **changes: Any) -> JointMotion:
+def posing(robot: str | RobotModel | Walker, name: str, **changes: Any) -> JointMotion:
     """Return one of a robot's sequences of postures.
 
     Args:
-        robot: its name, or its model.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
         name: of the sequence in the robot's `gaits.yaml`.
         changes: parameters of :class:`Posing` to change.
 
@@ -48,12 +48,12 @@ def posing(robot: str | RobotModel, name: str, **changes: Any) -> JointMotion:
 
 
 def march(
-    robot: str | RobotModel, steps: int, name: str = "march", *, amplitude: float = 1.0, **changes: Any
+    robot: str | RobotModel | Walker, steps: int, name: str = "march", *, amplitude: float = 1.0, **changes: Any
 ) -> JointMotion:
     """Return a walk by joint angles in the thesis's manner: each step a few sub-moves, left and right in turn.
 
     Args:
-        robot: its name, or its model.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
         steps: how many full steps ahead; the first and the last one are half as long, so there is one more.
         name: of the march in the robot's `gaits.yaml`.
         amplitude: scales how far all joints go from the posture at the start, which keeps their proportions.

@@ -2,7 +2,8 @@ r"""From a course of feet and zero-moment point to the joint angles of the whole
 
 The trunk first follows the linear inverted pendulum. The motion so found has another zero-moment point than was asked
 for, since legs and arms have masses of their own; what is missing drives the pendulum again, and the trunk is moved by
-as much (Kajita's preview of the error, 2003). A few rounds bring it to millimetres.
+as much (Kajita's preview of the error, 2003). A few rounds bring it to millimetres. All this is done in the
+frame of the ground: on a slope it is gravity that leans, and the trunk stays upright against it.
 
 A trunk on legs without ankle roll cannot go sideways while the soles stay flat: it leans instead. Its lean
 :math:`\varphi` moves the centre of mass by :math:`k\varphi`, and acts like a pendulum of another height, :math:`Z/k`
@@ -13,7 +14,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about
+from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about, upright
 from simrob_drake.programs.gaits.legs import leg_angles
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import SolvedGait, Walk
@@ -41,6 +42,7 @@ class WholeBody:
             bearing.lean_arms_deg, "lean_arms_deg"
         )  # of each axis, a radian of lean to the right
         self._swing = np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg"))
+        self._upright = upright(walker.gravity)
         self._kind = gait.feet if isinstance(gait, Walk) else None
         self.feet = walker.feet(self._kind)
         self.leans = any(len(foot.axes) == 4 for foot in self.feet)
@@ -55,20 +57,20 @@ class WholeBody:
         count = len(self.course.times)
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))
-        wanted = self.course.zmp
-        place, lean = com_from_zmp(wanted, step=SAMPLE, height=height), np.zeros(count)
+        wanted, pull = self.course.zmp, -float(self.walker.gravity[2])
+        place, lean = com_from_zmp(wanted, step=SAMPLE, height=height, gravity=pull), np.zeros(count)
         angles, root = self._postures(place, lean, angles)
-        zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
+        zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE, self.walker.gravity)
         for _ in range(rounds):
             missing = wanted - zmp
-            move = com_from_zmp(missing, step=SAMPLE, height=height)
+            move = com_from_zmp(missing, step=SAMPLE, height=height, gravity=pull)
             if self.leans:
-                lean = lean + com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height)[:, 0] / factor
+                lean = lean + com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height, gravity=pull)[:, 0] / factor
                 move[:, 1] = 0.0
             place = place + move
             self._roll(angles, root)
             angles, root = self._postures(place, lean, angles)
-            zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
+            zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE, self.walker.gravity)
         return self._in_the_world(angles, root), zmp
 
     def _postures(self, place: Vector, lean: Vector, angles: Vector) -> tuple[Vector, Vector]:
@@ -88,7 +90,7 @@ class WholeBody:
         rotation = (
             turned @ rotations_about(LEFT, np.full(count, np.deg2rad(bearing.pitch_deg))) @ rotations_about(AHEAD, lean)
         )
-        rotation = rotation @ facing_rotation(self.facing_deg)
+        rotation = self._upright @ rotation @ facing_rotation(self.facing_deg)
         root = stacked(np.column_stack([place, np.full(count, bearing.height)]), rotation)
         angles = self._with_arms(part, angles, lean)
         apart = np.zeros(count)

@@ -86,12 +86,15 @@ def walked_way(result: RecordedRun) -> Way | None:
     base = result.pose("base", walking[0])
     times = np.linspace(0.0, framed_time(result), max(round(framed_time(result) / _EVERY), 1) + 1)
     places = [np.interp(times, result.times, column) for column in base[:, :2].T]
-    if np.hypot(*(column - column[0] for column in places)).max() < _WALK * base[0, 2]:
+    ground = result.plant.ground
+    height = base[0, 2] - ground.beneath(base[:1, :3])[0]
+    if np.hypot(*(column - column[0] for column in places)).max() < _WALK * height:
         return None
     smooth = [np.convolve(np.pad(column - column[0], _HALF, mode="edge"), _MEAN, "valid") for column in places]
 
     def way(at: Vector) -> Vector:
-        return np.column_stack([*(np.interp(at, times, column) for column in smooth), np.zeros(len(at))])
+        gone = np.column_stack([*(np.interp(at, times, column) for column in smooth), np.zeros(len(at))])
+        return np.asarray(gone + np.outer(ground.floor_heights(gone), [0.0, 0.0, 1.0]))
 
     return way
 

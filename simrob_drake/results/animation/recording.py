@@ -59,12 +59,14 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     points = scene.extents_of_run(result, way)
     look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=side(scene.station)))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    tilt = scene.station.ground.tilt.rotation().matrix()
+    lines = floor_lines(gone @ tilt, size=config.floor.size) if config.floor else np.zeros((0, 2, 3))
     run = {
-        "way": [] if way is None else np.round(gone[:, :2], 4).tolist(),
+        "way": [] if way is None else np.round(gone, 4).tolist(),
         "rate": frames_per_second,
         "middle": middle.tolist(),
         "radius": float(np.linalg.norm(points - middle, axis=1).max()),
-        "lines": floor_lines(gone, size=config.floor.size).round(4).tolist() if config.floor else [],
+        "lines": (lines @ tilt.T).round(4).tolist(),
         "spacing": SPACING,
     }
     script = f"<script>const RUN = {json.dumps(run)};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
