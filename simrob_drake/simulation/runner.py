@@ -245,7 +245,7 @@ class _Run:
                 self.stepper.simulator,
                 *watchers,
                 look=watch.look if ports.monitors else None,
-                correct=self.stepper.correction(),
+                pace=self.stepper.pace(),
             )
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)

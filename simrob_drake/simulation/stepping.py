@@ -16,6 +16,7 @@ from simrob_drake.simulation.pace import creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.stations.steps import likely_cause
 
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
@@ -67,9 +68,9 @@ class Stepper:
         """That of the diagram that is stepped now."""
         return self._simulators[id(self.built)]
 
-    def correction(self) -> Callable[[Context], None] | None:
-        """Return what corrects the steps from now on, if anything does."""
-        return self._correction(self.built)
+    def pace(self) -> Callable[[Context], None] | None:
+        """Return what is to look at each step from now on, and changes the length of the next, if anything does."""
+        return self._pace(self.built, self.simulator)
 
     def run(self, recorder: Recorder, watch: Watch) -> Outcome:
         """Step to the end, or until something ends the run."""
@@ -104,7 +105,7 @@ class Stepper:
         built = self._diagram_at(float(history.times[before]))
         simulator = self._simulator(built)
         history.put(before, simulator.get_mutable_context())
-        recorder = Recorder(simulator, correct=self._correction(built))
+        recorder = Recorder(simulator, pace=self._pace(built, simulator))
         simulator.AdvanceTo(time)
         if not recorder.is_sane():
             raise RuntimeError("a state ran away between two recorded ones")
@@ -127,15 +128,17 @@ class Stepper:
             return
         self.built = built
         _copy_state(context, self.simulator.get_mutable_context())
+        recorder.attach(self.simulator, self.pace())
         integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
-        recorder.attach(self.simulator, self.correction())
         self.simulator.Initialize()
 
-    def _correction(self, built: ClosedStation) -> Callable[[Context], None] | None:
-        flies = self._config.mode == "dynamic" and self._config.solver.scheme == "cenic"
-        return Flight(built.ports.plant.plant).correct if flies else None
+    def _pace(self, built: ClosedStation, simulator: Simulator) -> Callable[[Context], None] | None:
+        solver = self._config.solver
+        if self._config.mode == "kinematic" or not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
+            return None
+        return Flight(built.ports.plant.plant, solver, simulator).look
 
     def _simulator(self, built: ClosedStation) -> Simulator:
         simulator = Simulator(built.diagram)

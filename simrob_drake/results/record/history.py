@@ -38,7 +38,7 @@ class Recorder:
         simulator: Simulator,
         *watchers: Callable[[Context], None],
         look: Callable[[History], bool] | None = None,
-        correct: Callable[[Context], None] | None = None,
+        pace: Callable[[Context], None] | None = None,
     ) -> None:
         """Begin to record, with the state that the simulator starts from.
 
@@ -46,18 +46,18 @@ class Recorder:
             simulator: whose monitor this becomes.
             watchers: called after each accepted step.
             look: called now and then with the steps since the last call; True ends the run.
-            correct: called at the start and after each accepted step, before it is kept; it may change the state.
+            pace: called at the start and after each accepted step; it may change the length of the next ones.
         """
         self.times = array("d")
         self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
         self._states: list[array[float]] = []  # of the continuous part and each discrete group, one state after another
         self._abstract: list[list[AbstractValue]] = []
         self._watchers, self._look, self._seen = watchers, look, 0
-        self.attach(simulator, correct)
+        self.attach(simulator, pace)
 
-    def attach(self, simulator: Simulator, correct: Callable[[Context], None] | None = None) -> None:
+    def attach(self, simulator: Simulator, pace: Callable[[Context], None] | None = None) -> None:
         """Go on with a simulator whose context has the same layout, from the state that it is in."""
-        self._correct = correct
+        self._pace = pace
         self._system = simulator.get_system()
         context = simulator.get_context()
         groups = range(context.num_discrete_state_groups())
@@ -69,8 +69,8 @@ class Recorder:
 
     def _keep(self, context: Context) -> EventStatus:
         time = context.get_time()
-        if self._correct is not None:
-            self._correct(context)
+        if self._pace is not None:
+            self._pace(context)
         if self.times and time == self.times[-1]:  # an event at a step's end: what it left counts
             del self.times[-1:], self._abstract[-1:]
             for size, states in zip(self._sizes, self._states, strict=True):
