@@ -3,13 +3,15 @@
 import re
 from collections.abc import Mapping
 from copy import deepcopy
+from os.path import exists, isdir, isfile  # which are false for names that no file can have
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
+from simrob_drake.given import instance
 from simrob_drake.parts.controllers.own import OwnController, class_beside
 from simrob_drake.parts.kinds import models_by_kind
 from simrob_drake.parts.references import ReferenceConfig
@@ -21,6 +23,9 @@ from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml, validated
 
 ONLY_ROBOT = "robot"
 """The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
+
+_ENTRIES = ("pieces", "sensors", "monitors", "forces", "controllers")
+"""Sections of entries by name, which an override can take out: `pieces.load=null`."""
 
 _ROBOTS = (ONLY_ROBOT, "robots")
 _ORIGINS = {"urdf": ("model",), "model": ("urdf", "import_options")}
@@ -46,7 +51,8 @@ def load_station(
     Args:
         name_or_path: a name of :func:`station_names`, or a YAML file.
         overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. Changing
-            a ``kind`` keeps those keys of the file that the new kind knows.
+            a ``kind`` keeps those keys of the file that the new kind knows, and None takes out a piece, sensor,
+            monitor, force or controller.
         called: what errors call an override by its key; ``override KEY`` unless given.
         allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` are.
 
@@ -55,8 +61,8 @@ def load_station(
         InvalidConfig: an entry that cannot be; the message names file or override, key and what would be right.
     """
     path, overrides = _station_file(name_or_path), {} if overrides is None else overrides
-    if not isinstance(overrides, Mapping):
-        raise InvalidParameter("overrides", shortened(repr(overrides)), "a mapping of keys to values")
+    for key in instance(overrides, "overrides", Mapping, "a mapping of keys to values"):
+        instance(key, "overrides", str, "a mapping whose keys are texts, such as 'servo.kp'")
     try:
         return _loaded(path, overrides, path, allow_code)
     except SimrobError as problem:
@@ -118,38 +124,51 @@ def station_yaml(config: StationConfig) -> str:
 
 def _station_file(name_or_path: str | Path) -> Path:
     if not isinstance(name_or_path, (str, Path)):
-        raise InvalidParameter("station", shortened(repr(name_or_path)), "a name of `simrob list`, or a YAML file")
+        raise InvalidParameter("station", quoted(name_or_path), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)
     if str(name_or_path) in station_names():
         return diagrams_root() / f"{name_or_path}.yaml"
-    if path.is_dir():
+    if isdir(path):
         inside = path / "station.yaml"
-        hint = f"; did you mean {inside}?" if inside.is_file() else ""
+        hint = f"; did you mean {inside}?" if isfile(inside) else ""
         raise InvalidConfig(path, "", f"is a folder, and a station is a name or a YAML file{hint}")
     if path.suffix not in YAML_SUFFIXES:
         raise UnknownName("station", str(name_or_path), station_names())
-    if not path.is_file():
+    if not exists(path):
         raise InvalidConfig(path, "", "there is no such file")
     return path.resolve()
 
 
-def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
-    """Set the value under a dotted key, making sections on the way."""
+def _section_of(content: dict[str, Any], key: list[str], where: Path | str) -> dict[str, Any]:
+    """Return the section that a dotted key stands in, making sections on the way."""
     node = content
     for depth, part in enumerate(key[:-1]):
         child = node.get(part)
         if child is None:
             child = node[part] = {}
         if not isinstance(child, dict):
-            raise InvalidConfig(where, ".".join(key[: depth + 1]), f"is {child!r}, so it has no key '{key[depth + 1]}'")
+            raise InvalidConfig(
+                where, ".".join(key[: depth + 1]), f"is {quoted(child)}, so it has no key '{key[depth + 1]}'"
+            )
         node = child
+    return node
+
+
+def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
+    """Set the value under a dotted key."""
+    node = _section_of(content, key, where)
     section = key[-2] if len(key) > 1 else ""
+    if value is None and section in _ENTRIES and len(key) == 2 and key[-1] in node:
+        del node[key[-1]]
+        return
     if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:
         for other in _ORIGINS[key[-1]]:
             node.pop(other, None)
-    if key[-1] == "kind" and section in _KINDS and node.get("kind") != value:
+    if key[-1] == "kind" and section in _KINDS and isinstance(value, str) and node.get("kind") != value:
         _change_kind(node, _KINDS[section], value)
     if isinstance(value, Mapping) and value and isinstance(node.get(key[-1]), dict):
+        for inner in value:
+            instance(inner, ".".join(key), str, "a section whose keys are texts")
         for inner in sorted(value, key=lambda name: name != "kind"):  # what else is set belongs to the new kind
             _override(content, [*key, inner], value[inner], where)
     else:

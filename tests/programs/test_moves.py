@@ -270,7 +270,7 @@ class TestBadInput:
                 {"duration": 1, "speed": 0.1},
                 "the time of the move is given by duration and speed; it must be given by one",
             ),
-            ({"duration": 0}, "duration is 0; it must be a positive number"),
+            ({"duration": 0}, "duration is 0; it must be a positive time"),
             ({"speed": -1}, "speed is -1"),
             ({"times": [1, 2]}, "1 times"),
             ({"times": [[np.nan]]}, "1 times"),
@@ -366,3 +366,8 @@ class TestCollisions:
         kinematic.move_j([0.1, 0.15, 0.05, *DOWN], wobj="table")
         kinematic.move_l([0.1, 0.15, -0.01], wobj="table")
         kinematic.move_l([0.1, 0.15, 0.05], wobj="table", check="collision")
+
+
+def test_a_method_is_no_attribute_to_assign_to():
+    with pytest.raises(AttributeError, match=r"tool is a method of Arm: call tool\('gripper'\)"):
+        Arm("irb120_kinematic").tool = "gripper"
