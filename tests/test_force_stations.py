@@ -153,3 +153,16 @@ def test_what_cannot_be_is_refused_by_its_key(station, overrides, words):
 def test_a_servo_without_stiffness_cannot_give_way():
     with pytest.raises(SimrobError, match=r"servo\.kp of joint_2 is 0"):
         load_station("irb120_motor_protection", {"servo.kp": {"joint_2": 0}})
+
+
+def test_protection_lies_above_a_force_that_is_too_large():
+    """Who asks for more than a hand may bear is stopped; the loop below goes on, and moves nothing."""
+    above = {"kind": "motor_protection", "force": "hands_and_fingers", "reads": {"force": "touch"}, "priority": 1}
+    asked = {"controllers.press.force": 200, "reference.kind": "hold"}
+    result, force, _ = press(3.5, **{**asked, "controllers.guard": above})
+    assert result["guard.stage"][-1] == 3
+    assert 140 < force.max() < 200
+    assert force[-1] < 25
+    assert np.ptp(result["q_ref.joint_2"][-50:]) < 1e-12
+    with pytest.raises(SimrobError, match=r"a priority \(or both with a weight\)"):
+        load_station("irb120_force_control", {"controllers.guard": {**above, "priority": None}})
