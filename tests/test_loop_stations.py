@@ -121,7 +121,7 @@ def test_the_arms_catch_a_robot_that_falls_forward(changed):
 @pytest.mark.parametrize("changed", [{}, FINE])
 def test_without_the_guard_the_head_hits_the_floor(changed):
     result = run("humanoid_fall_forward", controllers={}, **changed)
-    assert touched(result) == FEET | {"neck"}  # to which the head is fixed
+    assert FEET | {"neck"} <= touched(result) <= FEET | {"neck", "trunk"}  # the head is fixed to its neck
     assert result["distance.head"][-1] == pytest.approx(0, abs=1e-3)
 
 

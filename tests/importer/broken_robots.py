@@ -614,7 +614,9 @@ INERTIAS = [
     Defect("legs without inertias", bare, "refused: link 'left_shin': has no usable inertia", LEGS),
     Defect("legs, estimated", bare, "defaulted: link 'left_shin': has no inertia; estimated: 0.32 kg", LEGS, ESTIMATE),
     Defect("legs on the world", on_world, "read: fixed base: its root link is the world", LEGS),
-    Defect("legs that stay", bare, "read: link 'trunk': floating base: 2 branches of 3 and more joints", LEGS),
+    Defect(
+        "legs that stay", bare, "read: link 'trunk': floating base: 2 branches of 'trunk' are called as legs are", LEGS
+    ),
 ]
 
 FILES = [
@@ -638,8 +640,8 @@ FILES = [
     Defect(
         "xacro leftover", swap('effort="40"', 'effort="${e}"'), "error: joint 'elbow' <limit>: effort=\"${e}\" is an"
     ),
-    Defect("xacro", swap("<robot", '<robot xmlns:xacro="http://ros.org/wiki/xacro" xacro:a="1"'), "error: xacro"),
-    Defect("50 MB", content(lambda text: text.encode() + b" " * 50_000_000), "error: is larger than 20 MB"),
+    Defect("xacro", swap("</robot>", "<xacro:lost/></robot>"), "error: xacro"),
+    Defect("50 MB", content(lambda text: text.encode() + b" " * 50_000_000), "error: it is larger than 10 MB"),
 ]
 
 DEFECTS = [*RESOLVING, *MESHES, *SHAPES, *NAMES, *TREE, *JOINTS, *DRIVES, *INERTIAS, *FILES]

@@ -169,7 +169,7 @@ def test_samples_are_not_more_than_fit():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("robot: [", r"is not YAML: while parsing a flow .* \(line 1, column \d+\)$"),
+        ("robot: [", r"is not YAML: while parsing a flow .* \(line \d+, column \d+\)$"),
         ("- a\n- b", "must hold a mapping"),
         ("robot: {model: irb120}\nduration: 1\nduration: 2", "'duration' stands twice"),
         ("description: nothing else", "robots is empty; .*something that moves"),

@@ -14,6 +14,7 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import Vector, lean
 from simrob_drake.parts.controllers.capture_point import CapturePoint
 from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.yaml_files import Number
@@ -27,7 +28,7 @@ class FallGuard(LoopSection):
 
     kind: Literal["fall_guard"]
     height: Positive | None = None
-    """Height of the base below which it acts [m]."""
+    """Height of the base over the ground beneath, below which it acts [m]."""
     tilt_deg: Positive | None = None
     """Angle from how the base stood at the start beyond which it acts."""
     capture_point: NotNegative | None = None
@@ -66,6 +67,7 @@ class FallGuard(LoopSection):
             duration=self.duration,
             height=-math.inf if self.height is None else self.height,
             tilt=math.inf if self.tilt_deg is None else math.radians(self.tilt_deg),
+            ground=site.plant.ground,
             must_step=step,
             up=robot.base.rotation().inverse() @ np.array([0.0, 0.0, 1.0]),
             reset_after=math.inf if self.reset_after is None else self.reset_after,
@@ -90,6 +92,7 @@ class ProtectivePosture(SampledBlock):
         height: float,
         tilt: float,
         up: Vector,
+        ground: Ground | None = None,
         must_step: tuple[int, Callable[[Vector], bool]] | None = None,
         reset_after: float = math.inf,
     ) -> None:
@@ -99,15 +102,17 @@ class ProtectivePosture(SampledBlock):
             period: between samples [s].
             posture: where all axes go, shape (n,) [rad].
             duration: of the way there [s].
-            height: of the base below which it acts [m].
+            height: of the base over the ground below which it acts [m].
             tilt: angle from upright beyond which it acts [rad].
             up: what of the base points up while it stands upright, shape (3,).
+            ground: beneath it; the plane z = 0 unless given.
             must_step: size of the state, and what tells by it that standing will not do; None for nothing.
             reset_after: how long all must be well before it lets go [s].
         """
         self.units = {"target": "rad"}
         self._posture, self._duration = posture, duration
         self._height, self._tilt, self._up, self._reset_after = height, tilt, up.tolist(), reset_after
+        self._ground = ground or Ground()
         zero = np.zeros(len(posture))
         memory = {"target": zero, "active": np.zeros(1), "elapsed": np.zeros(1), "origin": zero, "well": np.zeros(1)}
         reads = {"base_pose": 7, "reference": len(posture)}
@@ -118,9 +123,9 @@ class ProtectivePosture(SampledBlock):
 
     def falls(self, read: Named) -> bool:
         """Tell whether what is read is beyond a threshold."""
-        _, _, z, *quaternion = read["base_pose"].tolist()
-        leans = z < self._height or lean(self._up, *quaternion) > self._tilt
-        return leans or (self._must_step is not None and self._must_step(read["state"]))
+        pose = read["base_pose"]
+        leans = lean(self._up, *pose[3:].tolist()) > self._tilt or self._ground.height(pose) < self._height
+        return bool(leans or (self._must_step is not None and self._must_step(read["state"])))
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next point of the way to the posture, if the robot falls or has fallen."""
