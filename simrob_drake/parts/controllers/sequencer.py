@@ -64,6 +64,13 @@ class Sequencer(Pace, LoopSection):
     ends: bool = False
     """Whether the run ends as soon as the last cell is done."""
 
+    @model_validator(mode="after")
+    def _has_time_for_its_ways(self) -> Self:
+        for number, cell in enumerate(self.cells):
+            if self.timeout is not None and cell.duration >= self.timeout:
+                raise ValueError(f"cells[{number}] has a duration of {cell.duration:g} s, which leaves no timeout")
+        return self
+
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return all axes; the targets are checked."""
         lower, upper = robot.model.axis_limits

@@ -125,7 +125,7 @@ class RecordedRun:
             block = self.final_state.blocks.get(f"controller.{name}")
             if isinstance(section, Sequencer) and block is not None:
                 times = block.discrete[-1].tolist()
-                found[name] = [time if isfinite(time) else None for time in times]
+                found[name] = [round(time, 9) if isfinite(time) else None for time in times]
         return found
 
     @property
