@@ -93,7 +93,10 @@ WRONG = [
     ({"pieces.load.scale": 2}, r"pieces\.load: .*a scale goes with a mesh"),
     ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*either a model or a mesh"),
     ({"pieces.load.frame": "tpc"}, r"no frame of gripper 'tpc'; did you mean 'tcp'\?"),
-    ({"pieces.gripper.frame": "tcp"}, r"no tool of robot for pieces\.gripper\.frame 'tcp'; known: tool0"),
+    (
+        {"pieces.gripper.frame": "tcp"},
+        r"no tool or link of robot for pieces\.gripper\.frame 'tcp'; known: base_link, .* tool0",
+    ),
     ({"inputs": ["feedforwrd"]}, r"inputs: there is no 'feedforwrd'; did you mean 'feedforward'\?"),
     ({"duration": -1}, r"duration: .*greater than 0"),
     ({"duraton": 1}, r"duraton: unknown key; did you mean 'duration'\?"),
