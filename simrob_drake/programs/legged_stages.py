@@ -14,7 +14,7 @@ import numpy as np
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
-from simrob_drake.programs.automatic import pace_of, run_cells
+from simrob_drake.programs.automatic import run_cells
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.grasps import let_go
@@ -78,7 +78,7 @@ def stages_of_program(robot: LeggedGeometry, program: Program, station: StationC
     """
     _check_references(robot, program, file)
     if program.automatic:
-        return [partial(run_cells, cells=program.references, pace=pace_of(program.automatic))]
+        return [partial(run_cells, cells=program.references, pace=program.automatic)]
     check_some(program.moves)
     return stages_of(robot, program.moves, station, file)
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import yaml
-from pydantic import model_validator
+from pydantic import BeforeValidator, model_validator
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted, shortened
 from simrob_drake.folders import written_at_once
@@ -15,6 +15,10 @@ from simrob_drake.given import instance, path
 from simrob_drake.programs.automatic import Automatic, pace_of
 from simrob_drake.programs.moves import KINDS, AnyMove, JointMove, kind_of
 from simrob_drake.yaml_files import Strict, read_yaml, validated
+
+
+def _as_usual(given: Any) -> Any:
+    return ({} if given else None) if isinstance(given, bool) else given
 
 
 class Program(Strict):
@@ -29,8 +33,8 @@ class Program(Strict):
     """One after the other, from where the robot stands at the start."""
     references: tuple[JointMove, ...] = ()
     """Cells (SimRob's ``joint{k}``) that a sequencer goes through, each for as long as it takes."""
-    automatic: bool | Automatic = False
-    """Whether references are run instead of moves, in the robot's own time; or how: `{tolerance_deg: 3}`."""
+    automatic: Annotated[Automatic | None, BeforeValidator(_as_usual)] = None
+    """How references are run instead of moves, in the robot's own time: `{tolerance_deg: 3}`, or `true`."""
     station: str | None = None
     """Where `simrob run` runs it: a station's name, or a file from where the program lies."""
     robot: str | None = None
@@ -96,7 +100,7 @@ class Program(Strict):
         Raises:
             SimrobError: as :func:`pace_of`.
         """
-        return self.model_copy(update={"automatic": given is not False and pace_of(given)})
+        return self.model_copy(update={"automatic": None if given is False else pace_of(given)})
 
     def with_reference(self, cell: JointMove) -> Program:
         """Return the program with a cell behind the others."""
