@@ -18,6 +18,7 @@ from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.legged_stages import (
     Stage,
     check_program,
+    goes_on,
     joint_reference,
     stages_of,
     stages_of_program,
@@ -39,7 +40,6 @@ from simrob_drake.programs.moves import (
     checked,
     move_of,
 )
-from simrob_drake.programs.ongoing import goes_on
 from simrob_drake.programs.program import Program, counted
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult

@@ -22,7 +22,9 @@ from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.moves import ActMove, AnyMove, AttachMove, JointMove, ReleaseMove, WalkMove
+from simrob_drake.programs.ongoing import GOES_ON
 from simrob_drake.programs.program import Program
+from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import Reference
@@ -182,6 +184,11 @@ def _naming(move: str) -> Iterator[None]:
         if move:
             problem.args = (f"{move}: {problem}",)
         raise
+
+
+def goes_on(result: SimulationResult) -> bool:
+    """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
+    return result.ending in GOES_ON and fallen(result) is None
 
 
 def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:

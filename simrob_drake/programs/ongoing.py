@@ -24,7 +24,6 @@ from simrob_drake.programs.targets import HasTool, WorkObject
 from simrob_drake.programs.trajectories import Stretch, rest, trajectory
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference, Runner
 from simrob_drake.stations.config import StationConfig
@@ -35,11 +34,6 @@ GOES_ON = ("completed", "monitor")
 """Endings of a run after which the next one begins where it ended."""
 _SAME_PLACE = 1e-9
 """How far from the robot's reference a plan may begin [rad or m]."""
-
-
-def goes_on(result: SimulationResult) -> bool:
-    """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
-    return result.ending in GOES_ON and fallen(result) is None
 
 
 class OngoingStation:

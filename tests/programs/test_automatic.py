@@ -53,7 +53,7 @@ def check_visited(result, targets, tolerance):
 def test_a_legged_robot_goes_through_its_references_slow_or_not(part):
     robot = standing(**{"servo.kp": 100 * part})
     times = check_visited(robot.simulate(automatic=True), WAVE, 2.0)
-    assert times[-1] == pytest.approx({1.0: 4.2, 0.5: 6.5}[part], abs=1.0)
+    assert times[-1] == pytest.approx({1.0: 3.7, 0.5: 6.1}[part], abs=0.5)
     assert robot.runs[-1].summary()["cells"] == robot.runs[-1].cells
 
 
@@ -117,10 +117,11 @@ def test_a_station_s_own_sequencer_waits_and_its_other_loops_lie_above():
 
 @pytest.mark.parametrize("part", [1.0, 0.25])
 def test_an_arm_does_the_same(part):
-    made = arm(**{"servo.kp": 2000 * part, "servo.kd": 100 * part})
+    made = arm(**{"servo.kp": 2000 * part, "servo.kd": 100})
     result = made.simulate(automatic={"speed_deg": 2})
     targets = [dict(zip(made.axes, row, strict=True)) for row in np.rad2deg(POSTURES)]
-    check_visited(result, targets, 2.0)
+    times = check_visited(result, targets, 2.0)
+    assert (times[-1] > 2.5) == (part < 1)  # the slow one takes its time
     np.testing.assert_array_equal(made.position, np.zeros(6))  # it stays
 
 
