@@ -46,10 +46,8 @@ class CapturePoint:
         plant.SetPositionsAndVelocities(scratch, state)
         mass = plant.CalcCenterOfMassPositionInWorld(scratch, robot)
         speed = plant.CalcCenterOfMassTranslationalVelocityInWorld(scratch, robot)
-        feet = [plant.GetFrameByName(link, robot[0]).CalcPoseInWorld(scratch) for link in self._soles]
-        points = np.hstack([pose @ sole for pose, sole in zip(feet, self._soles.values(), strict=True)])
-        fall_time = np.sqrt(
-            max(mass[2] - points[2].min(), 0.0) / np.linalg.norm(plant.gravity_field().gravity_vector())
-        )
+        world, frames = plant.world_frame(), [plant.GetFrameByName(link, robot[0]) for link in self._soles]
+        soles = zip(frames, self._soles.values(), strict=True)
+        points = np.hstack([plant.CalcPointsPositions(scratch, frame, sole, world) for frame, sole in soles])
         place = mass[:2] + speed[:2] * fall_time
-        return float((_DIRECTIONS @ place - (_DIRECTIONS @ points[:2]).max(axis=1)).max())
+        return float(-(_DIRECTIONS @ (points[:2] - place[:, np.newaxis])).max(axis=1).min())
