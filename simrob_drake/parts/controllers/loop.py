@@ -149,7 +149,9 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         site.notes[name] = {"kind": section.kind}
         _draw(site, f"controller.{name}", name, section, robot)
         for port in _outputs(block):
-            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot)
+            driven = {"offset": section.axes, "target": section.layered}.get(port.get_name())
+            axes = robot.axes if driven is None else driven(robot)
+            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot, axes)
     for name, section in loops.items():
         known = [blocks[name].get_input_port(index).get_name() for index in range(blocks[name].num_input_ports())]
         for read in section.reads:
@@ -169,14 +171,26 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
             _drive(builder, site, robot, {name: (own[name], blocks[name]) for name in layers})
 
 
-def declare_output(site: Site, name: str, port: OutputPort, unit: str, robot: StationRobot | None = None) -> None:
-    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each."""
-    output, numbers = f"{name}.{port.get_name()}", [str(index) for index in range(port.size())]
+def declare_output(
+    site: Site,
+    name: str,
+    port: OutputPort,
+    unit: str,
+    robot: StationRobot | None = None,
+    axes: Collection[str] | None = None,
+) -> None:
+    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
+
+    Of a robot's axes those are told that are named.
+    """
+    output, size = f"{name}.{port.get_name()}", port.size()
     robots = site.plant.robots.values() if robot is None else [robot]
-    entries = next((robot.axes for robot in robots if len(robot.axes) == port.size()), numbers)
-    names = (output,) if port.size() == 1 else tuple(f"{output}.{entry}" for entry in entries)
+    entries = next((each.axes for each in robots if len(each.axes) == size), [str(index) for index in range(size)])
+    told = tuple(index for index, entry in enumerate(entries) if size == 1 or axes is None or entry in axes)
+    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
     panel = Panel(f"controller_{name}", f"the block '{name}'", port.get_name(), f"{port.get_name()} [{unit}]", names)
-    site.add(output, port, Signal(names, (unit,) * port.size(), "own", output, part=name, panel=panel))
+    picked = told if len(told) < size else None
+    site.add(output, port, Signal(names, (unit,) * len(names), "own", output, picked, part=name, panel=panel))
 
 
 def _drive(
