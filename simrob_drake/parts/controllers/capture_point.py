@@ -49,5 +49,5 @@ class CapturePoint:
         world, frames = plant.world_frame(), [plant.GetFrameByName(link, robot[0]) for link in self._soles]
         soles = zip(frames, self._soles.values(), strict=True)
         points = np.hstack([plant.CalcPointsPositions(scratch, frame, sole, world) for frame, sole in soles])
-        place = mass[:2] + speed[:2] * fall_time
+        place = mass[:2] + speed[:2] * np.sqrt(max(mass[2] - points[2].min(), 0.0) / self._gravity)
         return float(-(_DIRECTIONS @ (points[:2] - place[:, np.newaxis])).max(axis=1).min())

@@ -21,7 +21,7 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.yaml_files import Number, Strict
 
 REACHED = "reached"
-"""What the block remembers last: when each cell was reached [s], inf until then."""
+"""What the block remembers last: when each cell was reached [s], -1 until then."""
 
 
 class Cell(Strict):
@@ -156,7 +156,7 @@ class CellSequence(SampledBlock):
                 "elapsed": np.zeros(1),
                 "origin": np.zeros(size),
                 "clock": np.zeros(1),  # since the first sample [s]
-                REACHED: np.full(len(targets), np.inf),  # by that clock; results look for it at the end
+                REACHED: np.full(len(targets), -1.0),  # by that clock; results look for it at the end
             },
             gives=("target", "active", "cell", "done"),
         )

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import Literal
 
 import numpy as np
@@ -125,7 +124,7 @@ class RecordedRun:
             block = self.final_state.blocks.get(f"controller.{name}")
             if isinstance(section, Sequencer) and block is not None:
                 times = block.discrete[-1].tolist()
-                found[name] = [round(time, 9) if isfinite(time) else None for time in times]
+                found[name] = [round(time, 9) if time >= 0 else None for time in times]
         return found
 
     @property
