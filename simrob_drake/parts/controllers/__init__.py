@@ -7,19 +7,32 @@ from pydantic import Field
 from pydrake.systems.framework import LeafSystem
 
 from simrob_drake.parts.controllers.fall_guard import FallGuard
-from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.loop import LoopSection, Reader
 from simrob_drake.parts.controllers.objective import Objective
 from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.parts.controllers.sequencer import Sequencer
+from simrob_drake.parts.controllers.signal_flow import SignalFlow
 from simrob_drake.parts.kinds import named_by_kind
 
-ControllerConfig = Annotated[OwnController | Sequencer | Objective | FallGuard, Field(discriminator="kind")]
+ControllerConfig = Annotated[
+    OwnController | Sequencer | Objective | FallGuard | SignalFlow, Field(discriminator="kind")
+]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]
 
 
 def loops_of(controllers: Controllers) -> dict[str, LoopSection]:
     """Return those controllers that are loops of the package's, by name."""
     return {name: section for name, section in controllers.items() if isinstance(section, LoopSection)}
+
+
+def flows_of(controllers: Controllers) -> dict[str, SignalFlow]:
+    """Return those controllers that are signal flows, by name."""
+    return {name: section for name, section in controllers.items() if isinstance(section, SignalFlow)}
+
+
+def readers_of(controllers: Controllers) -> dict[str, Reader]:
+    """Return those controllers that are of the package's, and tell what they read and drive, by name."""
+    return {**loops_of(controllers), **flows_of(controllers)}
 
 
 def own_blocks(controllers: Controllers) -> Mapping[str, LeafSystem]:

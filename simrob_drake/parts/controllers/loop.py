@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -97,7 +97,22 @@ class LoopSection(Strict):
         raise UnknownName(f"sensor or output of the station for {key}.reads.{name}", given or name, site.outputs)
 
 
-def sensors_read(loops: Mapping[str, LoopSection], sensors: Collection[str]) -> set[str]:
+class Reader(Protocol):
+    """A controller that reads signals by names, and drives inputs beside the reference."""
+
+    @property
+    def named(self) -> list[str]:
+        """What it reads by names."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Inputs of robots that it drives."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check what is known before anything is built."""
+
+
+def sensors_read(loops: Mapping[str, Reader], sensors: Collection[str]) -> set[str]:
     """Return the names of the sensors that loops read: those must sample while the station is stepped."""
     parts = {part for loop in loops.values() for text in loop.named for part in text.split(".")}
     return parts & set(sensors)
@@ -169,13 +184,19 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
             _drive(builder, site, robot, {name: (own[name], blocks[name]) for name in layers})
 
 
-def declare_output(site: Site, name: str, port: OutputPort, unit: str, robot: StationRobot | None = None) -> None:
-    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each."""
-    output, numbers = f"{name}.{port.get_name()}", [str(index) for index in range(port.size())]
+def declare_output(
+    site: Site, name: str, port: OutputPort, unit: str, robot: StationRobot | None = None, *, called: str = ""
+) -> None:
+    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
+
+    It is called as its port is unless said.
+    """
+    called = called or port.get_name()
+    output, numbers = f"{name}.{called}", [str(index) for index in range(port.size())]
     robots = site.plant.robots.values() if robot is None else [robot]
     entries = next((robot.axes for robot in robots if len(robot.axes) == port.size()), numbers)
     names = (output,) if port.size() == 1 else tuple(f"{output}.{entry}" for entry in entries)
-    panel = Panel(f"controller_{name}", f"the block '{name}'", port.get_name(), f"{port.get_name()} [{unit}]", names)
+    panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
     site.add(output, port, Signal(names, (unit,) * port.size(), "own", output, part=name, panel=panel))
 
 
@@ -204,7 +225,7 @@ def _drive(
     builder.Connect(limited, inner)
     _draw(site, f"{key}.limits", name, section, robot)
     if torques:
-        _add_torques(builder, site, robot, torques)
+        add_torques(builder, site, robot, torques, name="loops")
 
 
 def _draw(site: Site, system: str, name: str, section: LoopSection, robot: StationRobot) -> None:
@@ -245,11 +266,14 @@ def _laid_over(
     return fed(builder, f"{place}.layers", mixed, joined(builder, f"{place}.mixed_bus", either, below))
 
 
-def _add_torques(builder: DiagramBuilder, site: Site, robot: StationRobot, torques: Sequence[OutputPort]) -> None:
+def add_torques(
+    builder: DiagramBuilder, site: Site, robot: StationRobot, torques: Sequence[OutputPort], *, name: str
+) -> None:
+    """Add torques (n) of ``name`` to a robot's feedforward; its input stands before them."""
     key = f"{robot.prefix}feedforward"
-    given = builder.AddNamedSystem(f"{key}.asked", PassThrough(len(robot.axes)))
+    given = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(len(robot.axes)))
     inner, site.inputs[key] = site.inputs[key], given.get_input_port()
-    builder.Connect(summed(builder, f"{key}.loops", given.get_output_port(), *torques), inner)
+    builder.Connect(summed(builder, f"{key}.{name}", given.get_output_port(), *torques), inner)
     site.draw_nothing(key)
 
 
