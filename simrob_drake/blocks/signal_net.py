@@ -76,7 +76,8 @@ class SignalNet(Block):
         ends = list(accumulate((one.block.size for one in wired), initial=2 + measured))
         self._places = [slice(*pair) for pair in pairwise(ends)]
         self._blocks, self._first = wired, 2 + measured
-        self._order = self._sorted(list(blocks), ends)
+        self._names = list(blocks)
+        self._order = self._sorted(self._names, ends)
         self._states: dict[int, slice] = {}
         starts: tuple[list[float], list[float]] = [], []  # continuous, sampled: states and what is held
         for number, one in enumerate(wired):
@@ -124,7 +125,11 @@ class SignalNet(Block):
                 values[self._places[number]] = own[len(block.start) :]
                 continue
             u = self._inputs(number, values) if block.fed_through else ()
-            values[self._places[number]] = block.output(values[1], own[: len(block.start)], u)
+            try:
+                values[self._places[number]] = block.output(values[1], own[: len(block.start)], u)
+            except (ArithmeticError, ValueError) as problem:
+                told = f"the block {self._names[number]} cannot be computed of {u}: {problem}"
+                raise RuntimeError(told) from problem
         return values, x, kept
 
     def _give(self, context: Context, output: BasicVector) -> None:
