@@ -15,7 +15,7 @@ Values = Sequence[float]
 
 
 class NetBlock(Protocol):
-    """What a block of a net does; see the kinds of :mod:`simrob_drake.parts.controllers.flow_blocks`."""
+    """What a block of a net does; see :mod:`simrob_drake.parts.controllers.flow_block`."""
 
     @property
     def period(self) -> float:

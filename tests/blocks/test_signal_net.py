@@ -12,7 +12,7 @@ from pydrake.systems.primitives import LogVectorOutput, Sine
 from scipy import signal
 
 from simrob_drake.blocks.signal_net import SignalNet, Wired
-from simrob_drake.parts.controllers.flow_blocks import FlowBlockConfig
+from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 
 ONE, TIME, U = 0, 1, 2
 FIRST = 3

