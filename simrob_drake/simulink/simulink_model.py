@@ -20,6 +20,7 @@ from simrob_drake.simulink.model.network import Network
 from simrob_drake.simulink.model.nodes import Findings, Node
 from simrob_drake.simulink.reading.libraries import Libraries
 from simrob_drake.simulink.reading.model_file import read_model
+from simrob_drake.simulink.signals.forms import Form
 from simrob_drake.simulink.signals.laws import Law, read_laws
 from simrob_drake.simulink.signals.tracing import Tracer
 
@@ -37,7 +38,9 @@ class SimulinkModel:
         bodies, world, trees: its mechanics; the world is None where no frame is it.
         contacts: what may touch.
         laws: of the driven degrees of freedom.
+        tracer: that has followed its signals.
         stopping: contacts whose distance stops the simulation.
+        stops: what else stops it, by the Stop block: as soon as the sum is not 0.
         opened: blocks that are left to the user.
         gravity: shape (3,) [m/s²]; None where the model does not tell.
         duration: of a run [s].
@@ -52,7 +55,9 @@ class SimulinkModel:
     trees: list[Tree]
     contacts: list[Contact]
     laws: dict[Freedom, Law]
+    tracer: Tracer
     stopping: list[Node]
+    stops: dict[Node, Form]
     opened: list[Node]
     gravity: Vector | None
     duration: float
@@ -96,10 +101,10 @@ def read_simulink(
     joints = [link.joint for link in bodies.links]
     tracer = Tracer(network, joints, contacts)
     laws = read_laws(tracer, joints)
-    stopping = _stopping(tracer, expanded)
+    stopping, stops = _stopping(tracer, expanded)
     _tell_of_others(expanded, tracer)
     return SimulinkModel(
-        path, expanded, network, bodies, world, trees, contacts, laws, stopping, tracer.opened,
+        path, expanded, network, bodies, world, trees, contacts, laws, tracer, stopping, stops, tracer.opened,
         _gravity(expanded), _duration(expanded), report,
     )  # fmt: skip
 
@@ -147,23 +152,22 @@ def _duration(expanded: Expanded) -> float:
     return min(value, _LONGEST) if np.isfinite(value) and value > 0 else 10.0
 
 
-def _stopping(tracer: Tracer, expanded: Expanded) -> list[Node]:
-    """Return the contacts whose distance, compared with zero, stops the simulation."""
+def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node, Form]]:
+    """Return the contacts whose distance, compared with zero, stops the simulation, and what else does."""
     found: list[Node] = []
+    stops: dict[Node, Form] = {}
     for node in expanded.nodes:
         if node.kind not in ("Stop", "Stop Simulation"):
             continue
         source = tracer.network.source(node)
-        if source is None or source[0].kind not in ("Compare To Zero", "Compare To Constant"):
-            told = "its condition" if source is None else f"what comes from {source[0].path}"
-            node.findings.report.add("dropped", node.path, f"the stop: {told} is no comparison that is read")
-            continue
-        terms = [term for form in tracer.input(source[0]) for term in form]
+        compares = source is not None and source[0].kind in ("Compare To Zero", "Compare To Constant")
+        terms = [term for form in tracer.input(source[0]) for term in form] if source and compares else []
         contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
-        if not contacts:
-            node.findings.report.add("dropped", node.path, "the stop: it depends on no distance of a contact")
-        found += contacts
-    return found
+        if contacts:
+            found += contacts
+        else:
+            stops[node] = tracer.input(node)[0]
+    return found, stops
 
 
 def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:

@@ -51,9 +51,7 @@ def test_a_run_goes_on_where_it_ended():
     first = simulate(config, duration=0.17, progress=False)
     # what is integrated with error control begins anew with a short step
     second = simulate(config, duration=0.23, start=first.final_state, progress=False)
-    assert second["q.joint_1"][-1] == pytest.approx(
-        whole["q.joint_1"][-1], abs=1e-6
-    )
+    assert second["q.joint_1"][-1] == pytest.approx(whole["q.joint_1"][-1], abs=1e-6)
     assert second["law.Slow"][-1] == pytest.approx(whole["law.Slow"][-1], abs=1e-6)
 
 
