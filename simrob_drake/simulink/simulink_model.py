@@ -23,6 +23,7 @@ from simrob_drake.simulink.reading.model_file import read_model
 from simrob_drake.simulink.signals.forms import Form
 from simrob_drake.simulink.signals.laws import Law, read_laws
 from simrob_drake.simulink.signals.tracing import Tracer
+from simrob_drake.simulink.values.octave import find_octave
 
 _LONGEST = 3600.0  # s
 
@@ -76,6 +77,7 @@ def read_simulink(
     meshes: tuple[Path, ...] = (),
     variables: dict[str, Any] | None = None,
     assume: bool = False,
+    octave: bool = False,
 ) -> SimulinkModel:
     """Read a model.
 
@@ -85,6 +87,7 @@ def read_simulink(
         meshes: likewise for mesh files.
         variables: of the MATLAB workspace, by name.
         assume: take a block's default for a parameter whose variable is not known.
+        octave: run code of masks and of the model's workspace that is outside the subset in GNU Octave.
 
     Raises:
         InvalidModel: the file cannot be read, or a block's figures cannot be.
@@ -92,7 +95,8 @@ def read_simulink(
     report = ImportReport(path)
     findings = Findings(report, assume=assume)
     model = read_model(path)
-    expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings)
+    runner = find_octave() if octave else None
+    expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings, runner)
     network = Network(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies)
