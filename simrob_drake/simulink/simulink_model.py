@@ -187,7 +187,11 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
         if node.kind == "Transform Sensor":
             report.add("read", node.path, "Transform Sensor: see base.*, tcp.* and the tool frames of the signals")
         elif node.kind == "External Force and Torque":
-            report.add("read", node.path, "its force is the port external_force, at this frame; a torque has no port")
+            report.add(
+                "read",
+                node.path,
+                "what it applies is given at the port external_force or external_torque, at this frame",
+            )
         elif node.kind in ("Internal Force", "Planar Contact Force", "Inverse Square Law Force"):
             report.add("dropped", node.path, f"{node.kind}: no station has one")
         elif "Variable Mass" in node.block.kind:

@@ -14,6 +14,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.catalog import ROBOT_FILE
 from simrob_drake.robots.pieces import PIECE_FILE
+from simrob_drake.simulink.mechanics.bodies import PUSH
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
@@ -155,10 +156,17 @@ class StationWriter:
             content |= contact_sections(self._touching, self._files, self._model, self._gravity, self._names)
         content["gravity"] = self._gravity
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
-            content["inputs"] = ["external_force"]
+            content["inputs"] = self._pushes()
         content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}))
         content["duration"] = duration
         return content
+
+    def _pushes(self) -> list[str]:
+        """Return the ports of what External Force and Torque blocks apply; a force unless they tell."""
+        pushes = [node for node in self._model.expanded.nodes if node.kind == PUSH]
+        turns = any(node.is_on(f"EnableTorque{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
+        pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
+        return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
 
     def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any]) -> dict[str, Any]:
         """Return what only a station of torques has: its solver, laws that are no servos, and stops of joints."""
