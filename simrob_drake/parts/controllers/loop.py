@@ -247,22 +247,19 @@ def _laid_over(
     """Return (1 - share) below + share above where ``active`` is 1, and what is below where it is 0.
 
     Of Drake's primitives, so that no Python is asked at each look of the solver: with the lower limits l, and W wider
-    than the limits, it is l + max(below - l - W active, 0) + max(above - l - W (1 - active), 0).
+    than the limits, it is l + max(below - l - W active, 0) + max(above - l - W (1 - active), 0) on the axes that share.
     """
-    size = len(share)
-    lower, upper = np.clip(limits, -_FAR, _FAR)
-    eye, wide = np.eye(size), (upper - lower + 1.0)[:, None]
-    shown = np.block([[eye, 0 * eye, -wide], [0 * eye, eye, wide]])
+    size, axes = len(share), np.flatnonzero(share)
+    lower, upper = (np.clip(bound, -_FAR, _FAR)[axes] for bound in limits)
+    eye, wide, part = np.eye(size), (upper - lower + 1.0)[:, None], share[axes]
+    pick, none = eye[axes], np.zeros((len(axes), size))
+    shown = np.block([[pick, none, -wide], [none, pick, wide]])
     hidden = np.concatenate([-lower, -lower - wide[:, 0]])
-    both = fed(
-        builder,
-        f"{place}.shown",
-        AffineSystem(D=shown, y0=hidden),
-        joined(builder, f"{place}.bus", below, above, active),
-    )
-    either = fed(builder, f"{place}.either", Saturation(np.zeros(2 * size), np.full(2 * size, np.inf)), both)
-    part = np.diag(share)
-    mixed = AffineSystem(D=np.hstack([part, part, eye - part]), y0=share * lower)
+    bus = joined(builder, f"{place}.bus", below, above, active)
+    both = fed(builder, f"{place}.shown", AffineSystem(D=shown, y0=hidden), bus)
+    either = fed(builder, f"{place}.either", Saturation(np.zeros(2 * len(axes)), np.full(2 * len(axes), np.inf)), both)
+    back = pick.T * part
+    mixed = AffineSystem(D=np.hstack([back, back, eye - np.diag(share)]), y0=back @ lower)
     return fed(builder, f"{place}.layers", mixed, joined(builder, f"{place}.mixed_bus", either, below))
 
 

@@ -161,7 +161,8 @@ def _rate_limiter(tracer: Tracer, node: Node, _: int) -> Signal:
 
 def _dead_zone(tracer: Tracer, node: Node, _: int) -> Signal:
     lower, upper = node.numbers("LowerValue", "-0.5"), node.numbers("UpperValue", "0.5")
-    bounds = zip(*np.broadcast_arrays(lower, upper), strict=True)
+    size = max(lower.size, upper.size)
+    bounds = zip(np.resize(lower, size), np.resize(upper, size), strict=True)
     figures = [{"lower": float(low), "upper": float(high)} for low, high in bounds]
     return elementwise(node, tracer, "dead_zone", [tracer.input(node)], *figures)
 
@@ -195,20 +196,21 @@ def _compare(tracer: Tracer, node: Node, _: int) -> Signal:
 def _logic(tracer: Tracer, node: Node, _: int) -> Signal | None:
     operator = node.text("Operator", "AND").lower()
     if operator not in ("and", "or", "nand", "nor", "xor", "not"):
-        return None
+        return None  # such as NXOR
     return elementwise(node, tracer, "logic", _inputs(tracer, node, operator == "not"), {"operator": operator})
 
 
 def _inputs(tracer: Tracer, node: Node, single: bool = False) -> list[Signal]:
     """Return as many inputs as a block says that it has; the elements of one alone are inputs of their own."""
     text = node.text("Inputs", "2")
-    signals = [tracer.input(node, place + 1) for place in range(1 if single else min(int(text), 100))]
+    count = int(text) if text.isdecimal() and not single else 1
+    signals = [tracer.input(node, place + 1) for place in range(max(1, min(count, 100)))]
     return [[form] for form in signals[0]] if len(signals) == 1 and not single else signals
 
 
 def _switch(tracer: Tracer, node: Node, _: int) -> Signal:
     criteria = node.text("Criteria", "u2 >= Threshold")
-    figures: Figures = {"operator": next(sign for sign in (">=", ">", "~=") if sign in criteria)}
+    figures: Figures = {"operator": next((sign for sign in (">=", ">", "~=") if sign in criteria), ">=")}
     if figures["operator"] == "~=":
         figures["operator"] = "!="
     else:
@@ -238,7 +240,7 @@ def _period(node: Node, sampled: bool) -> Figures | None:
     """Return the period of a sampled block, and nothing of a continuous one; None where it is inherited."""
     if not sampled:
         return {}
-    period = float(node.numbers("SampleTime", "-1")[0])
+    period = float(np.resize(node.numbers("SampleTime", "-1"), 1)[0])
     return {"period": period} if period > 0 else None
 
 

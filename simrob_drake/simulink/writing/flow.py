@@ -4,8 +4,12 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.report import ImportReport
+from simrob_drake.parts.controllers.flow_block import FlowBlock
+from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Form, Term
@@ -16,6 +20,7 @@ from simrob_drake.simulink.writing.contact_sections import StationFiles
 from simrob_drake.simulink.writing.names import Names, plain
 
 Sum = dict[str, float]
+_AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 
 
 class FlowWriter:
@@ -105,7 +110,22 @@ class FlowWriter:
             self._put(name, term, figures, several=several)
             sums = [self.sum(form) for form in primitive.inputs()]
             self.blocks[name]["of"] = sums[0] if len(sums) == 1 else sums
+        self._check(name, node)
         return self._known[term]
+
+    def _check(self, name: str, node: Node) -> None:
+        """Check a block as a station's file is checked.
+
+        Raises:
+            InvalidModel: its figures are none that such a block can have.
+        """
+        try:
+            _AS_WRITTEN.validate_python(self.blocks[name]).check(name)
+        except ValidationError as problem:
+            found = problem.errors()[0]
+            raise node.refusal(f"{'.'.join(map(str, found['loc'][1:]))} {found['msg']}".strip()) from problem
+        except InvalidParameter as problem:
+            raise node.refusal(str(problem)) from problem
 
     def _put(self, name: str, term: Term, figures: dict[str, Any], *, several: bool = False) -> None:
         """Note a block before its inputs are followed: they may lead back to it."""
