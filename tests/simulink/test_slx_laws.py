@@ -9,6 +9,7 @@ from slx_files import write_model
 from test_slx_signals import Plant
 
 from simrob_drake import simulate
+from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.importing import import_simulink
 
 
@@ -117,3 +118,30 @@ def test_a_stop_of_any_condition_ends_the_run(tmp_path):
     assert result.ending == "monitor"
     assert result.message.startswith("Halt_end is on")
     assert result.times[-1] == pytest.approx(0.5, abs=0.021)  # q = t²/2; looked at where steps end
+
+
+@pytest.mark.parametrize(
+    ("kind", "figures", "told"),
+    [
+        ("TransferFcn", {"Numerator": "[1 0 0]", "Denominator": "[1 1]"}, "higher power"),
+        ("StateSpace", {"A": "-1", "B": "[1 2]", "C": "1", "D": "0"}, "B must be 1 × 1|must be 1 × 1"),
+        ("DeadZone", {"LowerValue": "1", "UpperValue": "0"}, "above upper"),
+        ("Lookup_n-D", {"Table": "[1 2]", "BreakpointsForDimension1": "[1 0]"}, "points must rise"),
+        ("Gain", {"Gain": "struct('a', 1)"}, "Gain"),
+        ("Mux", {"Inputs": "0"}, "no elements|Inputs"),
+    ],
+)
+def test_figures_that_cannot_be_are_told_with_their_block(tmp_path, kind, figures, told):
+    plant = Plant()
+    plant.drive(plant.chain(kind, "Odd", plant.positions[1], **figures), plant.speeds[1])
+    with pytest.raises(InvalidModel, match=told):
+        import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+
+
+def test_what_is_sampled_at_an_unknown_rate_is_left_open(tmp_path):
+    plant = Plant()
+    held = plant.chain("DiscreteTransferFcn", "Inherited", plant.positions[0], SampleTime="-1")
+    rounded = plant.chain("Rounding", "Round", plant.positions[1], Operator="round")
+    plant.drive(held, rounded)
+    _, _, report = run(plant, tmp_path, stop="0.1")
+    assert {"Inherited", "Round"} <= {entry.element for entry in report.of("dropped")}

@@ -52,6 +52,8 @@ def read_laws(tracer: Tracer, joints: list[Joint]) -> dict[Freedom, Law]:
                 )
                 joint.node.findings.report.add("defaulted" if outside else "refused", joint.node.path, told)
                 laws[freedom] = Law()
+            elif not signal:
+                raise joint.node.refusal(f"its {how} input has no elements")
             elif how == "motion":
                 laws[freedom] = Law(wanted=signal[0])
             else:

@@ -13,7 +13,6 @@ from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Form, Signal, Term, added, same_size
-from simrob_drake.simulink.values.functions import matrix
 
 if TYPE_CHECKING:
     from simrob_drake.simulink.signals.tracing import Tracer
@@ -95,7 +94,8 @@ def commanded(tracer: Tracer, forms: list[Form]) -> dict[Term, tuple[Freedom, fl
 
 def _transfer_function(tracer: Tracer, node: Node, _: int) -> Signal | None:
     sampled = _period(node, "Discrete" in node.kind)
-    if sampled is None:
+    several = any(len(node.matrix(name, "1")) > 1 for name in ("Numerator", "Denominator"))
+    if sampled is None or several:  # outputs of one input
         return None
     if "ZeroPole" in node.kind:
         zeros, poles = (node.numbers(name, default) for name, default in (("Zeros", "[]"), ("Poles", "[]")))
@@ -127,7 +127,7 @@ def _state_space(tracer: Tracer, node: Node, _: int) -> Signal | None:
     sampled = _period(node, "Discrete" in node.kind)
     if sampled is None:
         return None
-    figures: Figures = {name: matrix(node.value(name, "1")).tolist() for name in "ABCD"}
+    figures: Figures = {name: node.matrix(name, "1").tolist() for name in "ABCD"}
     start = node.numbers("X0" if "X0" in node.block.parameters else "InitialCondition", "0")
     states, outputs = len(figures["A"]), len(figures["C"])
     if start.any():
@@ -220,7 +220,15 @@ def _switch(tracer: Tracer, node: Node, _: int) -> Signal:
 
 def _function(tracer: Tracer, node: Node, _: int) -> Signal | None:
     asked = node.text("Operator", node.text("Function", "")).lower()
-    default = {"Abs": "abs", "Signum": "sign", "Sqrt": "sqrt", "Trigonometry": "sin", "Math": "exp", "MinMax": "min"}
+    default = {
+        "Abs": "abs",
+        "Signum": "sign",
+        "Sqrt": "sqrt",
+        "Trigonometry": "sin",
+        "Math": "exp",
+        "MinMax": "min",
+        "Rounding": "floor",
+    }
     name = default[node.kind] if node.kind in ("Abs", "Signum") else asked or default[node.kind]
     if name in ("square", "magnitude^2"):
         return elementwise(node, tracer, "product", [tracer.input(node)] * 2)

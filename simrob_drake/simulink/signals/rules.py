@@ -42,7 +42,7 @@ def _constant(_: Tracer, node: Node, __: int) -> Signal:
 
 
 def _gain(tracer: Tracer, node: Node, _: int) -> Signal:
-    gain = np.atleast_2d(np.asarray(node.value("Gain", "1"), dtype=float))
+    gain = node.matrix("Gain", "1")
     signal = tracer.input(node)
     if gain.size == 1:
         return scaled(signal, float(gain[0, 0]))

@@ -15,7 +15,6 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Form, Term
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.values.functions import matrix
 from simrob_drake.simulink.writing.contact_sections import StationFiles
 from simrob_drake.simulink.writing.names import Names, plain
 
@@ -157,7 +156,7 @@ def _integrator(node: Node, index: int) -> dict[str, float]:
     figures = {"initial": float(start[min(index, start.size - 1)])}
     if node.kind == "Integrator" and node.is_on("LimitOutput"):
         figures |= _bounds(
-            *(float(matrix(node.value(f"{side}SaturationLimit", "inf")).reshape(-1)[0]) for side in ("Lower", "Upper"))
+            *(float(np.resize(node.matrix(f"{side}SaturationLimit", "inf"), 1)[0]) for side in ("Lower", "Upper"))
         )
     return figures
 
@@ -182,7 +181,7 @@ def _ramp(writer: FlowWriter, node: Node) -> Sum:
 
 
 def _table(writer: FlowWriter, node: Node) -> Sum:
-    table = matrix(node.value("VariableName", "[0 0]"))
+    table = node.matrix("VariableName", "[0 0]")
     if table.shape[1] < 2 or len(table) < 2:
         raise node.refusal("needs a matrix of times and values")
     points, values = table[:, 0].tolist(), table[:, 1].tolist()
