@@ -50,7 +50,7 @@ def test_a_state_space_of_two_inputs_with_a_start_is_that_of_scipy():
     a, b, c, d = [[0, 1], [-4, -1]], [[0, 1], [1, 0]], [[1, 0], [0, 1], [1, 1]], [[0, 0], [0, 0], [1, 0]]
     dense = np.linspace(0, 2, 20001)
     inputs = np.column_stack([np.sin(3 * dense + 0.3), dense])
-    _, wanted, _ = signal.lsim((a, b, c, d), inputs, dense, X0=[0.2, -0.1])
+    _, wanted, _ = signal.lsim([np.array(part, dtype=float) for part in (a, b, c, d)], inputs, dense, X0=[0.2, -0.1])
     given = block("state_space", A=a, B=b, C=c, D=d, initial=[0.2, -0.1], of=["u", "time"])
     _, _, y = run({"S": (given, [[(U, 1.0)], [(TIME, 1.0)]])})
     np.testing.assert_allclose(y.T, wanted[::100], atol=1e-6)
