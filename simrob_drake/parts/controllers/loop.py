@@ -164,7 +164,9 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         site.notes[name] = {"kind": section.kind}
         _draw(site, f"controller.{name}", name, section, robot)
         for port in _outputs(block):
-            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot)
+            driven = {"offset": section.axes, "target": section.layered}.get(port.get_name())
+            axes = robot.axes if driven is None else driven(robot)
+            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot, axes)
     for name, section in loops.items():
         known = [blocks[name].get_input_port(index).get_name() for index in range(blocks[name].num_input_ports())]
         for read in section.reads:
@@ -185,19 +187,28 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
 
 
 def declare_output(
-    site: Site, name: str, port: OutputPort, unit: str, robot: StationRobot | None = None, *, called: str = ""
+    site: Site,
+    name: str,
+    port: OutputPort,
+    unit: str,
+    robot: StationRobot | None = None,
+    axes: Collection[str] | None = None,
+    *,
+    called: str = "",
 ) -> None:
     """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
 
-    It is called as its port is unless said.
+    Of a robot's axes those are told that are named. It is called as its port is unless said.
     """
     called = called or port.get_name()
-    output, numbers = f"{name}.{called}", [str(index) for index in range(port.size())]
+    output, size = f"{name}.{called}", port.size()
     robots = site.plant.robots.values() if robot is None else [robot]
-    entries = next((robot.axes for robot in robots if len(robot.axes) == port.size()), numbers)
-    names = (output,) if port.size() == 1 else tuple(f"{output}.{entry}" for entry in entries)
+    entries = next((each.axes for each in robots if len(each.axes) == size), [str(index) for index in range(size)])
+    told = tuple(index for index, entry in enumerate(entries) if size == 1 or axes is None or entry in axes)
+    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
     panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
-    site.add(output, port, Signal(names, (unit,) * port.size(), "own", output, part=name, panel=panel))
+    picked = told if len(told) < size else None
+    site.add(output, port, Signal(names, (unit,) * len(names), "own", output, picked, part=name, panel=panel))
 
 
 def _drive(

@@ -190,7 +190,8 @@ class _Net:
             for wanted in (f"{self.prefix}{term}", term):
                 if wanted in signal.names:
                     self.sources[signal.output] = self.site.outputs[signal.output].size()
-                    return signal.output, signal.names.index(wanted)
+                    place = signal.names.index(wanted)
+                    return signal.output, place if signal.entries is None else signal.entries[place]
             known += signal.names
         raise UnknownName(f"block, or signal that is measured while stepping, for {key}", term, known)
 
