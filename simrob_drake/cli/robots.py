@@ -14,6 +14,7 @@ from simrob_drake.cli.simulink import (
     Assume,
     Library,
     ModelSettings,
+    RunOctave,
     Variables,
     import_model,
     is_model_file,
@@ -41,6 +42,7 @@ def import_file(
     set_: ModelSettings = None,
     variables: Variables = None,
     assume: Assume = False,
+    octave: RunOctave = False,
 ) -> None:
     """Make a published robot run, or a Simulink model: convert, repair, and tell all that was done.
 
@@ -51,10 +53,10 @@ def import_file(
         simrob import station.slx --library subsystems --set q0='[0 0 0]'
     """
     if is_model_file(file):
-        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume)
+        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume, octave=octave)
         import_model(file, out, given, force=force)
         return
-    refuse_model(library=library, set=set_, variables=variables, assume=assume)
+    refuse_model(library=library, set=set_, variables=variables, assume=assume, octave=octave)
     folder = out or Path(f"{file.stem}_imported")
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)

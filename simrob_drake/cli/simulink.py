@@ -40,6 +40,9 @@ Variables = Annotated[
 Assume = Annotated[
     bool, typer.Option("--assume", help="Take a block's default where a variable of a Simulink model is unknown.")
 ]
+RunOctave = Annotated[
+    bool, typer.Option("--octave", help="Run a Simulink model's own MATLAB code in GNU Octave: for models you trust.")
+]
 ModelSettings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A variable of a Simulink model; may be given often."),
@@ -63,6 +66,7 @@ def model_options(
     set_: list[str] | None,
     variables: list[Path] | None,
     assume: bool,
+    octave: bool,
 ) -> dict[str, Any]:
     """Return the options of reading a model.
 
@@ -85,6 +89,7 @@ def model_options(
         "meshes": chosen.mesh_path,
         "variables": given_variables(settings, variables or []),
         "assume": assume,
+        "octave": octave,
     }
 
 

@@ -27,6 +27,7 @@ from simrob_drake.cli.screen import console
 from simrob_drake.cli.simulink import (
     Assume,
     Library,
+    RunOctave,
     Variables,
     examine_model,
     is_model_file,
@@ -107,13 +108,14 @@ def check(
     library: Library = None,
     variables: Variables = None,
     assume: Assume = False,
+    octave: RunOctave = False,
 ) -> None:
     """Say before any run what a station's robots need, and what will go wrong; or what an import would do."""
     if is_model_file(station):
-        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume)
+        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume, octave=octave)
         examine_model(Path(station), given)
         return
-    refuse_model(library=library, variables=variables, assume=assume)
+    refuse_model(library=library, variables=variables, assume=assume, octave=octave)
     if is_robot_file(station):
         refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
         examine_file(Path(station), options)

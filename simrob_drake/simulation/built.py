@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from simrob_drake.blocks.references import Course, SineCourse, corner_times, hold
-from simrob_drake.parts.controllers import loops_of
+from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.own import DRIVABLE, driven_inputs
 from simrob_drake.parts.forces import ForceConfig, Push
@@ -92,7 +92,7 @@ class StationDiagrams:
     @property
     def _stepped_sensors(self) -> list[str]:
         sensors = self._station.sensors
-        read = sensors_read(loops_of(self._station.config.controllers), sensors)
+        read = sensors_read(readers_of(self._station.config.controllers), sensors)
         return [name for name, sensor in sensors.items() if sensor.stepped or name in read]
 
     def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> ClosedStation:

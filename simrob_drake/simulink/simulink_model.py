@@ -20,8 +20,10 @@ from simrob_drake.simulink.model.network import Network
 from simrob_drake.simulink.model.nodes import Findings, Node
 from simrob_drake.simulink.reading.libraries import Libraries
 from simrob_drake.simulink.reading.model_file import read_model
+from simrob_drake.simulink.signals.forms import Form
 from simrob_drake.simulink.signals.laws import Law, read_laws
 from simrob_drake.simulink.signals.tracing import Tracer
+from simrob_drake.simulink.values.octave import find_octave
 
 _LONGEST = 3600.0  # s
 
@@ -37,7 +39,9 @@ class SimulinkModel:
         bodies, world, trees: its mechanics; the world is None where no frame is it.
         contacts: what may touch.
         laws: of the driven degrees of freedom.
+        tracer: that has followed its signals.
         stopping: contacts whose distance stops the simulation.
+        stops: what else stops it, by the Stop block: as soon as the sum is not 0.
         opened: blocks that are left to the user.
         gravity: shape (3,) [m/s²]; None where the model does not tell.
         duration: of a run [s].
@@ -52,7 +56,9 @@ class SimulinkModel:
     trees: list[Tree]
     contacts: list[Contact]
     laws: dict[Freedom, Law]
+    tracer: Tracer
     stopping: list[Node]
+    stops: dict[Node, Form]
     opened: list[Node]
     gravity: Vector | None
     duration: float
@@ -71,6 +77,7 @@ def read_simulink(
     meshes: tuple[Path, ...] = (),
     variables: dict[str, Any] | None = None,
     assume: bool = False,
+    octave: bool = False,
 ) -> SimulinkModel:
     """Read a model.
 
@@ -80,6 +87,7 @@ def read_simulink(
         meshes: likewise for mesh files.
         variables: of the MATLAB workspace, by name.
         assume: take a block's default for a parameter whose variable is not known.
+        octave: run code of masks and of the model's workspace that is outside the subset in GNU Octave.
 
     Raises:
         InvalidModel: the file cannot be read, or a block's figures cannot be.
@@ -87,7 +95,8 @@ def read_simulink(
     report = ImportReport(path)
     findings = Findings(report, assume=assume)
     model = read_model(path)
-    expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings)
+    runner = find_octave() if octave else None
+    expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings, runner)
     network = Network(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies)
@@ -96,10 +105,10 @@ def read_simulink(
     joints = [link.joint for link in bodies.links]
     tracer = Tracer(network, joints, contacts)
     laws = read_laws(tracer, joints)
-    stopping = _stopping(tracer, expanded)
+    stopping, stops = _stopping(tracer, expanded)
     _tell_of_others(expanded, tracer)
     return SimulinkModel(
-        path, expanded, network, bodies, world, trees, contacts, laws, stopping, tracer.opened,
+        path, expanded, network, bodies, world, trees, contacts, laws, tracer, stopping, stops, tracer.opened,
         _gravity(expanded), _duration(expanded), report,
     )  # fmt: skip
 
@@ -147,23 +156,22 @@ def _duration(expanded: Expanded) -> float:
     return min(value, _LONGEST) if np.isfinite(value) and value > 0 else 10.0
 
 
-def _stopping(tracer: Tracer, expanded: Expanded) -> list[Node]:
-    """Return the contacts whose distance, compared with zero, stops the simulation."""
+def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node, Form]]:
+    """Return the contacts whose distance, compared with zero, stops the simulation, and what else does."""
     found: list[Node] = []
+    stops: dict[Node, Form] = {}
     for node in expanded.nodes:
         if node.kind not in ("Stop", "Stop Simulation"):
             continue
         source = tracer.network.source(node)
-        if source is None or source[0].kind not in ("Compare To Zero", "Compare To Constant"):
-            told = "its condition" if source is None else f"what comes from {source[0].path}"
-            node.findings.report.add("dropped", node.path, f"the stop: {told} is no comparison that is read")
-            continue
-        terms = [term for form in tracer.input(source[0]) for term in form]
+        compares = source is not None and source[0].kind in ("Compare To Zero", "Compare To Constant")
+        terms = [term for form in tracer.input(source[0]) for term in form] if source and compares else []
         contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
-        if not contacts:
-            node.findings.report.add("dropped", node.path, "the stop: it depends on no distance of a contact")
-        found += contacts
-    return found
+        if contacts:
+            found += contacts
+        else:
+            stops[node] = tracer.input(node)[0]
+    return found, stops
 
 
 def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
@@ -179,7 +187,11 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
         if node.kind == "Transform Sensor":
             report.add("read", node.path, "Transform Sensor: see base.*, tcp.* and the tool frames of the signals")
         elif node.kind == "External Force and Torque":
-            report.add("read", node.path, "its force is the port external_force, at this frame; a torque has no port")
+            report.add(
+                "read",
+                node.path,
+                "what it applies is given at the port external_force or external_torque, at this frame",
+            )
         elif node.kind in ("Internal Force", "Planar Contact Force", "Inverse Square Law Force"):
             report.add("dropped", node.path, f"{node.kind}: no station has one")
         elif "Variable Mass" in node.block.kind:

@@ -27,7 +27,7 @@ from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
 from simrob_drake.yaml_files import FileName, Number, Strict
 
-Input = Literal["feedforward", "reference_velocity", "external_force"]
+Input = Literal["feedforward", "reference_velocity", "external_force", "external_torque"]
 Realization = Literal["per_joint", "vector", "implicit"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""

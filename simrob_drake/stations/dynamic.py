@@ -24,12 +24,14 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     for robot in ports.plant.robots.values():
         signals = _add_signals(builder, ports, robot)
         _add_servos(builder, ports, robot, signals)
-        if "external_force" in config.inputs:
-            name = f"{robot.prefix}external_force"
-            block = add_external_force(builder, ports.plant.plant, robot.tools[robot.tcp], name=name)
+        for external in ("external_force", "external_torque"):
+            if external not in config.inputs:
+                continue
+            name, tool, turns = f"{robot.prefix}{external}", robot.tools[robot.tcp], external == "external_torque"
+            block = add_external_force(builder, ports.plant.plant, tool, name=name, turns=turns)
             ports.inputs[name] = block.get_command_input_port()
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
-            ports.draw(name, "robot", f"External force\nat {robot.prefix}{robot.tcp}")
+            ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     if not config.solver.holds_joint_limits:
         stops = config.joint_stops
         add_joint_stops(builder, ports.plant.plant, stiffness=stops.stiffness, damping=stops.damping)

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector, transform_from_pose
-from simrob_drake.parts.controllers import loops_of
+from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.sensors import SensorConfig
@@ -67,14 +67,14 @@ def resolve(config: StationConfig) -> ResolvedStation:
 
 def _with_inputs(config: StationConfig) -> StationConfig:
     """Return a station with the inputs that its loops drive."""
-    needed = {name for loop in loops_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
+    needed = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
     return config.model_copy(update={"inputs": (*config.inputs, *sorted(needed))}) if needed else config
 
 
 def _sensors(config: StationConfig) -> dict[str, SensorConfig]:
     """Return the sensors; those that loops read sample while the station is stepped."""
     sensors = dict(config.sensors)
-    for name in sensors_read(loops_of(config.controllers), sensors):
+    for name in sensors_read(readers_of(config.controllers), sensors):
         if isinstance(sensors[name], SampledSensor):
             sensors[name] = sensors[name].model_copy(update={"in_loop": True})
     return sensors
@@ -94,6 +94,8 @@ def check_parts(station: ResolvedStation) -> None:
         monitor.check(name, station)
         monitor.condition(name, station)
     check_loops(station, loops_of(config.controllers))
+    for name, flow in flows_of(config.controllers).items():
+        flow.check(f"controllers.{name}", station)
     for name, force in config.forces.items():
         force.check(f"forces.{name}", station)
 

@@ -12,9 +12,10 @@ from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.given import drake_asserts, instance
 from simrob_drake.lifetime import release
-from simrob_drake.parts.controllers import loops_of, own_blocks
+from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
 from simrob_drake.parts.controllers.loop import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks
+from simrob_drake.parts.controllers.signal_flow import add_flows
 from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
@@ -102,6 +103,7 @@ def compose(
         add_force(builder, ports, name, force, force.source(), force.caption())
         ports.edges.extend(force.edges)
     _gather_forces(builder, ports)
+    add_flows(builder, ports, flows_of(config.controllers), monitors=monitors)
     add_loops(builder, ports, loops_of(config.controllers))
     made = own_blocks(config.controllers)
     add_own_blocks(builder, ports, made if blocks is None else blocks)

@@ -432,12 +432,20 @@ def test_what_has_no_likeness_is_refused(tmp_path, kind, told):
         import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
 
 
-def test_an_external_force_is_a_port_at_its_frame(tmp_path):
+@pytest.mark.parametrize(
+    ("applied", "ports"),
+    [
+        (["EnableForceZ"], ("external_force",)),
+        (["EnableTorqueX"], ("external_torque",)),
+        (["EnableForce", "EnableTorque"], ("external_force", "external_torque")),
+    ],
+)
+def test_an_external_force_is_a_port_at_its_frame(tmp_path, applied, ports):
     level, blocks = mechanism()
-    push = level.block("sm_lib/Forces and\nTorques/External Force\nand Torque", "Push", EnableForceZ="on")
+    push = level.block("sm_lib/Forces and\nTorques/External Force\nand Torque", "Push", **dict.fromkeys(applied, "on"))
     level.connect(blocks["end"], f"{push}#rconn:1")
     station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
     config = load_station(station)
-    assert config.inputs == ("external_force",)
+    assert config.inputs == ports
     assert config.robots["robot"].tcp == "Push"
-    assert "external_force" in build_station(config).ports.inputs
+    assert set(ports) <= set(build_station(config).ports.inputs)

@@ -106,9 +106,10 @@ def test_what_is_no_servo_is_told(tmp_path):
     coupled = plant.chain("Sum", "T", plant.chain("Gain", "k", plant.positions[0], Gain="-3"), plant.positions[1])
     plant.drive(coupled, strange)
     laws, report = plant.laws(tmp_path)
-    assert laws["A"].kp == 3
+    net = {(term.kind, term.of.name): value for term, value in laws["A"].net.items()}
+    assert net == {("q", "A"): -3, ("q", "B"): 1}
     told = {entry.element: entry.text for entry in report.of("dropped")}
-    assert told["A"] == "of its control law: coupling with q of B (1)"
+    assert "A" not in told
     assert "feedforward" in told["B"]
     assert "left open" in told["Brain"]
 

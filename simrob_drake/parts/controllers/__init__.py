@@ -8,15 +8,17 @@ from pydrake.systems.framework import LeafSystem
 
 from simrob_drake.parts.controllers.fall_guard import FallGuard
 from simrob_drake.parts.controllers.force_control import ForceControl
-from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.loop import LoopSection, Reader
 from simrob_drake.parts.controllers.motor_protection import MotorProtection
 from simrob_drake.parts.controllers.objective import Objective
 from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.parts.controllers.sequencer import Sequencer
+from simrob_drake.parts.controllers.signal_flow import SignalFlow
 from simrob_drake.parts.kinds import named_by_kind
 
 ControllerConfig = Annotated[
-    OwnController | Sequencer | Objective | FallGuard | ForceControl | MotorProtection, Field(discriminator="kind")
+    OwnController | Sequencer | Objective | FallGuard | ForceControl | MotorProtection | SignalFlow,
+    Field(discriminator="kind"),
 ]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]
 
@@ -24,6 +26,16 @@ Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerCon
 def loops_of(controllers: Controllers) -> dict[str, LoopSection]:
     """Return those controllers that are loops of the package's, by name."""
     return {name: section for name, section in controllers.items() if isinstance(section, LoopSection)}
+
+
+def flows_of(controllers: Controllers) -> dict[str, SignalFlow]:
+    """Return those controllers that are signal flows, by name."""
+    return {name: section for name, section in controllers.items() if isinstance(section, SignalFlow)}
+
+
+def readers_of(controllers: Controllers) -> dict[str, Reader]:
+    """Return those controllers that are of the package's, and tell what they read and drive, by name."""
+    return {**loops_of(controllers), **flows_of(controllers)}
 
 
 def own_blocks(controllers: Controllers) -> Mapping[str, LeafSystem]:

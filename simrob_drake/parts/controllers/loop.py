@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -111,7 +111,22 @@ def check_force_is_read(section: LoopSection, key: str) -> None:
         raise InvalidParameter(f"{key}.reads", section.reads, "with a force sensor: reads: {force: <sensor>}")
 
 
-def sensors_read(loops: Mapping[str, LoopSection], sensors: Collection[str]) -> set[str]:
+class Reader(Protocol):
+    """A controller that reads signals by names, and drives inputs beside the reference."""
+
+    @property
+    def named(self) -> list[str]:
+        """What it reads by names."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Inputs of robots that it drives."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check what is known before anything is built."""
+
+
+def sensors_read(loops: Mapping[str, Reader], sensors: Collection[str]) -> set[str]:
     """Return the names of the sensors that loops read: those must sample while the station is stepped."""
     parts = {part for loop in loops.values() for text in loop.named for part in text.split(".")}
     return parts & set(sensors)
@@ -197,17 +212,20 @@ def declare_output(
     unit: str,
     robot: StationRobot | None = None,
     axes: Collection[str] | None = None,
+    *,
+    called: str = "",
 ) -> None:
     """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
 
-    Of a robot's axes those are told that are named.
+    Of a robot's axes those are told that are named. It is called as its port is unless said.
     """
-    output, size = f"{name}.{port.get_name()}", port.size()
+    called = called or port.get_name()
+    output, size = f"{name}.{called}", port.size()
     robots = site.plant.robots.values() if robot is None else [robot]
     entries = next((each.axes for each in robots if len(each.axes) == size), [str(index) for index in range(size)])
     told = tuple(index for index, entry in enumerate(entries) if size == 1 or axes is None or entry in axes)
     names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
-    panel = Panel(f"controller_{name}", f"the block '{name}'", port.get_name(), f"{port.get_name()} [{unit}]", names)
+    panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
     picked = told if len(told) < size else None
     site.add(output, port, Signal(names, (unit,) * len(names), "own", output, picked, part=name, panel=panel))
 
@@ -239,7 +257,7 @@ def _drive(
     builder.Connect(limited, inner)
     _draw(site, f"{key}.limits", name, section, robot)
     if torques:
-        _add_torques(builder, site, robot, torques)
+        add_torques(builder, site, robot, torques, name="loops")
 
 
 def _draw(site: Site, system: str, name: str, section: LoopSection, robot: StationRobot) -> None:
@@ -277,11 +295,14 @@ def _laid_over(
     return fed(builder, f"{place}.layers", mixed, joined(builder, f"{place}.mixed_bus", either, below))
 
 
-def _add_torques(builder: DiagramBuilder, site: Site, robot: StationRobot, torques: Sequence[OutputPort]) -> None:
+def add_torques(
+    builder: DiagramBuilder, site: Site, robot: StationRobot, torques: Sequence[OutputPort], *, name: str
+) -> None:
+    """Add torques (n) of ``name`` to a robot's feedforward; its input stands before them."""
     key = f"{robot.prefix}feedforward"
-    given = builder.AddNamedSystem(f"{key}.asked", PassThrough(len(robot.axes)))
+    given = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(len(robot.axes)))
     inner, site.inputs[key] = site.inputs[key], given.get_input_port()
-    builder.Connect(summed(builder, f"{key}.loops", given.get_output_port(), *torques), inner)
+    builder.Connect(summed(builder, f"{key}.{name}", given.get_output_port(), *torques), inner)
     site.draw_nothing(key)
 
 

@@ -121,7 +121,14 @@ def driven_inputs(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
     return drivers
 
 
-DRIVABLE = ("reference", "reference_velocity", "reference_acceleration", "feedforward", "external_force")
+DRIVABLE = (
+    "reference",
+    "reference_velocity",
+    "reference_acceleration",
+    "feedforward",
+    "external_force",
+    "external_torque",
+)
 """The inputs of a robot that blocks can drive."""
 
 

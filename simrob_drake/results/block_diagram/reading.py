@@ -25,6 +25,7 @@ _SYMBOLS = {  # of a station's ports; the first that a signal has is its name
     "reference_acceleration": "a",
     "feedforward": "τ_ff",
     "external_force": "F",
+    "external_torque": "M",
     "felt_torque": "e",
 }
 _PORT_SYMBOLS = {

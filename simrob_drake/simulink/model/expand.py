@@ -10,6 +10,7 @@ from simrob_drake.simulink.reading.elements import DEEPEST, MOST_BLOCKS
 from simrob_drake.simulink.reading.graph import Block, Mask, MaskParameter, Model, System
 from simrob_drake.simulink.reading.libraries import BUILT_IN, Libraries
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.octave import Octave
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.workspace import Workspace
 
@@ -32,13 +33,15 @@ class Expanded:
     nodes: list[Node] = field(default_factory=list)
 
 
-def expand(model: Model, libraries: Libraries, variables: dict[str, Any], findings: Findings) -> Expanded:
+def expand(
+    model: Model, libraries: Libraries, variables: dict[str, Any], findings: Findings, octave: Octave | None = None
+) -> Expanded:
     """Return a model with libraries, referenced subsystems and chosen variants put in.
 
     Raises:
         InvalidModel: it has no end, or a library cannot be read.
     """
-    written = Workspace(name=model.name, code=model.code)
+    written = Workspace(name=model.name, code=model.code, octave=octave)
     given = Workspace(name="given", variables=variables, outer=written)
     root = Node(
         "",

@@ -114,16 +114,23 @@ class Node:
         Raises:
             InvalidModel: another number of numbers, or a unit that does not fit.
         """
-        value = self.value(name, default, unknown)
-        try:
-            array = matrix(value).reshape(-1)
-        except NotUnderstood as problem:
-            raise self.refusal(f"{name} {problem}") from problem
+        array = self.matrix(name, default, unknown).reshape(-1)
         if size is not None and array.size != size:
             raise self.refusal(f"{name} has {array.size} numbers, not {size}")
         if not np.all(np.isfinite(array)):
             raise self.refusal(f"{name} is not finite")
         return np.asarray(array * self.unit(name, unit))
+
+    def matrix(self, name: str, default: str, unknown: str | None = None) -> Vector:
+        """Return a parameter as a matrix, as it is written.
+
+        Raises:
+            InvalidModel: it is none.
+        """
+        try:
+            return matrix(self.value(name, default, unknown))
+        except (NotUnderstood, TypeError, ValueError) as problem:
+            raise self.refusal(f"{name} {problem}") from problem
 
     def number(self, name: str, default: str = "0", *, unit: str = "1", unknown: str | None = None) -> float:
         """Return a parameter as one number in SI."""

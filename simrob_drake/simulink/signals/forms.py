@@ -10,7 +10,7 @@ from typing import Any, Literal
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
 
-TermKind = Literal["one", "q", "w", "a", "t", "input", "source", "sat", "integral", "distance", "open"]
+TermKind = Literal["one", "q", "w", "a", "t", "input", "source", "sat", "integral", "block", "distance", "open"]
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class Term:
 
     Attributes:
         kind: ``one`` (a constant), ``q``, ``w``, ``a``, ``t`` (position, speed, acceleration, effort of a joint),
-            ``input`` (of the model), ``source`` (a function of time), ``sat``, ``integral``, ``distance``, or ``open``.
+            ``input`` (of the model), ``source`` (a function of time), ``sat``, ``integral``, ``block`` (what
+            else is computed), ``distance``, or ``open``.
         of: the degree of freedom, or the block.
         index: which element of the block's output.
     """

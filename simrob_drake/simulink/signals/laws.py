@@ -6,6 +6,7 @@ from math import inf
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import ONE, Form, Term
+from simrob_drake.simulink.signals.primitives import commanded
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
@@ -20,6 +21,7 @@ class Law:
         limit: of the effort; infinite without.
         wanted: the position as a sum of inputs, sources and constants.
         effort: what of the effort depends on no position: constants, inputs and open blocks.
+        net: the whole effort where it is no servo, as a sum of what blocks compute; empty of a servo.
     """
 
     kp: float = 0.0
@@ -28,6 +30,7 @@ class Law:
     limit: float = inf
     wanted: Form = field(default_factory=dict)
     effort: Form = field(default_factory=dict)
+    net: Form = field(default_factory=dict)
 
 
 def read_laws(tracer: Tracer, joints: list[Joint]) -> dict[Freedom, Law]:
@@ -49,10 +52,16 @@ def read_laws(tracer: Tracer, joints: list[Joint]) -> dict[Freedom, Law]:
                 )
                 joint.node.findings.report.add("defaulted" if outside else "refused", joint.node.path, told)
                 laws[freedom] = Law()
+            elif not signal:
+                raise joint.node.refusal(f"its {how} input has no elements")
             elif how == "motion":
                 laws[freedom] = Law(wanted=signal[0])
             else:
                 laws[freedom] = _Reading(tracer, joint.node, freedom).law(signal[0])
+    nets = [law.net for law in laws.values() if law.net]
+    for term, (freedom, factor) in commanded(tracer, nets).items():
+        if freedom in laws:
+            laws[freedom].wanted = {term: factor}
     return laws
 
 
@@ -62,16 +71,21 @@ class _Reading:
     def __init__(self, tracer: Tracer, node: Node, freedom: Freedom) -> None:
         self._tracer, self._freedom = tracer, freedom
         self._report, self._path = node.findings.report, freedom.name
+        self._is_servo = True
 
     def law(self, form: Form) -> Law:
+        """Return what an effort is: a servo, or else the net of blocks that it is."""
+        law = self._servo(form)
+        return law if self._is_servo else Law(net=form)
+
+    def _servo(self, form: Form) -> Law:
         limit, form = self._unlimited(form)
         law = Law(limit=limit)
         own = {"q": form.get(Term("q", self._freedom), 0.0), "w": form.get(Term("w", self._freedom), 0.0)}
         rest = {term: value for term, value in form.items() if term.of is not self._freedom or term.kind not in own}
         law.kp, law.kd = max(0.0, -own["q"]), max(0.0, -own["w"])
-        for kind, name in (("q", "position"), ("w", "speed")):
-            if own[kind] > _ROUNDING:
-                self._drop(f"positive feedback of its {name} ({own[kind]:.6g})")
+        if max(own.values()) > _ROUNDING:
+            self._is_servo = False
         for term, value in rest.items():
             self._take(law, term, value)
         return law
@@ -85,11 +99,7 @@ class _Reading:
                 break
             bounds = self._tracer.limits[term]
             if abs(bounds.lower + bounds.upper) > _ROUNDING * max(1.0, abs(bounds.upper)):
-                self._report.add(
-                    "repaired",
-                    self._path,
-                    f"its saturation from {bounds.lower:g} to {bounds.upper:g} as ±{bounds.upper:g}",
-                )
+                self._is_servo = False
             limit = min(limit, abs(value) * max(abs(bounds.upper), abs(bounds.lower)))
             form = {inner: value * factor for inner, factor in bounds.inner.items()}
         return limit, form
@@ -104,6 +114,8 @@ class _Reading:
                 self._report.add("read", self._path, f"its reference is scaled by {law.wanted[term]:.6g} ({ratio})")
         elif term.kind in ("input", "source", "one"):
             law.effort[term] = value
+        elif term.kind in ("q", "w", "sat", "block", "distance"):
+            self._is_servo = False
         elif isinstance(term.of, Freedom):
             self._drop(f"coupling with {term.kind} of {term.of.name} ({value:.6g})")
         else:
@@ -118,7 +130,7 @@ class _Reading:
             part for part in inner if part.of is not self._freedom and part.kind not in ("input", "source", "one")
         ]
         if gain <= 0 or others:
-            self._drop("an integral of something else than its position error")
+            self._is_servo = False
         else:
             law.ki += gain
 

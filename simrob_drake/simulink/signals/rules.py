@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import (
     ONE,
@@ -24,6 +23,7 @@ from simrob_drake.simulink.signals.forms import (
     scaled,
     spread,
 )
+from simrob_drake.simulink.signals.primitives import elementwise
 
 if TYPE_CHECKING:
     from simrob_drake.simulink.signals.tracing import Tracer
@@ -42,7 +42,7 @@ def _constant(_: Tracer, node: Node, __: int) -> Signal:
 
 
 def _gain(tracer: Tracer, node: Node, _: int) -> Signal:
-    gain = np.atleast_2d(np.asarray(node.value("Gain", "1"), dtype=float))
+    gain = node.matrix("Gain", "1")
     signal = tracer.input(node)
     if gain.size == 1:
         return scaled(signal, float(gain[0, 0]))
@@ -83,6 +83,7 @@ def _product(tracer: Tracer, node: Node, _: int) -> Signal | None:
     signals = same_size(node, [tracer.input(node, place + 1) for place in range(len(signs))])
     if len(signals) == 1:
         return None
+    divides = [place for place, sign in enumerate(signs) if sign == "/"]
     result: Signal = []
     for forms in zip(*signals, strict=True):
         product: Form = {ONE: 1.0}
@@ -93,7 +94,7 @@ def _product(tracer: Tracer, node: Node, _: int) -> Signal | None:
             elif so_far is not None and sign == "*":
                 product = added((so_far, form))
             else:
-                return None
+                return elementwise(node, tracer, "product", signals, {"divides": divides} if divides else {})
         result.append(product)
     return result
 
@@ -184,7 +185,7 @@ def _saturate(tracer: Tracer, node: Node, _: int) -> Signal:
 def _integrator(tracer: Tracer, node: Node, _: int) -> Signal:
     size = node.numbers("InitialCondition", "0").size
     found = []
-    for index in range(max(size, _width(tracer, node))):
+    for index in range(max(size, tracer.width(node))):
         term = Term("integral", node, index)
         tracer.integrands[term] = partial(_element, tracer, node, index)
         found.append({term: 1.0})
@@ -194,16 +195,6 @@ def _integrator(tracer: Tracer, node: Node, _: int) -> Signal:
 def _element(tracer: Tracer, node: Node, index: int) -> Form:
     signal = tracer.input(node)
     return signal[min(index, len(signal) - 1)]
-
-
-def _width(tracer: Tracer, node: Node) -> int:
-    """Return how many elements feed a block that breaks loops; one where the loop goes through it."""
-    under_way = list(tracer.under_way)
-    try:
-        return len(tracer.input(node))
-    except InvalidModel:
-        tracer.under_way[:] = under_way
-        return 1
 
 
 def _derivative(tracer: Tracer, node: Node, _: int) -> Signal | None:

@@ -7,7 +7,6 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Form
-from simrob_drake.simulink.values.functions import matrix
 
 
 def value_over_time(form: Form, times: Vector) -> Vector:
@@ -55,7 +54,7 @@ def _pulses(node: Node, times: Vector) -> Vector:
 
 
 def _workspace(node: Node, times: Vector) -> Vector:
-    table = matrix(node.value("VariableName", "[0 0]"))
+    table = node.matrix("VariableName", "[0 0]")
     if table.shape[1] < 2:
         raise node.refusal("needs a matrix of times and values")
     return np.interp(times, table[:, 0], table[:, 1])

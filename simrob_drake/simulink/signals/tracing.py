@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from functools import partial
 
+from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.mechanics.contacts import Contact
 from simrob_drake.simulink.mechanics.joints import Joint
 from simrob_drake.simulink.model.network import Network, Place
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Form, Limits, Signal, Term, TermKind, added, constant, same_size, scaled
+from simrob_drake.simulink.signals.primitives import PRIMITIVES, Primitive
 from simrob_drake.simulink.signals.rules import RULES
 from simrob_drake.simulink.values.units import UnknownUnit, factor, parse_unit
 
@@ -31,6 +33,7 @@ class Tracer:
     Attributes:
         limits: of saturations, by their terms.
         integrands: what integrals add up, by their terms.
+        primitives: what other blocks compute, by their terms.
         opened: blocks that are left open, in the order they were met.
         under_way: blocks whose outputs are being computed; one of them again is an algebraic loop.
     """
@@ -40,6 +43,7 @@ class Tracer:
         self.network = network
         self.limits: dict[Term, Limits] = {}
         self.integrands: dict[Term, Callable[[], Form]] = {}
+        self.primitives: dict[Term, Primitive] = {}
         self.opened: list[Node] = []
         self._known: dict[tuple[int, int], Signal] = {}
         self.under_way: list[Node] = []
@@ -77,6 +81,15 @@ class Tracer:
             return [{}]
         return self.output(*found)
 
+    def width(self, node: Node) -> int:
+        """Return how many elements feed a block that breaks loops; one where the loop goes through it."""
+        under_way = list(self.under_way)
+        try:
+            return len(self.input(node))
+        except InvalidModel:
+            self.under_way[:] = under_way
+            return 1
+
     def output(self, node: Node, number: int = 1) -> Signal:
         """Return the signal at an output.
 
@@ -104,7 +117,7 @@ class Tracer:
             if node.kind in _DELAYING:
                 node.findings.report.add("repaired", node.path, "its delay is left out")
             return self.input(node)
-        rule = RULES.get(node.kind)
+        rule = RULES.get(node.kind) or PRIMITIVES.get(node.kind)
         if rule is not None:
             signal = rule(self, node, number)
             if signal is not None:

@@ -162,9 +162,11 @@ class Run:
             self._block(part[1:-1])
 
     def _pass_over(self, part: list[str]) -> None:
-        targets = [match[1] for line in part if (match := _TARGETS.match(line))]
-        names = {name for target in targets for name in _NAME.findall(target)}
-        self.unknown |= {name for name in names if not _KEYWORD.fullmatch(name)}
+        for match in filter(None, map(_TARGETS.match, part)):
+            names = {name for name in _NAME.findall(match[1]) if not _KEYWORD.fullmatch(name)}
+            self.unknown |= names
+            for name in names if match[0][len(match[1])] != "." else ():  # other fields stay as they are
+                self.variables.pop(name, None)
 
 
 def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
 from simrob_drake.simulink.values.code import Run
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate
-from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.mat_files import variables_of_mat
+from simrob_drake.simulink.values.octave import Octave
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
-
-_LARGEST = 200_000_000  # bytes of a .mat file
 
 
 @dataclass
@@ -30,6 +26,8 @@ class Workspace:
         outer: where others are looked up.
         pending: those that are computed when they are first asked for.
         unknown: names that code outside the subset sets.
+        code: what sets further variables, once one is asked for that is not known.
+        octave: what runs code outside the subset; that of the outer levels unless given.
     """
 
     name: str = ""
@@ -38,6 +36,7 @@ class Workspace:
     pending: dict[str, Callable[[], Any]] = field(default_factory=dict)
     unknown: set[str] = field(default_factory=set)
     code: str = ""
+    octave: Octave | None = None
 
     def lookup(self, name: str) -> Any:
         """Return a variable's value.
@@ -72,6 +71,20 @@ class Workspace:
         run = Run(self.variables, self.lookup)
         run.run(code)
         self.unknown |= run.unknown
+        octave = self._octave() if self.unknown else None
+        if octave is not None:
+            found = octave(code, self._lookup_before)
+            self.variables |= {name: value for name, value in found.items() if name in self.unknown}
+            self.unknown -= found.keys()
+
+    def _octave(self) -> Octave | None:
+        return self.octave or (self.outer._octave() if self.outer is not None else None)
+
+    def _lookup_before(self, name: str) -> Any:
+        """Look a variable up that its own code does not set."""
+        if name in self.unknown:
+            raise UndefinedVariable(name)
+        return self.lookup(name)
 
 
 def given_variables(settings: Mapping[str, str], files: list[Path]) -> dict[str, Any]:
@@ -87,7 +100,7 @@ def given_variables(settings: Mapping[str, str], files: list[Path]) -> dict[str,
     run = Run({}, _undefined)
     for file in files:
         if file.suffix == ".mat":
-            run.variables.update(_of_mat(file))
+            run.variables.update(variables_of_mat(file))
         else:
             try:
                 run.run(content_of(file).decode("utf-8", errors="replace"))
@@ -117,33 +130,3 @@ def _undefined(name: str) -> Any:
 
 def _known(variables: dict[str, Any], name: str) -> Any:
     return variables[name] if name in variables else _undefined(name)
-
-
-def _of_mat(file: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(io.BytesIO(content_of(file, _LARGEST)), squeeze_me=False, struct_as_record=True)
-    except Exception as problem:  # readers of damaged files raise whatever they like
-        reason = (
-            "saved with -v7: version 7.3 is not read"
-            if isinstance(problem, NotImplementedError)
-            else f"readable: {problem}"
-        )
-        raise InvalidParameter("--variables", str(file), reason) from problem
-    return {
-        name: value for name, raw in content.items() if not name.startswith("__") and (value := _plain(raw)) is not None
-    }
-
-
-def _plain(raw: Any) -> Any:
-    """Return a variable of a .mat file as a matrix, text or structure; None for objects."""
-    if isinstance(raw, np.ndarray) and raw.dtype.names:
-        first = raw.reshape(-1)[0] if raw.size else None
-        return {} if first is None else {name: _plain(first[name]) for name in raw.dtype.names}
-    if isinstance(raw, np.ndarray) and raw.dtype.kind in "US":
-        return "".join(str(part) for part in raw.reshape(-1))
-    try:
-        return matrix(raw)
-    except (NotUnderstood, TypeError, ValueError):
-        return None

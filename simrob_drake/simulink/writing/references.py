@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector
+from simrob_drake.given import SHORTEST
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.signals.forms import Form
 from simrob_drake.simulink.signals.sources import step_times, value_over_time
 
-_CORNER = 2e-6  # s: how long a step takes
+_CORNER = 2 * SHORTEST
+"""How long a step takes [s]: rows of a table must be a SHORTEST apart."""
 RATE = 200.0
 """Rows a second of a table of sources."""
 

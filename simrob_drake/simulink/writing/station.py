@@ -14,6 +14,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.catalog import ROBOT_FILE
 from simrob_drake.robots.pieces import PIECE_FILE
+from simrob_drake.simulink.mechanics.bodies import PUSH
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
@@ -21,6 +22,7 @@ from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.laws import Law, is_zero
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.contact_sections import StationFiles, contact_sections
+from simrob_drake.simulink.writing.flow import flows_of
 from simrob_drake.simulink.writing.names import Names, plain
 from simrob_drake.simulink.writing.pieces import pose_list, write_piece
 from simrob_drake.simulink.writing.references import reference
@@ -154,15 +156,26 @@ class StationWriter:
             content |= contact_sections(self._touching, self._files, self._model, self._gravity, self._names)
         content["gravity"] = self._gravity
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
-            content["inputs"] = ["external_force"]
-        content |= {} if kinematic else self._dynamics(robots)
+            content["inputs"] = self._pushes()
+        content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}))
         content["duration"] = duration
         return content
 
-    def _dynamics(self, robots: dict[str, Any]) -> dict[str, Any]:
-        """Return what only a station of torques has: its solver, and stops that differ from a station's own."""
-        stops = self._stops()
-        return {"solver": self._solver(robots), **({"joint_stops": stops} if stops else {})}
+    def _pushes(self) -> list[str]:
+        """Return the ports of what External Force and Torque blocks apply; a force unless they tell."""
+        pushes = [node for node in self._model.expanded.nodes if node.kind == PUSH]
+        turns = any(node.is_on(f"EnableTorque{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
+        pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
+        return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
+
+    def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any]) -> dict[str, Any]:
+        """Return what only a station of torques has: its solver, laws that are no servos, and stops of joints."""
+        stops, flows = self._stops(), flows_of(self._model, self._files, sensors)
+        content = {"controllers": flows} if flows else {}
+        content["solver"] = self._solver(robots)
+        if flows and "accuracy" in content["solver"]:
+            content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": 0.02}
+        return content | ({"joint_stops": stops} if stops else {})
 
     def _kinematic(self) -> bool:
         """Tell whether the motion is the input, or nothing weighs enough to be moved by torque."""
@@ -243,6 +256,9 @@ class StationWriter:
         """Report what a joint became."""
         gains = {"kp": law.kp, "ki": law.ki, "kd": law.kd, "limit": law.limit if isfinite(law.limit) else 0.0}
         told = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
+        if law.net:
+            self._report.add("read", freedom.name, f"axis {axis} of {robot}: driven by the blocks of its law")
+            return
         drive = "moved as its reference" if kinematic else f"servo {told}" if told else "no servo"
         self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
 

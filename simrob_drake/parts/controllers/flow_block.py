@@ -1,0 +1,96 @@
+"""What the kinds of block share that a signal flow is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from pydantic import model_validator
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.quantities import NotNegative
+from simrob_drake.yaml_files import Number, Strict
+
+Sum = str | dict[str, Number]
+"""A signal by its name, or several with their factors; ``one`` is 1 and ``time`` the time [s]."""
+Row = tuple[Number, ...]
+Values = Sequence[float]
+
+
+class FlowBlock(Strict):
+    """A block of a signal flow: its key ``kind``, what it takes, and its equation.
+
+    That is ``output(t, x, u)`` by the time [s], its states and its inputs, and of one that has states, ``following``:
+    their derivatives, or with a ``period`` their next values. A sampled block holds its output between samples.
+    """
+
+    takes: ClassVar[tuple[int, int]] = (1, 1)
+    """How few and how many inputs there may be."""
+
+    kind: str
+    of: Sum | tuple[Sum, ...] = ()
+    """Its inputs, each a signal or a sum of signals with factors."""
+    period: NotNegative = 0.0
+    """Between samples [s], of a block that has states; 0 of one that is continuous."""
+
+    @property
+    def inputs(self) -> tuple[Sum, ...]:
+        """Its inputs in order."""
+        return self.of if isinstance(self.of, tuple) else (self.of,)
+
+    @property
+    def size(self) -> int:
+        """How many elements its output has."""
+        return 1
+
+    @property
+    def edges(self) -> Sequence[float]:
+        """Times at which its output jumps by itself [s]."""
+        return ()
+
+    def check(self, key: str) -> None:
+        """Check how many inputs it has.
+
+        Raises:
+            InvalidParameter: too few or too many.
+        """
+        fewest, most = self.takes
+        if not fewest <= len(self.inputs) <= most:
+            told = f"{fewest} inputs" if fewest == most else f"{fewest} inputs or more"
+            raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", told)
+
+    @property
+    def start(self) -> Values:
+        """Its states at the start."""
+        return ()
+
+    @property
+    def fed_through(self) -> bool:
+        """Whether its output depends on its inputs at the same time."""
+        return True
+
+    def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output, by element."""
+        raise NotImplementedError
+
+    def following(self, x: Values, u: Values) -> Values:
+        """Return the derivatives of its states, or their next values."""
+        return ()
+
+
+class Bounded(FlowBlock):
+    """Of a lower and an upper bound."""
+
+    lower: Number | None = None
+    upper: Number | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Bounded:
+        if self.lower is not None and self.upper is not None and self.lower > self.upper:
+            raise ValueError(f"lower ({self.lower:g}) is above upper ({self.upper:g})")
+        return self
+
+    def clipped(self, u: float) -> float:
+        """Return the nearest value within the bounds."""
+        above = u if self.lower is None else max(u, self.lower)
+        return above if self.upper is None else min(above, self.upper)

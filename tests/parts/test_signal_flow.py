@@ -1,0 +1,95 @@
+"""Signal flows in stations: the same motion as servos that say the same, exact continuation, and what is refused."""
+
+import numpy as np
+import pytest
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import SimrobError
+
+LAW = {
+    "kind": "signal_flow",
+    "blocks": {
+        "Error": {"kind": "sum", "of": {"q_ref.joint_1": 1, "q.joint_1": -1}},
+        "Limit": {"kind": "saturation", "lower": -150, "upper": 150, "of": {"Error": 1000, "v.joint_1": -20}},
+    },
+    "torque": {"joint_1": "Limit"},
+}
+OFF = {"servo.kp": {"joint_1": 0}, "servo.kd": {"joint_1": 0}}
+MOVE = {"reference": {"kind": "hold", "target_deg": {"joint_1": 30}}, "pieces": {}, "floor": None}
+REST = {f"joint_{number}": float(number > 1) for number in range(1, 7)}
+GAINS = {"kp": 1000.0, "kd": 20.0}
+ALONE = {"servo.torque_limit": {"joint_1": 150}, **{f"servo.{key}": gain for key, gain in GAINS.items()}}
+LAWFUL = ALONE | {f"servo.{key}": {axis: gain * on for axis, on in REST.items()} for key, gain in GAINS.items()}
+
+
+def arm(law=None, **changed):
+    return load_station("irb120_dynamic", {**MOVE, **changed, **({"controllers": {"law": law}} if law else {})})
+
+
+def test_a_law_that_is_a_servo_moves_as_one():
+    servo = simulate(arm(**ALONE, **{"solver.accuracy": 1e-5}), duration=0.6, progress=False)
+    flow = simulate(arm(LAW, **LAWFUL, **{"solver.accuracy": 1e-5}), duration=0.6, progress=False)
+    assert np.ptp(servo["q.joint_1"]) > 0.4
+    times = np.linspace(0, 0.6, 61)
+    both = [np.interp(times, result.times, result["q.joint_1"]) for result in (servo, flow)]
+    np.testing.assert_allclose(both[1], both[0], atol=1e-6)
+    assert abs(flow["law.Limit"]).max() == 150
+
+
+def test_a_run_goes_on_where_it_ended():
+    blocks = {
+        "Filter": {"kind": "transfer_function", "numerator": [1], "denominator": [0.05, 1], "of": "Error"},
+        "Held": {"kind": "delay", "period": 0.01, "of": "v.joint_1"},
+        "Slow": {"kind": "integrator", "period": 0.03, "of": "Error"},
+    }
+    law = LAW | {
+        "blocks": {**LAW["blocks"], **blocks},
+        "torque": {"joint_1": {"Limit": 0.1, "Filter": 50, "Held": -1, "Slow": 20}},
+    }
+    config = arm(law, **OFF, solver={"kind": "discrete", "time_step": 1e-3})
+    whole = simulate(config, duration=0.4, progress=False)
+    first = simulate(config, duration=0.17, progress=False)
+    # what is integrated with error control begins anew with a short step
+    second = simulate(config, duration=0.23, start=first.final_state, progress=False)
+    assert second["q.joint_1"][-1] == pytest.approx(whole["q.joint_1"][-1], abs=1e-6)
+    assert second["law.Slow"][-1] == pytest.approx(whole["law.Slow"][-1], abs=1e-6)
+
+
+def test_a_stop_ends_the_run():
+    compare = {"kind": "compare", "operator": ">", "threshold": 0.1, "of": "q.joint_1"}
+    law = LAW | {"blocks": {**LAW["blocks"], "Far": compare}, "stops": {"Enough": "Far"}}
+    result = simulate(arm(law, **OFF), duration=2, progress=False)
+    assert (result.ending, result.message.startswith("Enough is on")) == ("monitor", True)
+    assert 0.1 < result["q.joint_1"][-1] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"torque": {"joint_9": "Limit"}}, "axis of .* for controllers.law.torque"),
+        ({"torque": {"joint_1": "Limits"}}, "controllers.law.blocks.torque.of .*Limit"),
+        ({"torque": {"joint_1": "tau.joint_1"}}, "measured while stepping"),
+        ({"torque": {"joint_1": "Limit.1"}}, "Limit"),
+        ({"blocks": {"A": {"kind": "sum", "of": "B"}, "B": {"kind": "sum", "of": "A"}}, "torque": {}}, "algebraic"),
+        ({"blocks": {"A": {"kind": "switch", "of": ["one"]}}, "torque": {}}, "blocks.A.of.*3 inputs"),
+        ({"blocks": {"one": {"kind": "sum", "of": "time"}}, "torque": {}}, "another name"),
+        ({"blocks": {"A": {"kind": "saturation", "lower": 1, "upper": 0, "of": "one"}}}, "above upper"),
+        ({"blocks": {"A": {"kind": "transfer_function", "numerator": [1, 0], "denominator": [1], "of": "one"}}},
+         "higher power"),
+        ({"blocks": {"A": {"kind": "state_space", "A": [[0]], "B": [[1, 1]], "C": [[1]], "D": [[0]], "of": "one"}}},
+         "must be 1 × 1, for 1 inputs"),
+        ({"blocks": {"A": {"kind": "lookup", "points": [1, 0], "values": [1, 0], "of": "one"}}}, "points must rise"),
+        ({"blocks": {name: {"kind": "delay", "period": period, "of": "one"}
+                     for name, period in (("A", 0.02), ("B", 0.03))}, "torque": {}}, "multiples of the shortest"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told(changed, told):
+    with pytest.raises(SimrobError, match=told):
+        simulate(arm(LAW | changed), duration=0.01, progress=False)
+
+
+def test_a_block_that_cannot_compute_fails_the_run():
+    law = LAW | {"blocks": {"Root": {"kind": "function", "function": "sqrt", "of": {"one": 0.05, "time": -1}}}}
+    result = simulate(arm(law | {"torque": {"joint_1": "Root"}}), duration=0.2, progress=False)
+    assert result.ending == "diverged"
+    assert "the block Root cannot be computed of [-" in result.message

@@ -1,0 +1,147 @@
+"""Control laws of a model that are no servos run as signal flows, against the equations of motion with the same law."""
+
+import numpy as np
+import pytest
+import yaml
+from scipy.integrate import solve_ivp
+from scipy.signal import tf2ss
+from slx_files import write_model
+from test_slx_signals import Plant
+
+from simrob_drake import simulate
+from simrob_drake.errors import InvalidModel
+from simrob_drake.simulink.importing import import_simulink
+
+
+def run(plant, tmp_path, stop="2"):
+    imported = import_simulink(write_model(tmp_path / "a.slx", plant, stop=stop), tmp_path / "out")
+    content = yaml.safe_load(imported.station.read_text())
+    return simulate(imported.station, progress=False), content, imported.report
+
+
+def test_filters_limits_and_couplings_move_joints_as_the_equations_say(tmp_path):
+    """Both hinges have an inertia of 1 kg m², so q'' is the torque."""
+    plant = Plant()
+    (qa, qb), (wa, wb) = plant.positions, plant.speeds
+    wanted = plant.chain("Step", "Wanted", Time="0.25", After="0.4", Before="0")
+    error = plant.chain("Sum", "e", wanted, qa, Inputs="+-")
+    lead = plant.chain("TransferFcn", "Lead", error, Numerator="[2 10]", Denominator="[0.02 1]")
+    bent = plant.chain("Saturate", "Bent", lead, UpperLimit="3", LowerLimit="-1")
+    plant.wire(
+        plant.chain("Sum", "Ta", bent, wa, plant.chain("Gain", "k", qb, Gain="0.5"), Inputs="+-+"),
+        f"{plant.drives[0]}#in:1",
+    )
+    loose = plant.chain("DeadZone", "Loose", plant.chain("Sum", "d", qa, qb, Inputs="+-"), LowerValue="-0.1",
+                        UpperValue="0.05")  # fmt: skip
+    table = plant.chain("Lookup_n-D", "Table", loose, NumberOfTableDimensions="1", Table="[-8 0 2]",
+                        BreakpointsForDimension1="[-1 0 1]", ExtrapMethod="Clip")  # fmt: skip
+    one = plant.chain("Constant", "one", Value="1")
+    late = plant.chain("RelationalOperator", "Late", plant.chain("Clock", "Time"), one, Operator=">=")
+    push = plant.chain("Switch", "Push", plant.chain("Constant", "On", Value="0.3"), late, table,
+                       Criteria="u2 > Threshold", Threshold="0.5")  # fmt: skip
+    plant.wire(plant.chain("Sum", "Tb", push, wb, Inputs="+-"), f"{plant.drives[1]}#in:1")
+    result, content, report = run(plant, tmp_path)
+
+    a, b, c, d = (np.atleast_2d(part).item() for part in tf2ss([2, 10], [0.02, 1]))
+
+    def motion(t, y):
+        qa, wa, qb, wb, x = y
+        error = 0.4 * (t >= 0.25) - qa
+        loose = max(qa - qb - 0.05, 0) + min(qa - qb + 0.1, 0)
+        push = 0.3 if t >= 1 else np.interp(loose, [-1, 0, 1], [-8, 0, 2])
+        return wa, np.clip(c * x + d * error, -1, 3) - wa + 0.5 * qb, wb, push - wb, a * x + b * error
+
+    exact = solve_ivp(motion, (0, 2), np.zeros(5), rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times)
+    np.testing.assert_allclose(result["q.A"], exact.y[0], atol=1e-4)
+    np.testing.assert_allclose(result["q.B"], exact.y[2], atol=1e-4)
+    assert np.ptp(exact.y[2]) > 0.1
+    blocks = content["controllers"]["law"]["blocks"]
+    kinds = {name: entry["kind"] for name, entry in blocks.items()}
+    assert kinds == {
+        "Bent": "saturation", "Lead": "transfer_function", "Wanted": "step", "Push": "switch", "Late": "compare",
+        "Table": "lookup", "Loose": "dead_zone",
+    }  # fmt: skip
+    assert not report.of("dropped")
+
+
+def test_state_space_products_and_a_limited_integral_in_a_loop(tmp_path):
+    plant = Plant()
+    qa, (wa, wb) = plant.positions[0], plant.speeds
+    both = plant.chain("Mux", "both", qa, wa, Inputs="2")
+    observer = plant.chain("StateSpace", "Observer", both, A="[-3 1; 0 -5]", B="[1 0; 0 2]", C="[1 0; 0 1]",
+                           D="zeros(2)", X0="[0.1 -0.2]")  # fmt: skip
+    first, second = plant.split(observer)
+    square = plant.chain("Product", "Square", first, second, Inputs="2")
+    cosine = plant.chain("Trigonometry", "Cosine", qa, Operator="cos")
+    plant.wire(
+        plant.chain("Sum", "Ta", square, plant.chain("Gain", "half", cosine, Gain="0.5"), wa, Inputs="++-"),
+        f"{plant.drives[0]}#in:1",
+    )
+    store = plant.block("Integrator", "Store", InitialCondition="0.3", LimitOutput="on", UpperSaturationLimit="0.6",
+                        LowerSaturationLimit="-inf")  # fmt: skip
+    leak = plant.chain("Sum", "Leak", plant.chain("Constant", "one", Value="1"), f"{store}#out:1", Inputs="+-")
+    plant.wire(leak, f"{store}#in:1")
+    plant.wire(plant.chain("Sum", "Tb", f"{store}#out:1", wb, Inputs="+-"), f"{plant.drives[1]}#in:1")
+    result, _, _ = run(plant, tmp_path)
+
+    def motion(t, y):
+        qa, wa, _, wb, x1, x2 = y
+        store = min(1 - 0.7 * np.exp(-t), 0.6)
+        return wa, x1 * x2 + 0.5 * np.cos(qa) - wa, wb, store - wb, -3 * x1 + x2 + qa, -5 * x2 + 2 * wa
+
+    start = np.array([0, 0, 0, 0, 0.1, -0.2])
+    exact = solve_ivp(motion, (0, 2), start, rtol=1e-9, atol=1e-9, max_step=1e-2, t_eval=result.times)
+    np.testing.assert_allclose(result["q.A"], exact.y[0], atol=1e-4)
+    np.testing.assert_allclose(result["q.B"], exact.y[2], atol=1e-4)
+
+
+def test_an_input_is_the_reference_of_the_joint_whose_error_it_makes(tmp_path):
+    plant = Plant()
+    asked = plant.chain("Inport", "q_ref")
+    error = plant.chain("Sum", "e", plant.chain("Gain", "deg", asked, Gain="2"), plant.positions[0], Inputs="+-")
+    slow = plant.chain("TransferFcn", "Slow", error, Numerator="[8]", Denominator="[0.1 1]")
+    plant.wire(plant.chain("Sum", "T", slow, plant.speeds[0], Inputs="+-"), f"{plant.drives[0]}#in:1")
+    plant.wire(plant.chain("Gain", "g", plant.speeds[1], Gain="-1"), f"{plant.drives[1]}#in:1")
+    _, content, _ = run(plant, tmp_path)
+    assert content["controllers"]["law"]["blocks"]["Slow"]["of"] == {"q_ref.A": 1.0, "q.A": -1.0}
+    assert set(content["controllers"]["law"]["torque"]) == {"A"}
+    assert content["servo"]["kd"] == {"A": 0.0, "B": 1.0}
+
+
+def test_a_stop_of_any_condition_ends_the_run(tmp_path):
+    plant = Plant()
+    one = plant.chain("Constant", "Push", Value="1")
+    plant.drive(plant.chain("Sum", "T", one, plant.speeds[1]), plant.chain("Gain", "g", plant.speeds[1], Gain="-1"))
+    far = plant.chain("Compare To Constant", "Far", plant.positions[0], relop=">", const="0.125")
+    plant.chain("simulink/Sinks/Stop Simulation", "Halt", far)
+    result, _, _ = run(plant, tmp_path)
+    assert result.ending == "monitor"
+    assert result.message.startswith("Halt_end is on")
+    assert result.times[-1] == pytest.approx(0.5, abs=0.021)  # q = t²/2; looked at where steps end
+
+
+@pytest.mark.parametrize(
+    ("kind", "figures", "told"),
+    [
+        ("TransferFcn", {"Numerator": "[1 0 0]", "Denominator": "[1 1]"}, "higher power"),
+        ("StateSpace", {"A": "-1", "B": "[1 2]", "C": "1", "D": "0"}, "B must be 1 × 1|must be 1 × 1"),
+        ("DeadZone", {"LowerValue": "1", "UpperValue": "0"}, "above upper"),
+        ("Lookup_n-D", {"Table": "[1 2]", "BreakpointsForDimension1": "[1 0]"}, "points must rise"),
+        ("Gain", {"Gain": "struct('a', 1)"}, "Gain"),
+        ("Mux", {"Inputs": "0"}, "no elements|Inputs"),
+    ],
+)
+def test_figures_that_cannot_be_are_told_with_their_block(tmp_path, kind, figures, told):
+    plant = Plant()
+    plant.drive(plant.chain(kind, "Odd", plant.positions[1], **figures), plant.speeds[1])
+    with pytest.raises(InvalidModel, match=told):
+        import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+
+
+def test_what_is_sampled_at_an_unknown_rate_is_left_open(tmp_path):
+    plant = Plant()
+    held = plant.chain("DiscreteTransferFcn", "Inherited", plant.positions[0], SampleTime="-1")
+    rounded = plant.chain("Rounding", "Round", plant.positions[1], Operator="round")
+    plant.drive(held, rounded)
+    _, _, report = run(plant, tmp_path, stop="0.1")
+    assert {"Inherited", "Round"} <= {entry.element for entry in report.of("dropped")}
