@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
-from simrob_drake.given import instance
+from simrob_drake.given import instance, truth
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
@@ -341,15 +341,16 @@ class LeggedRobot(LeggedGeometry):
 
     def reset(self, *, keep_program: bool = False) -> None:
         """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""
+        kept = self.program if truth(keep_program, "keep_program") else Program()
         self._remember()
         self._back_to_start()
-        if not keep_program:
-            self.program = Program()
+        self.program = kept
 
     def _do(
         self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False, file: str = ""
     ) -> list[SimulationResult]:
         """Do moves stage by stage, and return the runs; what goes wrong leaves robot and program as they were."""
+        store = truth(store, "store")
         stages = stages_of(self, moves, self._start if from_start else self.cell.config, file)
         snapshot, runs = self._snapshot(), list[SimulationResult]()
         try:
