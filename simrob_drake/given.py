@@ -72,6 +72,15 @@ def whole(value: object, name: str, least: int, most: int) -> int:
     return int(value)
 
 
+def truth(value: object, name: str) -> bool:
+    """Return True or False.
+
+    Raises:
+        InvalidParameter: anything else; many things have no truth, or not the one that was meant.
+    """
+    return bool(instance(value, name, (bool, np.bool_), "True or False"))
+
+
 def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...], expected: str) -> Kind:
     """Return an object of a kind.
 

@@ -6,13 +6,18 @@ from collections import Counter
 from copy import deepcopy
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from simrob_drake.errors import InvalidConfig, nearest, quoted, shortened
 from simrob_drake.files import NotRead, text_of
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)  # which has no public name
 
 Model = TypeVar("Model", bound=BaseModel)
 Number = Annotated[float, Field(strict=True)]
@@ -43,7 +48,17 @@ _QUOTED = re.compile(r"'([^']+)'")
 _UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\[")
 
 
-class Strict(BaseModel):
+class _Told(ModelMetaclass):
+    """Makes the classes whose objects, made in Python, are told of as the content of a file is."""
+
+    def __call__(cls, /, *given: Any, **content: Any) -> Any:  # noqa: N805  # of a class of classes
+        try:
+            return super().__call__(*given, **content)
+        except ValidationError as problem:
+            raise _first_finding(problem, cast(type[BaseModel], cls), cls.__name__) from problem
+
+
+class Strict(BaseModel, metaclass=_Told):
     """Base of everything read from YAML: unknown keys are errors, and nothing changes after reading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)

@@ -4,6 +4,7 @@ import json
 import random
 from collections.abc import Callable
 from dataclasses import replace
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from pydrake.trajectories import PiecewisePolynomial
 import simrob_drake as sim
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.given import DrakeRefused, drake_asserts
+from simrob_drake.programs.moves import JointMove
 from simrob_drake.results.record.state import JointState
 
 VALUES: dict[str, Any] = {
@@ -146,6 +148,33 @@ def test_hostile_values_get_one_clear_line(name, arm, legged, result, tmp_path, 
             told = str(problem)
             if not isinstance(problem, SimrobError) or len(told) > 600 or "\n" in told:
                 pytest.fail(f"{name} of {key}: {type(problem).__name__}: {told[:400]}")
+
+
+MANY = np.array([1, 2])
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda arm, legged: arm.plan.move_abs_j(arm.position, stop=MANY), "stop is array"),
+        (lambda arm, legged: legged.act("bow", store=MANY), "store is array"),
+        (lambda arm, legged: legged.reset(keep_program=MANY), "keep_program is array"),
+        (lambda arm, legged: arm.wait(0.01).save("out", force=MANY), "force is array"),
+        (lambda arm, legged: run(arm.cell.config, on_step=MANY), "on_step is array"),
+        (lambda arm, legged: sim.simulate(arm.cell.config, progress=MANY), "progress is array"),
+        (lambda arm, legged: sim.load_station("irb120_kinematic", {"duration": Lock()}), "duration: is <unlocked"),
+        (lambda arm, legged: sim.load_station("irb120_dynamic", {"servo.kp": 1e300}), r"kp: a gain is of 0 to 1e\+09"),
+        (lambda arm, legged: sim.load_station("irb120_dynamic", {"gravity": 1e10}), "gravity: .* 10000"),
+        (lambda arm, legged: sim.Program(moves=None), "Program: moves: input should be a list"),
+        (lambda arm, legged: JointMove(target_deg=None), "JointMove: target_deg: must be a section"),
+    ],
+)
+def test_values_of_no_use_are_told_by_their_names(call, told, arm, legged, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    before = legged.program
+    with pytest.raises(SimrobError, match=told):
+        call(arm, legged)
+    assert legged.program is before
 
 
 @pytest.mark.parametrize("duration", [1e-300, 1e300, 10**400])

@@ -25,6 +25,8 @@ from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
+LARGEST_GAIN = 1e9
+"""Of any servo, in its units: a hydraulic cylinder has a tenth of it, and solvers creep through more."""
 CLAMP_TIME = 0.02
 """T [s]: slow enough for fixed steps of 10 ms, far faster than the load that an integrator is there to find."""
 
@@ -46,12 +48,12 @@ class ServoGains:
         """Check the figures.
 
         Raises:
-            InvalidParameter: a gain that is negative or not finite, or a limit that is not positive.
+            InvalidParameter: a gain that is negative or beyond `LARGEST_GAIN`, or a limit that is not positive.
         """
         for name in ("kp", "ki", "kd"):
             values = getattr(self, name)
-            if not (np.isfinite(values).all() and (values >= 0).all()):
-                raise InvalidParameter(name, values, "finite and not negative")
+            if not ((values >= 0) & (values <= LARGEST_GAIN)).all():
+                raise InvalidParameter(name, values, f"of 0 to {LARGEST_GAIN:g}")
         for name in ("torque_limit", "integral_limit"):
             if not (getattr(self, name) > 0).all():
                 raise InvalidParameter(name, getattr(self, name), "positive [N·m or N]")

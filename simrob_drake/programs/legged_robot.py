@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
-from simrob_drake.given import instance
+from simrob_drake.given import instance, truth
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
@@ -345,10 +345,10 @@ class LeggedRobot(LeggedGeometry):
 
     def reset(self, *, keep_program: bool = False) -> None:
         """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""
+        kept = self.program if truth(keep_program, "keep_program") else Program()
         self._remember()
         self._back_to_start()
-        if not keep_program:
-            self.program = Program()
+        self.program = kept
 
     def _do(self, moves: Sequence[AnyMove], *, store: bool = False) -> list[SimulationResult]:
         """Do moves from the last state, perhaps store them, and return the runs."""

@@ -66,7 +66,7 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationC
                     motion = _planned(robot, move, station)
                     anew = changed or resolve(station).ground.incline  # then it depends on what was done before
                     stages.append(
-                        partial(_walk_anew, move=move, name=name) if anew else partial(perform, motion=motion)
+                        partial(_walk_anew, move=move, name=name) if anew else partial(_go_as_planned, plan=[motion])
                     )
     return stages
 
@@ -105,6 +105,10 @@ def _planned(robot: LeggedGeometry, move: WalkMove | ActMove, station: StationCo
         return planned_gait(robot, move.act.name, move.act.model_extra or {}, station=station)
     walk, more = move.walk, move.walk.model_extra or {}
     return planned_gait(robot, walk.gait, more, steps=walk.steps, amplitude=walk.amplitude, station=station)
+
+
+def _go_as_planned(robot: LeggedGeometry, plan: list[JointMotion]) -> SimulationResult:
+    return perform(robot, plan.pop())  # nobody keeps it while it runs
 
 
 def _walk_anew(robot: LeggedGeometry, move: WalkMove | ActMove, name: str) -> SimulationResult:

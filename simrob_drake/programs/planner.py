@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.given import whole
+from simrob_drake.given import truth, whole
 from simrob_drake.interpolation import Arc, stacked, turn
 from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.chain import Chain
@@ -56,7 +56,7 @@ class Planner:
             JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
         """
         rows = self.chain.postures(targets, "targets")
-        points, through = _points(how, POINTS), not stop and len(rows) > 1
+        points, through = _points(how, POINTS), not truth(stop, "stop") and len(rows) > 1
         names = [target_name(index, len(rows)) for index in range(len(rows))]
         starts = [self.start, *rows[:-1]]
         segments = [

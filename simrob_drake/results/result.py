@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.errors import shortened
-from simrob_drake.given import path
+from simrob_drake.given import path, truth
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
@@ -83,7 +83,8 @@ class SimulationResult(RecordedRun):
         See :func:`simrob_drake.results.files.save_result`.
         """
         target = default_folder(self.config.name) if folder is None else path(folder, "folder")
-        return save_result(self, target, force=force, recording=recording, video=video)
+        kinds = {"force": force, "recording": recording, "video": video}
+        return save_result(self, target, **{name: truth(value, name) for name, value in kinds.items()})
 
     def summary(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds."""

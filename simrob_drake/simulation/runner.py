@@ -12,7 +12,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.blocks.references import Course, Samples
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
-from simrob_drake.given import drake_asserts, instance
+from simrob_drake.given import drake_asserts, instance, truth
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
 from simrob_drake.progress import note, progress_bar
@@ -236,7 +236,9 @@ class _Run:
     ) -> SimulationResult:
         """Step, and return what happened."""
         watchers = [] if on_step is None else [_positions_watcher(self.stepper, on_step)]
-        with progress_bar(f"simulating {self.config.name}", self.config.duration, shown=progress) as show:
+        with progress_bar(
+            f"simulating {self.config.name}", self.config.duration, shown=truth(progress, "progress")
+        ) as show:
             if show is not None:
                 watchers.append(pace_watcher(self.config, show))
             ports = self.whole.ports

@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from simrob_drake.blocks.servo import LARGEST_GAIN
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
@@ -47,7 +48,7 @@ def _every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
     return AfterValidator(checked)
 
 
-_Gain = Annotated[AxisValues, _every(lambda value: value >= 0, "a gain must not be negative")]
+_Gain = Annotated[AxisValues, _every(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")]
 _Limit = Annotated[AxisValues, _every(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
 
 
@@ -82,7 +83,7 @@ class ServoConfig(_Section):
     """Saturation, per axis [N·m or N]; the URDF's effort unless given."""
     integral_limit: _Limit | None = None
     """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
-    admittance_gain: NotNegative = 0.0
+    admittance_gain: Annotated[NotNegative, Field(le=LARGEST_GAIN)] = 0.0
     """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
 
     @model_validator(mode="after")
@@ -234,7 +235,7 @@ class StationConfig(_Section):
     """What happens where things touch; without this section they pass through each other."""
     joint_stops: JointStops = JointStops()
     """What holds joints at their limits, where the solver does not."""
-    gravity: Number = STANDARD_GRAVITY
+    gravity: Annotated[Number, Field(ge=-1e4, le=1e4)] = STANDARD_GRAVITY
     """Gravity along -z [m/s²]."""
     solver: SolverConfig = ContinuousSolver(kind="continuous")
     """How time advances in a dynamic station."""

@@ -172,7 +172,15 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
         for inner in sorted(value, key=lambda name: name != "kind"):  # what else is set belongs to the new kind
             _override(content, [*key, inner], value[inner], where)
     else:
-        node[key[-1]] = deepcopy(value)
+        node[key[-1]] = _copied(value, key, where)
+
+
+def _copied(value: Any, key: list[str], where: Path | str) -> Any:
+    try:
+        return deepcopy(value)
+    except Exception as problem:  # what cannot be copied raises whatever it likes
+        told = f"is {quoted(value)}, which no station's file could hold"
+        raise InvalidConfig(where, ".".join(key), told) from problem
 
 
 def _change_kind(section: dict[str, Any], union: Any, kind: Any) -> None:

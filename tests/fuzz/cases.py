@@ -42,6 +42,7 @@ references:
 START = """{"positions": {"robot": [0.1, 0.2]}, "velocities": {"robot": [0.0, 0.0]},
 "references": {"robot": [0.1, 0.2]}, "joints": {}, "blocks": {}}"""
 TABLE = "time,joint_1,joint_2\n" + "".join(f"{step / 10},{step / 50},{-step / 50}\n" for step in range(20))
+_FIGURE = re.compile(rb"(?<![\w.#-])-?\d+\.?\d*(?![\w.])")
 MESHES = ("stl", "stl_ascii", "obj", "ply", "off", "dae", "glb")
 
 
@@ -74,7 +75,13 @@ def case(number: int, seed: int = 1) -> Case:
 
 
 def damaged(data: bytes, chance: random.Random) -> bytes:
-    """Return the bytes with one kind of damage, as disks, editors and foes do it."""
+    """Return the bytes with one kind of damage, as disks, editors and foes do it; mostly a slight one."""
+    figures = list(_FIGURE.finditer(data))
+    if figures and chance.random() < 0.7:
+        figure = chance.choice(figures)
+        value = float(figure[0]) * chance.choice([-1, 0.1, 0.5, 0.99, 1.01, 2, 10])
+        other = f"{value if b'.' in figure[0] else round(value):g}".encode()
+        return data[: figure.start()] + other + data[figure.end() :]
     place, length = chance.randrange(len(data)), chance.choice([1, 2, 4, 30, 300])
     before, within, after = data[:place], data[place : place + length], data[place + length :]
     words = re.split(rb"([\s,\"<>=]+)", data)
@@ -174,7 +181,8 @@ def _table(chance: random.Random) -> Case:
 
 def _program(chance: random.Random) -> Case:
     content = PROGRAM.replace(chance.choice(re.findall(r"[-\w.]+|\{.*\}", PROGRAM)), chance.choice(VALUES), 1)
-    choices = [content.encode("utf-8", "surrogatepass"), damaged(PROGRAM.encode(), chance), multiplied(chance)]
+    slight = [damaged(PROGRAM.encode(), chance)] * 4
+    choices = [content.encode("utf-8", "surrogatepass"), *slight, multiplied(chance)]
     return Case("program", ["program", "p.yaml"], {"p.yaml": chance.choice(choices)})
 
 

@@ -267,7 +267,7 @@ class TestEveryRobot:
 class TestStep:
     """One step: upright, ahead by its length within a third, and standing at the end."""
 
-    @pytest.mark.parametrize("solver", [{}, {"solver.accuracy": 5e-4, "solver.max_step": 0.005}], ids=["", "tight"])
+    @pytest.mark.parametrize("solver", [{}, {"solver.max_step": 0.0025}], ids=["", "tight"])
     @pytest.mark.parametrize(
         ("name", "way", "feet"),
         [

@@ -21,30 +21,30 @@ def history():
     return History(TIMES, np.column_stack([5 * TIMES, position, velocity]), [np.array([[0.0], [1.0], [2.0], [3.0]])])
 
 
-def rates(history):
-    return history.continuous[:, [2]]
+def rates(states):
+    return states[:, [2]]
 
 
 def test_positions_follow_the_cubic_that_the_rates_give(history):
     times = np.linspace(0, 1, 57)
-    states = history.at(times, PLANT, rates(history))
+    states = history.at(times, PLANT, rates)
     np.testing.assert_allclose(states.continuous[:, 1], cubic(times)[0], atol=1e-14)
     np.testing.assert_allclose(states.continuous[:, 0], 5 * times, atol=1e-14)
     np.testing.assert_allclose(states.continuous[:, 2], np.interp(times, TIMES, cubic(TIMES)[1]), atol=1e-14)
 
 
 def test_step_ends_are_exact(history):
-    np.testing.assert_array_equal(history.at(TIMES, PLANT, rates(history)).continuous, history.continuous)
+    np.testing.assert_array_equal(history.at(TIMES, PLANT, rates).continuous, history.continuous)
 
 
 @pytest.mark.parametrize("time", [-0.1, 1.1, np.nan])
 def test_of_times_outside_of_the_run_nothing_is_known(history, time):
     with pytest.raises(InvalidParameter, match=r"time is -?[\d.nan]+ s; it must be within the run, 0 to 1 s"):
-        history.at(np.array([0.5, time]), PLANT, rates(history))
+        history.at(np.array([0.5, time]), PLANT, rates)
 
 
 def test_discrete_values_are_those_held_over_the_step_that_ended_there(history):
-    states = history.at(np.array([0.0, 0.05, 0.1, 0.11, 0.4, 0.9]), PLANT, rates(history))
+    states = history.at(np.array([0.0, 0.05, 0.1, 0.11, 0.4, 0.9]), PLANT, rates)
     np.testing.assert_array_equal(states.discrete[0][:, 0], [0, 1, 1, 2, 2, 3])
 
 

@@ -215,6 +215,9 @@ def test_meshes_are_found_and_weighed_but_only_below_given_folders(tmp_path):
     assert solid.weight.mass == pytest.approx(6e-6 * 1000)
     with pytest.raises(InvalidModel, match="cannot be read"):
         read_solid(node("File Solid", ExtGeomFileName="../secret.stl"), meshes)
+    (tmp_path / "model" / "cut.stl").write_bytes((tmp_path / "secret.stl").read_bytes()[:200])
+    with pytest.raises(InvalidModel, match=r"the mesh cut\.stl, which is cut off: of its 12 faces 2 are there"):
+        read_solid(node("File Solid", ExtGeomFileName="cut.stl"), meshes)
 
 
 def frame_xml(feature, primary="+Z", along="+Z"):

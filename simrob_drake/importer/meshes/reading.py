@@ -1,5 +1,6 @@
 """Load a mesh file of any format into plain parts."""
 
+import gc
 import io
 import logging
 import struct
@@ -17,7 +18,7 @@ import numpy as np
 from simrob_drake.files import NotRead, TooLarge, content_of
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
-from simrob_drake.importer.meshes.parts import MeshPart, Rgba, of_one_look, usable
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, face_count, of_one_look, usable
 from simrob_drake.interrupts import heard_afterwards
 
 _MOST_FACES = 1_500_000
@@ -84,6 +85,8 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
         raise UnreadableMesh(f"is not readable as {kind.removeprefix('.').upper()} ({reason})") from problem
     if not parts:
         raise UnreadableMesh("holds no triangles")
+    if face_count(parts) > _MOST_SHADED:
+        gc.collect()  # the objects of mesh libraries hold each other: a quarter of a gigabyte for a million faces
     return MeshFile(parts, data if kind == ".obj" else b"", notes)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 
 from simrob_drake.errors import shortened
 from simrob_drake.importer.meshes.library import Mesh, Scale
-from simrob_drake.importer.repairs.names import FreeNames, free_name
+from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import name_of
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
@@ -24,7 +24,12 @@ class ShapeNames:
     robot: ET.Element
     _stems: dict[str, str] = field(default_factory=dict, init=False)
     _free: FreeNames = field(default_factory=FreeNames, init=False)
+    _materials: FreeNames = field(init=False)
     _counts: dict[tuple[str, str], int] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        """Know the materials that are there."""
+        self._materials = FreeNames(name_of(element) for element in self.robot.iter("material"))
 
     def next(self, link: ET.Element, role: str) -> str:
         """Return the name of a link's next mesh in a role, as in ``upper_arm_visual_1``."""
@@ -34,7 +39,7 @@ class ShapeNames:
 
     def material(self, name: str) -> str:
         """Return a name like this one that no material has."""
-        return free_name(name, (name_of(element) for element in self.robot.iter("material")))
+        return self._materials.take(name)
 
     def _stem(self, link: str) -> str:
         if link not in self._stems:

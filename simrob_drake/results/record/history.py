@@ -17,6 +17,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.rows import parts
 
+Rates = Callable[[Vector], Vector]
 RUNAWAY = 1e8
 """A position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged."""
 
@@ -168,7 +169,7 @@ class History:
         """The time of the last state [s]."""
         return float(self.times[-1])
 
-    def at(self, times: Vector, plant: PlantSlice | None, rates: Vector | None) -> History:
+    def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> History:
         """Return the states at ``times``, exact at step ends.
 
         Positions of the plant follow a cubic Hermite spline on the joint rates, the rest of the continuous state a
@@ -177,7 +178,7 @@ class History:
         Args:
             times: within the run, shape (k,) [s].
             plant: where the plant's state lies.
-            rates: time derivatives of the plant's positions at the steps, shape (m, nq).
+            rates: gives the time derivatives (k, nq) of the plant's positions at k of the continuous states.
 
         Raises:
             InvalidParameter: a time outside of the run, where nothing is known.
@@ -194,7 +195,8 @@ class History:
         states = np.where(part == 1, high, low + part * (high - low))
         if plant is not None and rates is not None:
             knots = slice(None), plant.positions
-            slopes = rates[before] * width[:, np.newaxis], rates[after] * width[:, np.newaxis]
+            rows, place = np.unique([before, after], return_inverse=True)
+            slopes = rates(self.continuous[rows])[place.reshape(2, -1)] * width[:, np.newaxis]
             states[knots] = _hermite(part, low[knots], high[knots], *slopes)
         return History(times, states, [group[after] for group in self.discrete], self._values_at(after))
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
-from functools import cached_property
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site
-from simrob_drake.results.record.history import History, plant_slice
+from simrob_drake.results.record.history import History, PlantSlice, plant_slice
 from simrob_drake.rows import parts
 
 
@@ -56,7 +56,6 @@ class Sampler:
     def history(self, history: History) -> None:
         self._history = history
         self.memo: dict[Any, Any] = {}
-        self.__dict__.pop("_rates", None)
 
     @property
     def step_times(self) -> Vector:
@@ -127,20 +126,17 @@ class Sampler:
         return self._context
 
     def _at(self, times: Vector) -> History:
-        return self._history.at(times, self._plant_slice, self._rates)
+        where = self._plant_slice
+        return self._history.at(times, where, None if where is None else partial(self._rates, where))
 
-    @cached_property
-    def _rates(self) -> Vector | None:
-        """The time derivatives of the plant's positions at every recorded step."""
-        where, plant, history = self._plant_slice, self._plant, self._history
-        if where is None:
-            return None
-        velocities = history.continuous[:, where.velocities]
+    def _rates(self, where: PlantSlice, states: Vector) -> Vector:
+        """Return the time derivatives (k, nq) of the plant's positions at continuous states (k, nx)."""
+        plant = self._plant
         if plant.IsVelocityEqualToQDot():
-            return velocities
+            return states[:, where.velocities]
         context = plant.CreateDefaultContext()
-        rates = np.empty((len(velocities), plant.num_positions()))
-        for row, state in enumerate(history.continuous):
+        rates = np.empty((len(states), plant.num_positions()))
+        for row, state in enumerate(states):
             plant.SetPositions(context, state[where.positions])
             rates[row] = plant.MapVelocityToQDot(context, state[where.velocities])
         return rates

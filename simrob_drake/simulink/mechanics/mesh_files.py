@@ -2,16 +2,17 @@
 
 from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath
-from typing import Any
 
 import numpy as np
 
+from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.mending import mend
+from simrob_drake.importer.meshes.reading import read_mesh
 from simrob_drake.simulink.mechanics.shapes import Mesh, Weight
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 
 READ = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
-_LARGEST = 200 * 2**20  # bytes
 
 
 class MeshFiles:
@@ -34,9 +35,6 @@ class MeshFiles:
         if file.suffix.lower() not in READ:
             report.add("dropped", node.path, f"the mesh {name}: {file.suffix} is not read; convert it to STL")
             return None, 1.0
-        if file.stat().st_size > _LARGEST:
-            report.add("dropped", node.path, f"the mesh {name} is larger than {_LARGEST // 2**20} MB")
-            return None, 1.0
         try:
             return file, factor(node.text("ExtGeomFileUnits", "m"), "m")
         except UnknownUnit as problem:
@@ -50,15 +48,16 @@ class MeshFiles:
         """
         if file is None:
             raise node.refusal(f"its weight follows from the mesh {node.text('ExtGeomFileName')}, which cannot be read")
-        mesh = load_mesh(file)
-        if mesh is None:
-            raise node.refusal(f"its weight follows from the mesh {file.name}, which is damaged")
-        properties = mesh.mass_properties
-        volume = float(properties.volume) * scale**3
-        if not volume > 0:
+        try:
+            mesh = load_mesh(file)
+        except UnreadableMesh as problem:
+            raise node.refusal(f"its weight follows from the mesh {file.name}, which {problem}") from problem
+        from trimesh.triangles import mass_properties
+
+        properties = mass_properties((mesh.corners * scale)[mesh.faces])
+        if not properties.volume > 0:
             raise node.refusal(f"its weight follows from the mesh {file.name}, which encloses no volume")
-        com = np.asarray(properties.center_mass, dtype=float) * scale
-        return Weight(volume, com, np.asarray(properties.inertia, dtype=float) / properties.density * scale**5)
+        return Weight(float(properties.volume), np.asarray(properties.center_mass), np.asarray(properties.inertia))
 
     def _find(self, name: str) -> Path | None:
         """Return the file in any folder: by its relative path, or by its name alone, in any case of letters."""
@@ -85,15 +84,18 @@ def _without_case(folder: Path, parts: list[str]) -> Path | None:
     return folder if folder.is_file() else None
 
 
-def load_mesh(file: Path) -> Any:
-    """Return a mesh as one body of triangles, or None where it cannot be read."""
-    import trimesh
+def load_mesh(file: Path) -> Mesh:
+    """Return the triangles of a mesh; no file is read but this one.
 
-    try:
-        loaded = trimesh.load(file, force="mesh")
-    except Exception:  # readers of damaged files raise whatever they like
-        return None
-    return loaded if len(getattr(loaded, "faces", ())) else None
+    Raises:
+        UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
+    """
+    parts = [part for part in map(mend, read_mesh(file, {}).parts) if len(part.faces)]
+    if not parts:
+        raise UnreadableMesh("holds no triangle with an area")
+    before = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    faces = [part.faces + count for part, count in zip(parts, before, strict=True)]
+    return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
 
 
 def write_obj(mesh: Mesh, target: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
+from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE
 from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, place, set_inertia, text
@@ -177,14 +178,14 @@ class UrdfWriter:
 
     def _copy(self, solid: SolidBody, folder: Path) -> str | None:
         assert solid.file is not None
-        mesh = load_mesh(solid.file)
-        if mesh is None:
-            self._report.add("dropped", solid.node.path, f"the mesh {solid.file.name} cannot be read")
+        try:
+            mesh = load_mesh(solid.file)
+        except UnreadableMesh as problem:
+            self._report.add("dropped", solid.node.path, f"the mesh {solid.file.name} {problem}")
             return None
         folder.mkdir(exist_ok=True)
         name = f"meshes/{self._meshes.give(solid.file.stem)}.obj"
-        corners: Vector = np.asarray(mesh.vertices, dtype=float) * solid.scale
-        write_obj(Mesh(corners, np.asarray(mesh.faces)), self._folder / name)
+        write_obj(Mesh(mesh.corners * solid.scale, mesh.faces), self._folder / name)
         return name
 
     def _add_tools(self, robot: RobotFile) -> None:
