@@ -352,7 +352,7 @@ class LeggedRobot(LeggedGeometry):
 
     def _do(self, moves: Sequence[AnyMove], *, store: bool = False) -> list[SimulationResult]:
         """Do moves from the last state, perhaps store them, and return the runs."""
-        return self._perform(stages_of(self, moves, self.cell.config), store=moves if store else ())
+        return self._perform(stages_of(self, moves, self.cell.config), store=moves if truth(store, "store") else ())
 
     def _perform(
         self, stages: Sequence[Stage], *, store: Sequence[AnyMove] = (), from_start: bool = False
