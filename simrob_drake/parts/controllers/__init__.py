@@ -11,9 +11,10 @@ from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.objective import Objective
 from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.parts.controllers.sequencer import Sequencer
+from simrob_drake.parts.controllers.touchdown import Touchdown
 from simrob_drake.parts.kinds import named_by_kind
 
-ControllerConfig = Annotated[OwnController | Sequencer | Objective | FallGuard, Field(discriminator="kind")]
+ControllerConfig = Annotated[OwnController | Sequencer | Objective | FallGuard | Touchdown, Field(discriminator="kind")]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]
 
 

@@ -30,7 +30,8 @@ class LoopSection(Strict):
 
     A kind has its key ``kind`` and the methods ``axes(robot)``, the names of the axes that it drives, and
     ``block(key, robot, site)``, which makes its :class:`~simrob_drake.blocks.sampled.SampledBlock`. What that block
-    gives tells how it drives them: ``offset`` (n) is added to the reference [rad or m], ``target`` (n) takes its place
+    gives tells how it drives them: ``offset`` (n) is added to the reference [rad or m], ``offset_velocity`` (n) to that
+    of the velocity where the station has one [rad/s or m/s], ``target`` (n) takes its place
     while ``active`` is not zero, ``feedforward`` (n) is added to the torques [N·m or N]; other outputs are signals.
     """
 
@@ -186,7 +187,7 @@ def _drive(
     size, key = len(robot.axes), f"{robot.prefix}reference"
     asked = builder.AddNamedSystem(f"{key}.asked", PassThrough(size))
     inner, site.inputs[key] = site.inputs[key], asked.get_input_port()
-    port, torques = asked.get_output_port(), list[OutputPort]()
+    port, torques, speeds = asked.get_output_port(), list[OutputPort](), list[OutputPort]()
     for name, (section, block) in layers.items():
         outputs = {port.get_name(): port for port in _outputs(block)}
         weight, place = section.weight or 1.0, f"{key}.{name}"
@@ -194,6 +195,8 @@ def _drive(
         if "offset" in outputs:
             added = mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"])
             port = summed(builder, f"{place}.sum", port, added)
+        if "offset_velocity" in outputs and f"{robot.prefix}reference_velocity" in site.inputs:
+            speeds.append(mapped(builder, f"{place}.speed", weight * np.eye(size), outputs["offset_velocity"]))
         if "target" in outputs:
             share = np.where(np.isin(robot.axes, section.layered(robot)), weight, 0.0)
             limits = robot.model.axis_limits
@@ -203,8 +206,9 @@ def _drive(
     limited = fed(builder, f"{key}.limits", Saturation(*robot.model.axis_limits), port)
     builder.Connect(limited, inner)
     _draw(site, f"{key}.limits", name, section, robot)
-    if torques:
-        _add_torques(builder, site, robot, torques)
+    for key, added in (("feedforward", torques), ("reference_velocity", speeds)):
+        if added:
+            _add_to(builder, site, f"{robot.prefix}{key}", *added)
 
 
 def _draw(site: Site, system: str, name: str, section: LoopSection, robot: StationRobot) -> None:
@@ -245,11 +249,11 @@ def _laid_over(
     return fed(builder, f"{place}.layers", mixed, joined(builder, f"{place}.mixed_bus", either, below))
 
 
-def _add_torques(builder: DiagramBuilder, site: Site, robot: StationRobot, torques: Sequence[OutputPort]) -> None:
-    key = f"{robot.prefix}feedforward"
-    given = builder.AddNamedSystem(f"{key}.asked", PassThrough(len(robot.axes)))
+def _add_to(builder: DiagramBuilder, site: Site, key: str, *added: OutputPort) -> None:
+    """Add ports to what an input of a robot is given."""
+    given = builder.AddNamedSystem(f"{key}.asked", PassThrough(added[0].size()))
     inner, site.inputs[key] = site.inputs[key], given.get_input_port()
-    builder.Connect(summed(builder, f"{key}.loops", given.get_output_port(), *torques), inner)
+    builder.Connect(summed(builder, f"{key}.loops", given.get_output_port(), *added), inner)
     site.draw_nothing(key)
 
 
