@@ -33,7 +33,7 @@ SETTINGS: dict[str, Mapping[str, Any]] = {
 
 def crossed(seed: int, changes: Mapping[str, Any], seconds: float = SECONDS) -> Locomotion:
     """Return how the robot went over the field of a seed."""
-    motion = trot("yobotics", round(seconds / 0.25) - 20, step_length=0.08)
+    motion = trot("yobotics", 60, step_length=0.08)  # 20 s
     overrides = {"floor.terrain.seed": seed, "duration": seconds, "sample_rate": 50, **changes}
     result = simulate(motion.station(overrides, name=STATION), reference=motion.trajectory(), progress=False)
     return locomotion(result)
