@@ -168,7 +168,7 @@ def test_a_table_that_no_robot_can_follow_is_named_with_its_line(tmp_path: Path,
 
 def test_a_trajectory_of_no_number_is_refused_in_a_kinematic_station_too() -> None:
     lost = PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.full((6, 2), np.nan))
-    with pytest.raises(InvalidParameter, match=r"is nan deg at 0\.00 s"):
+    with pytest.raises(InvalidParameter, match=r"is nan at 0\.00 s"):
         simulate("irb120_kinematic", reference=lost, duration=0.1, progress=False)
 
 

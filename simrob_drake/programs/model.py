@@ -158,7 +158,7 @@ class StationModel(PosedStation):
             return self.plant.world_frame()
         own = self.robots[parent]
         if frame is not None:
-            one_of(f"tool of {parent}", frame, [*own.model.tools, *own.model.links])
+            one_of(f"tool or link of {parent}", frame, [*own.model.tools, *own.model.links])
         return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, frame), own.instance)
 
     def _piece_link(self, piece: str, name: str) -> Frame:

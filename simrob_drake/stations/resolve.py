@@ -297,7 +297,7 @@ def _mount(
     if parent in robots:
         places = [*robots[parent].tools, *robots[parent].links]
         if frame is not None and frame not in places:
-            raise UnknownName(f"tool of {parent} for {key}", frame, places)
+            raise UnknownName(f"tool or link of {parent} for {key}", frame, places)
         return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:

@@ -434,7 +434,9 @@ MESHES = [
         "repaired: mm thick",
     ),
     Defect("huge mesh", huge_foot, "repaired: (81920 faces) is now meshes/foot_visual_1.obj; decimated from 81920"),
-    Defect("200 MB", foot_file("a.stl", bytes(200_000_000)), "dropped: a.stl' has 200 MB; the largest that is read"),
+    Defect(
+        "200 MB", foot_file("a.stl", bytes(200_000_000)), "dropped: a.stl' cannot be read (it is larger than 100 MB)"
+    ),
     Defect("unknown format", foot_file("foot.step", FOOT), "dropped: is of a format '.step' that is not read"),
     Defect("STL called OBJ", foot_file("foot.obj", FOOT), "dropped: foot.obj'"),
     Defect("DAE with entities", file("meshes/upper.dae", DAE.replace("<COLL", f"{BOMB}<COLL")), "dropped: entities"),

@@ -105,7 +105,7 @@ class TestAttach:
             ("wieght", "world", None, "no piece 'wieght'; did you mean 'weight'"),
             ("weight", "tabel", None, "no parent 'tabel'; did you mean 'table'"),
             ("weight", "table", "tpc", "no frame of table 'tpc'; did you mean 'tcp'"),
-            ("weight", "robot", "tool", "no tool of robot 'tool'; did you mean 'tool0'"),
+            ("weight", "robot", "tool", "no tool or link of robot 'tool'; did you mean 'tool0'"),
             ("weight", "world", "tcp", "left out: the world has none"),
         ],
     )

@@ -39,6 +39,12 @@ def test_gains_may_be_given_by_axis():
     assert config.servo.kp == {"joint_2": 2000.0}
 
 
+@pytest.mark.parametrize("overrides", [{"pieces.load": None}, {"pieces": {"load": None}}])
+def test_none_takes_out_a_piece(overrides):
+    assert list(load_station("irb120_dynamic", overrides).pieces) == ["gripper"]
+    assert load_station("humanoid_dynamic", {"monitors.fall": None}).monitors == {}
+
+
 def test_a_monitor_named_as_its_kind_needs_no_kind():
     config = load_station("irb120_dynamic", {"monitors": {"settled": {"hold": 1}, "early": {"kind": "joint_limit"}}})
     assert config.monitors["settled"].hold == 1
@@ -93,7 +99,10 @@ WRONG = [
     ({"pieces.load.scale": 2}, r"pieces\.load: .*a scale goes with a mesh"),
     ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*either a model or a mesh"),
     ({"pieces.load.frame": "tpc"}, r"no frame of gripper 'tpc'; did you mean 'tcp'\?"),
-    ({"pieces.gripper.frame": "tcp"}, r"no tool of robot for pieces\.gripper\.frame 'tcp'; known: tool0"),
+    (
+        {"pieces.gripper.frame": "tcp"},
+        r"no tool or link of robot for pieces\.gripper\.frame 'tcp'; known: base_link, .* tool0",
+    ),
     ({"inputs": ["feedforwrd"]}, r"inputs: there is no 'feedforwrd'; did you mean 'feedforward'\?"),
     ({"duration": -1}, r"duration: .*greater than 0"),
     ({"duraton": 1}, r"duraton: unknown key; did you mean 'duration'\?"),

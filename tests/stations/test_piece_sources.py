@@ -184,7 +184,7 @@ WRONG = [
     ("{model: rok}", r"there is no piece 'rok'; did you mean 'rook'"),
     ("{model: none/piece.yaml}", r"none/piece\.yaml: cannot be read"),
     ("{model: bad.yaml}", r"bad\.yaml: mas: unknown key; did you mean 'mass'"),
-    ("{mesh: box.stl, frame: tp}", r"no tool of robot for pieces\.part\.frame 'tp'; did you mean 'tip'"),
+    ("{mesh: box.stl, frame: tp}", r"no tool or link of robot for pieces\.part\.frame 'tp'; did you mean 'tip'"),
     ("{mesh: box.stl, parent: world, frame: tip}", r"pieces\.part\.frame is tip; .* left out: it hangs on the world"),
 ]
 

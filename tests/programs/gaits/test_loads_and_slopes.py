@@ -64,8 +64,9 @@ def test_the_humanoid_walks_up_and_down_a_slope(uphill):
     result = robot.walk(6)
     assert result.ending == "completed"
     start, end = result.pose("base")[[0, -1], :3]
-    assert -0.4 < end[1] - start[1] < -0.15
-    assert end[2] - start[2] == pytest.approx(np.tan(np.deg2rad(5)) * (abs(end[1]) if uphill else end[1]), abs=0.03)
+    assert -0.7 < end[1] - start[1] < -0.5  # six steps of 0.1 m
+    risen = np.tan(np.deg2rad(5)) * (abs(end[1]) if uphill else end[1])
+    assert -0.045 < end[2] - start[2] - risen < 0.005  # the hips come down by up to a tenth of their height
 
 
 def test_a_walk_on_a_fixed_box_needs_no_floor():
