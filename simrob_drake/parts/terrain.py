@@ -102,7 +102,7 @@ class Terrain(Strict):
         if self.kind != "steps":
             around.append(self._slab((begin, end), (-side, side)))
         grid = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
-        middles: Vector = (np.stack(grid, axis=-1).reshape(-1, 2) + 0.5) * self.size + (begin, -side)
+        middles = np.asarray((np.stack(grid, axis=-1).reshape(-1, 2) + 0.5) * self.size + (begin, -side))
         random = np.random.default_rng(self.seed)
         made = {"steps": self._steps, "slope": self._ridges, "bumps": self._bars, "rubble": self._stones}[self.kind]
         turn = RigidTransform(RollPitchYaw(0.0, 0.0, np.deg2rad(self.heading_deg)), np.zeros(3))

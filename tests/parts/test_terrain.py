@@ -37,7 +37,7 @@ def test_heights_are_where_drake_has_the_surfaces(kind, incline):
         on = np.array([*point[:2], height])
         near = posed.query().ComputeSignedDistanceToPoint(on, threshold=1e-9)
         assert min(abs(found.distance) for found in near) < 1e-9
-        assert posed.query().ComputeSignedDistanceToPoint(on + [0, 0, 1e-4], threshold=0.0) == []
+        assert posed.query().ComputeSignedDistanceToPoint(on + np.array([0, 0, 1e-4]), threshold=0.0) == []
 
 
 def test_the_seed_alone_makes_the_field_and_the_floor_s_size_does_not():
@@ -60,7 +60,7 @@ def test_no_half_space_stands_among_many_boxes():
 
 
 def test_a_foot_sinks_into_the_soft_patch_as_its_pressure_says():
-    r"""A ball of radius R at depth d in a layer of thickness H and modulus E is pressed up with :math:`π E R d² / H`."""
+    r"""A ball of radius R at depth d in a layer of thickness H and modulus E is pushed by :math:`π E R d² / H`."""
     soft = {"length": 1.0, "hydroelastic_modulus": 1e6}
     config = {
         **PLAIN,

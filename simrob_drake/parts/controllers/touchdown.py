@@ -17,6 +17,7 @@ from simrob_drake.parts.controllers.limbs import Limb, limb_to
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.robots.urdf import link_of, name_of
 
 _FOLLOWS, _TOUCHED, _STANDS = 0.0, 1.0, 2.0
 """A leg goes as planned; it touched while the plan still has it in the air; it stands, until the plan lifts it."""
@@ -49,12 +50,20 @@ class Touchdown(LoopSection):
     """Time constant with which a leg goes back to the reference when that lifts it [s]."""
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return all axes: legs are found in the plant; the feet are checked."""
-        if not set(self.reads) & set(robot.model.tools):
+        """Return the axes of the legs that end in its feet."""
+        feet = [foot for foot in self.reads if foot in robot.model.tools]
+        if not feet:
             known = ", ".join(robot.model.tools) or "none"
             expected = f"some of its tools, each with a force sensor: {{<tool>: force.<sensor>}}; tools: {known}"
             raise InvalidParameter(f"reads of a touchdown of {robot.name}", f"{list(self.reads)}", expected)
-        return robot.axes
+        inward = {link_of(joint, "child"): joint for joint in robot.model.element.iterfind("joint")}
+        joints = set[str]()
+        for foot in feet:
+            link = robot.model.tools[foot]
+            while link in inward:
+                joints.add(name_of(inward[link]))
+                link = link_of(inward[link], "parent")
+        return [name for name, axis in robot.model.axes.items() if axis.joint in joints]
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
