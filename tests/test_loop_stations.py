@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
+from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.parts.controllers.limbs import limb_to
 from simrob_drake.stations.posed import PosedStation
 from tests.benchmarks.terrain import BLIND, crossed
@@ -56,6 +57,94 @@ def test_roid1_leans_to_where_it_is_asked_to_be_and_comes_back(changed):
 def test_too_far_a_lean_ends_in_the_fall_monitor():
     result = run("roid1_lateral", duration=10.0, **{"controllers.lean.target": 0.12})
     assert result.stopped_by == "fall"
+
+
+def tilt(result):
+    """Return how far the trunk leans from upright [deg]: R33 of its orientation is 1 - 2 (x² + y²)."""
+    return np.rad2deg(np.arccos(1 - 2 * (result["base.qx"] ** 2 + result["base.qy"] ** 2)))
+
+
+def reaction(result, falls, rate):
+    """Check that the guard acts from the first sample after the threshold on; return how late it is [s]."""
+    acts = result["guard.active"] > 0
+    late = result.times[np.argmax(acts)] - result.times[np.argmax(falls)]
+    assert 0 <= late <= 1 / rate + 1.5e-3  # it is seen a recorded sample later
+    assert not acts[: np.argmax(falls)].any()
+    assert acts[np.argmax(acts) :].all()  # latched
+    return late
+
+
+@pytest.mark.parametrize(
+    ("height", "changed"),
+    [
+        (0.40, {}),
+        (0.38, FINE),
+        (0.40, {"controllers.guard.rate": 50}),
+        (0.38, {"controllers.guard.rate": 200, "controllers.crouch.rate": 50}),
+    ],
+)
+def test_the_guard_extends_the_arms_as_soon_as_the_hip_is_below_its_height(height, changed):
+    result = run("humanoid_fall_guard", 6.5, **{"controllers.guard.height": height, "sample_rate": 1000, **changed})
+    reaction(result, result["base.z"] < height, changed.get("controllers.guard.rate", 100))
+    assert result.ending == "completed"
+    assert np.rad2deg(result["q.left_shoulder_pitch"][-1]) == pytest.approx(90, abs=5)  # they lag by 1 s
+    assert tilt(result)[-1] < 5
+
+
+def test_a_guard_below_where_the_hip_stays_never_acts():
+    result = run("humanoid_fall_guard", **{"controllers.guard.height": 0.34})
+    assert 0.34 < result["base.z"].min() < 0.37
+    assert not result["guard.active"].any()
+    assert abs(result["q_ref.left_shoulder_pitch"]).max() == 0
+
+
+def touched(result):
+    """Return the names of the bodies that touch the floor at the ends of the steps of a run."""
+    plant, inspector = result.plant.plant, result.plant.scene_graph.model_inspector()
+    pairs = [pair for found in result.contacts_at(result.step_times) for pair in Contacts.of(found).pairs]
+    return {plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).name() for pair in pairs for shape in pair}
+
+
+FEET = {"world", "left_foot", "right_foot"}
+HANDS = {"left_hand", "right_hand"}
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{}, {**FINE, "solver.accuracy": 1e-4}, {"controllers.guard.rate": 50}, {"controllers.guard.rate": 200}],
+)
+def test_the_arms_catch_a_robot_that_falls_forward(changed):
+    result = run("humanoid_fall_forward", **{"sample_rate": 1000, **changed})
+    reaction(result, tilt(result) > 15, changed.get("controllers.guard.rate", 100))
+    assert touched(result) == FEET | HANDS
+    assert result["distance.head"].min() > 0.14
+    assert result["distance.hand"][-1] == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.parametrize("changed", [{}, FINE])
+def test_without_the_guard_the_head_hits_the_floor(changed):
+    result = run("humanoid_fall_forward", controllers={}, **changed)
+    assert FEET | {"neck"} <= touched(result) <= FEET | {"neck", "trunk"}  # the head is fixed to its neck
+    assert result["distance.head"][-1] == pytest.approx(0, abs=1e-3)
+
+
+def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
+    result = run("humanoid_fall_forward", **{"forces.shove.force": [0, -4, 0]})
+    assert not result["guard.active"].any()
+    assert touched(result) == FEET
+    assert tilt(result)[-1] < 1
+
+
+@pytest.mark.parametrize("rate", [50, 100])
+def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
+    arms = {"right_shoulder_pitch": 110, "left_shoulder_pitch": 110}
+    by_step = {"kind": "fall_guard", "capture_point": 0.0, "posture_deg": arms, "rate": rate, "priority": 1}
+    result = run("humanoid_fall_forward", **{"controllers.step": by_step})
+    early, late = (result.times[np.argmax(result[f"{name}.active"])] for name in ("step", "guard"))
+    assert 0.5 < early < late - 0.05
+    assert touched(result) == FEET | HANDS
+    still = run("humanoid_fall_forward", **{"controllers.step": by_step, "forces.shove.force": [0, -4, 0]})
+    assert not still["step.active"].any()
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,7 @@ def folder(tmp_path, monkeypatch, one_joint_urdf):
 
 
 SHOWN = {
+    "automatic=True).cells)": r"4\.07, 8\.15.*\n.*7\.76, 15\.51",
     "print(result.message, arm.pose())": r"ran to its end",
     'arm.simulate("irb120_dynamic")': r"^0\.0\d* rad ",
     "np.rad2deg(result[": r" 4[67]\.\d* (deg|grados)\n",

@@ -7,8 +7,10 @@ from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
-from simrob_drake.yaml_files import parse_yaml
+from simrob_drake.yaml_files import parse_yaml, read_yaml
 
+YAML_SUFFIXES = (".yaml", ".yml")
+_PROGRAM_KEYS = {"moves", "references"}
 ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml")
 
 
@@ -43,6 +45,16 @@ def given_station(
 def is_robot_file(text: str) -> bool:
     """Tell whether an argument is the file of a robot, and not the name of a robot or a station."""
     return Path(text).suffix.lower() in ROBOT_SUFFIXES
+
+
+def is_program_file(text: str) -> bool:
+    """Tell whether an argument is the file of a program, and not the name or the file of a station.
+
+    Raises:
+        InvalidConfig: a file that cannot be read.
+    """
+    file = Path(text)
+    return file.suffix.lower() in YAML_SUFFIXES and file.is_file() and not _PROGRAM_KEYS.isdisjoint(read_yaml(file))
 
 
 def refuse(why: str, **options: Any) -> None:

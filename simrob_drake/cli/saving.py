@@ -8,7 +8,7 @@ from rich.text import Text
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.screen import console, errors
-from simrob_drake.cli.tables import result_table
+from simrob_drake.cli.tables import cells_table, result_table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import SUMMARY, default_folder
 from simrob_drake.results.result import SimulationResult
@@ -60,6 +60,8 @@ def saved(
     with finished_first(f"the files of {folder}") as interrupted:
         result.save(folder, force=force, recording=recording, video=video)
     console.print(result_table(result))
+    if result.cells:
+        console.print(cells_table(result))
     console.print(f"{result.config.name}: {result.message}", highlight=False)
     if more:
         console.print(more, highlight=False)

@@ -8,7 +8,8 @@ import typer
 from rich.table import Table
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.given import check_file, given_station, is_robot_file, refuse, refuse_import
+from simrob_drake.cli.given import check_file, given_station, is_program_file, is_robot_file, refuse, refuse_import
+from simrob_drake.cli.legged import run_program
 from simrob_drake.cli.options import (
     AllowCode,
     Force,
@@ -59,7 +60,9 @@ def list_all() -> None:
 
 
 def run(
-    station: StationArgument,
+    station: Annotated[
+        str, typer.Argument(metavar="STATION|PROGRAM", help="A name from `simrob list`, or the YAML file of either.")
+    ],
     duration: Annotated[float | None, typer.Option(help="Simulated time [s], in place of the station's.")] = None,
     set_: Settings = None,
     out: ResultFolder = None,
@@ -72,14 +75,19 @@ def run(
     ] = False,
     allow_code: AllowCode = False,
 ) -> int:
-    """Run a station, and save signals, plots and a recording.
+    """Run a station, or a program on the station that it names, and save signals, plots and a recording.
 
     For example:
 
         simrob run irb120_dynamic --duration 2 --out runs/first
 
         simrob run irb120_dynamic --set servo.torque_limit=10 --set reference.duration=1.5
+
+        simrob run program.yaml --set servo.kp=50
     """
+    if is_program_file(station):
+        refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
+        return run_program(station, set_, out, live=live, force=force, recording=not no_recording, video=video)
     config = given_station(station, set_, allow_code=allow_code, duration=duration)
     folder = prepared_folder(config, out, force=force, video=video)
     result = _simulated(config, live)

@@ -23,6 +23,15 @@ def result_table(result: SimulationResult) -> Table:
     return table
 
 
+def cells_table(result: SimulationResult) -> Table:
+    """Return when the robots reached the cells of their sequencers."""
+    table = _numbers("controller", "cell", "reached [s]")
+    for name, times in result.cells.items():
+        for number, time in enumerate(times):
+            table.add_row(name, str(number), "–" if time is None else f"{time:.2f}")
+    return table
+
+
 def convergence_table(result: SimulationResult, tight: SimulationResult) -> Table:
     """Return the largest differences between a run and a tighter one over their common time.
 

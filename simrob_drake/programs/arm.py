@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from simrob_drake.frames import PoseLike, Vector, as_transform, finite, pose_fro
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
+from simrob_drake.programs.automatic import pace_of, run_cells
+from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
 from simrob_drake.programs.ongoing import CellRobot, OngoingStation
 from simrob_drake.programs.plan import How
 from simrob_drake.programs.planner import Planner
@@ -54,6 +57,7 @@ class Arm(CellRobot):
         cell: the station and its state; several arms may share it.
         name: of the robot in the station.
         solver: of the inverse kinematics, where a call names none.
+        references: the cells that :meth:`add_reference` stored; ``clear()`` forgets them.
     """
 
     def __init__(
@@ -79,6 +83,7 @@ class Arm(CellRobot):
         self.cell: Workcell
         super().__init__(station if isinstance(station, Workcell) else Workcell(station), robot)
         self.solver = solver
+        self.references: list[JointMove] = []
         model = self.cell.model.robots[self.name].model
         if model.base != "fixed":
             raise InvalidParameter("robot", model.name, "one on a fixed base; LeggedRobot programs those with legs")
@@ -278,12 +283,42 @@ class Arm(CellRobot):
         """Run the recorded moves again, each from the state that it began in (``Rep()``); the arm stays where it is."""
         return self.cell.tape.replay()
 
+    def add_reference(self, targets: npt.ArrayLike, duration: float = MOVE_TIME) -> None:
+        """Store a posture (n,), or many (k, n) [rad or m], as cells for :meth:`simulate` with ``automatic`` (AddRef).
+
+        Nothing moves. A cell lasts until it is reached; ``duration`` [s] is that of the way there.
+
+        Raises:
+            SimrobError: as :meth:`move_abs_j`; they are looked at as moves from where the arm is.
+        """
+        self.plan.move_abs_j(targets)
+        rows = np.atleast_2d(self.chain.postures(targets, "targets"))
+        values = rows / self.cell.robot(self.name).model.user_units
+        self.references += [move_of(dict(zip(self.axes, row.tolist(), strict=True)), duration) for row in values]
+
     def simulate(
-        self, station: str | Path | StationConfig | None = None, *, duration: float | None = None
+        self,
+        station: str | Path | StationConfig | None = None,
+        *,
+        duration: float | None = None,
+        automatic: bool | Mapping[str, Any] = False,
     ) -> SimulationResult:
-        """Run all recorded moves as one, on this station or another; see :meth:`Tape.simulate`."""
+        """Run all recorded moves as one, on this station or another; see :meth:`Tape.simulate`. The arm stays.
+
+        Args:
+            station: another one, such as the dynamic one.
+            duration: of the whole [s].
+            automatic: run :attr:`references` instead, from the station's start and in the robot's own time; see
+                :meth:`LeggedRobot.simulate`.
+        """
         config = None if station is None else Workcell(station).config
-        return self.cell.tape.simulate(config, duration=duration)
+        if automatic is False:
+            return self.cell.tape.simulate(config, duration=duration)
+        if duration is not None:
+            raise InvalidParameter("duration", duration, "left out: an automatic robot takes its own time")
+        other = Workcell(self.cell.config if config is None else config)
+        other.progress = self.cell.progress
+        return run_cells(Arm(other, self.name), self.references, pace_of(automatic))
 
     def show(self, q: npt.ArrayLike | None = None) -> str:
         """Open a browser window that shows all moves from now on, and return its address on this computer.

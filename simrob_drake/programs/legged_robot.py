@@ -15,7 +15,15 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
 from simrob_drake.programs.legged_gait import step_moves
 from simrob_drake.programs.legged_geometry import LeggedGeometry
-from simrob_drake.programs.legged_stages import check_some, joint_reference, stages_of, targets_on
+from simrob_drake.programs.legged_stages import (
+    Stage,
+    check_program,
+    goes_on,
+    joint_reference,
+    stages_of,
+    stages_of_program,
+    targets_on,
+)
 from simrob_drake.programs.moves import (
     MOVE_TIME,
     Act,
@@ -23,7 +31,6 @@ from simrob_drake.programs.moves import (
     AnyMove,
     Attach,
     AttachMove,
-    Cell,
     JointMove,
     Release,
     ReleaseMove,
@@ -33,10 +40,8 @@ from simrob_drake.programs.moves import (
     checked,
     move_of,
 )
-from simrob_drake.programs.ongoing import GOES_ON
 from simrob_drake.programs.program import Program, counted
 from simrob_drake.results.record.state import State
-from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
@@ -191,8 +196,8 @@ class LeggedRobot(LeggedGeometry):
         """
         instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
         given = program if isinstance(program, Program) else Program.load(program)
-        check_some(given.moves)
-        return self._do(given.moves, file="" if given is program else str(program))[-1]
+        file = "" if given is program else str(program)
+        return self._perform(stages_of_program(self, given, self.cell.config, file))[-1]
 
     def planned(self, program: Program) -> tuple[Reference, float]:
         """Return the reference that a program of joint moves is from where the robot is, and its duration [s].
@@ -227,12 +232,19 @@ class LeggedRobot(LeggedGeometry):
         """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
         self._do([ReleaseMove(release=checked(Release, piece=piece, parent=parent, fixed=fixed))], store=store)
 
-    def simulate(self) -> SimulationResult:
+    def simulate(self, *, automatic: bool | Mapping[str, Any] | None = None) -> SimulationResult:
         """Run all that is stored from the start (Sim); the robot goes on from its end.
 
         Moves of joints that follow each other are one run, and so is each walk and act, which has servos and solver
         of its own; pieces change hands between runs. A monitor that ends a run ends the program; if the robot falls,
         it goes on from where it was before.
+
+        Automatic, a sequencer goes through the references: to the next one when the joints have reached the last.
+        ``cells`` of the result tells when; one that takes longer than the time-out ends the run.
+
+        Args:
+            automatic: whether to do that, or how, such as ``{"tolerance_deg": 3, "timeout": 20}``, the keys of
+                :class:`~simrob_drake.programs.automatic.Automatic`; as the program says unless given.
 
         Returns:
             the last run; :attr:`runs` has all of them, and :meth:`film` shows them as one.
@@ -241,23 +253,18 @@ class LeggedRobot(LeggedGeometry):
             InvalidParameter: an empty program.
             SimrobError: what cannot be done from the start; names the move.
         """
-        check_some(self.program.moves)
-        return self._do(self.program.moves, from_start=True)[-1]
+        program = self.program if automatic is None else self.program.with_automatic(automatic)
+        return self._perform(stages_of_program(self, program, self._start), from_start=True)[-1]
 
-    def add_reference(self, target_deg: Mapping[str, float]) -> None:
-        """Store targets without a time as a cell for a sequencer, which decides when to go on (AddRef).
+    def add_reference(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> None:
+        """Store targets as a cell for :meth:`simulate` with ``automatic`` (AddRef), which lasts until they are reached.
 
-        Arguments and errors are those of :meth:`test_move`; nothing moves.
+        Nothing moves. Arguments and errors are those of :meth:`test_move`; ``duration`` is that of the way there.
         """
-        cell = checked(Cell, target_deg=target_deg)
-        targets_on(self.model, cell.target_deg, "the reference")
+        cell = move_of(target_deg, duration)
+        targets_on(self.model, cell.target_deg, "the reference", cell.duration)
         self._remember()
         self.program = self.program.with_reference(cell)
-
-    @property
-    def cells(self) -> list[dict[int, float]]:
-        """The stored references as a sequencer takes them: the place of each axis, and its target [rad]."""
-        return [targets_on(self.model, cell.target_deg, "the reference") for cell in self.program.references]
 
     def remove(self, index: int = -1) -> None:
         """Take a stored move out of the program, the last unless given; the robot stays where it is.
@@ -321,10 +328,7 @@ class LeggedRobot(LeggedGeometry):
             InvalidConfig: a damaged file.
             SimrobError: a program that this robot cannot do; names the file and the move.
         """
-        program = Program.load(file)
-        for number, cell in enumerate(program.references):
-            targets_on(self.model, cell.target_deg, f"{file}: references[{number}]")
-        self._replace(program, str(file))
+        self._replace(Program.load(file), str(file))
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
         """Write :attr:`runs`, one after the other, as one film; see :func:`save_film`.
@@ -346,11 +350,14 @@ class LeggedRobot(LeggedGeometry):
         if not keep_program:
             self.program = Program()
 
-    def _do(
-        self, moves: Sequence[AnyMove], *, store: bool = False, from_start: bool = False, file: str = ""
+    def _do(self, moves: Sequence[AnyMove], *, store: bool = False) -> list[SimulationResult]:
+        """Do moves from the last state, perhaps store them, and return the runs."""
+        return self._perform(stages_of(self, moves, self.cell.config), store=moves if store else ())
+
+    def _perform(
+        self, stages: Sequence[Stage], *, store: Sequence[AnyMove] = (), from_start: bool = False
     ) -> list[SimulationResult]:
-        """Do moves stage by stage, and return the runs; what goes wrong leaves robot and program as they were."""
-        stages = stages_of(self, moves, self._start if from_start else self.cell.config, file)
+        """Do stage after stage, and return the runs; what goes wrong leaves robot and program as they were."""
         snapshot, runs = self._snapshot(), list[SimulationResult]()
         try:
             if from_start:
@@ -365,12 +372,12 @@ class LeggedRobot(LeggedGeometry):
             self._restore(snapshot)
             raise
         self.runs = runs or self.runs
-        if runs and not _goes_on(runs[-1]):
+        if runs and not goes_on(runs[-1]):
             self._restore(snapshot)
             return runs
         self._remember(snapshot)
         if store:
-            self.program = self.program.added(*moves)
+            self.program = self.program.added(*store)
         return runs
 
     def _back_to_start(self) -> None:
@@ -378,7 +385,7 @@ class LeggedRobot(LeggedGeometry):
         self.cell.state = State.at_start_of(self._start)
 
     def _replace(self, program: Program, file: str = "") -> None:
-        stages_of(self, program.moves, self._start, file)  # the robot can do them
+        check_program(self, program, self._start, file)
         self._remember()
         self.program = program
 
@@ -391,8 +398,3 @@ class LeggedRobot(LeggedGeometry):
     def _restore(self, snapshot: Snapshot) -> None:
         self.program, self.cell.state = snapshot.program, snapshot.state
         self.cell.change(snapshot.config)
-
-
-def _goes_on(result: SimulationResult) -> bool:
-    """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
-    return result.ending in GOES_ON and fallen(result) is None

@@ -14,6 +14,7 @@ import numpy as np
 from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
+from simrob_drake.programs.automatic import run_cells
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.grasps import let_go
@@ -21,6 +22,9 @@ from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.moves import ActMove, AnyMove, AttachMove, JointMove, ReleaseMove, WalkMove
+from simrob_drake.programs.ongoing import GOES_ON
+from simrob_drake.programs.program import Program
+from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import Reference
@@ -65,6 +69,35 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationC
                         partial(_walk_anew, move=move, name=name) if anew else partial(perform, motion=motion)
                     )
     return stages
+
+
+def stages_of_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> list[Stage]:
+    """Cut a program into stages as :func:`stages_of` does; the references of an automatic one are a single stage.
+
+    Raises:
+        InvalidParameter: a program that does nothing.
+        SimrobError: as :func:`stages_of`.
+    """
+    _check_references(robot, program, file)
+    if program.automatic:
+        return [partial(run_cells, cells=program.references, pace=program.automatic)]
+    check_some(program.moves)
+    return stages_of(robot, program.moves, station, file)
+
+
+def check_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> None:
+    """Check that a robot can do all of a program, moves and references.
+
+    Raises:
+        SimrobError: as :func:`stages_of`.
+    """
+    _check_references(robot, program, file)
+    stages_of(robot, program.moves, station, file)
+
+
+def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
+    for number, cell in enumerate(program.references):
+        targets_on(robot.model, cell.target_deg, f"{file}: references[{number}]" if file else f"reference {number}")
 
 
 def _planned(robot: LeggedGeometry, move: WalkMove | ActMove, station: StationConfig) -> JointMotion:
@@ -151,6 +184,11 @@ def _naming(move: str) -> Iterator[None]:
         if move:
             problem.args = (f"{move}: {problem}",)
         raise
+
+
+def goes_on(result: SimulationResult) -> bool:
+    """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
+    return result.ending in GOES_ON and fallen(result) is None
 
 
 def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:

@@ -42,19 +42,12 @@ Targets = Annotated[dict[str, Number], Field(min_length=1)]
 
 
 class JointMove(Strict):
-    """Axes that go to their targets at the same time."""
+    """Axes that go to their targets at the same time; as a reference, a cell that lasts until they are there."""
 
     target_deg: Targets
     """Absolute positions at the end."""
     duration: Duration = MOVE_TIME
     """Time that it takes [s]."""
-
-
-class Cell(Strict):
-    """Targets without a time: who follows them goes on when they are reached (SimRob's ``joint{k}``)."""
-
-    target_deg: Targets
-    """Absolute positions that count as reached together."""
 
 
 class _Brief(Strict):

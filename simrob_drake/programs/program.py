@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Self
 
 import yaml
+from pydantic import BeforeValidator, model_validator
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted, shortened
 from simrob_drake.folders import written_at_once
 from simrob_drake.given import instance, path
-from simrob_drake.programs.moves import KINDS, AnyMove, Cell, JointMove, kind_of
+from simrob_drake.programs.automatic import Automatic, pace_of
+from simrob_drake.programs.moves import KINDS, AnyMove, JointMove, kind_of
 from simrob_drake.yaml_files import Strict, read_yaml, validated
+
+
+def _as_usual(given: Any) -> Any:
+    return ({} if given else None) if isinstance(given, bool) else given
 
 
 class Program(Strict):
@@ -24,8 +31,20 @@ class Program(Strict):
     description: str = ""
     moves: tuple[AnyMove, ...] = ()
     """One after the other, from where the robot stands at the start."""
-    references: tuple[Cell, ...] = ()
-    """In the order in which a sequencer goes through them."""
+    references: tuple[JointMove, ...] = ()
+    """Cells (SimRob's ``joint{k}``) that a sequencer goes through, each for as long as it takes."""
+    automatic: Annotated[Automatic | None, BeforeValidator(_as_usual)] = None
+    """How references are run instead of moves, in the robot's own time: `{tolerance_deg: 3}`, or `true`."""
+    station: str | None = None
+    """Where `simrob run` runs it: a station's name, or a file from where the program lies."""
+    robot: str | None = None
+    """Which robot of that station; needed where there are several."""
+
+    @model_validator(mode="after")
+    def _something_automatic(self) -> Self:
+        if self.automatic and not self.references:
+            raise ValueError("automatic: references are run, and there are none")
+        return self
 
     @property
     def duration(self) -> float:
@@ -75,9 +94,17 @@ class Program(Strict):
         place = self._place(index, len(self.moves) - 1)
         return self.model_copy(update={"moves": (*self.moves[:place], move, *self.moves[place + 1 :])})
 
-    def with_reference(self, cell: Cell) -> Program:
+    def with_automatic(self, given: bool | Automatic | Mapping[str, Any]) -> Program:
+        """Return the program with another way to be run.
+
+        Raises:
+            SimrobError: as :func:`pace_of`.
+        """
+        return self.model_copy(update={"automatic": None if given is False else pace_of(given)})
+
+    def with_reference(self, cell: JointMove) -> Program:
         """Return the program with a cell behind the others."""
-        instance(cell, "cell", Cell, "a Cell, such as Cell(target_deg={'waist': 10})")
+        instance(cell, "cell", JointMove, "a JointMove, such as JointMove(target_deg={'waist': 10})")
         return self.model_copy(update={"references": (*self.references, cell)})
 
     def save(self, file: Path | str) -> Path:
@@ -131,7 +158,7 @@ def _check_entry(entry: Any, key: str, where: str) -> None:
     """Check one move or cell of a file by itself, so that messages can name it."""
     if not isinstance(entry, dict):
         raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")
-    kind: type[Strict] | None = Cell if key == "references" else kind_of(entry)
+    kind: type[Strict] | None = JointMove if key == "references" else kind_of(entry)
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
         known = [*KINDS, *JointMove.model_fields]

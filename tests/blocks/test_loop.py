@@ -66,10 +66,14 @@ def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on(
     read = {"position": np.zeros(2), "velocity": np.zeros(2), "reference": np.zeros(2)}
     loop = two_cells(timeout=1.0)
     memory = {"target": np.zeros(2), "active": np.ones(1), "cell": np.zeros(1), "done": np.zeros(1)}
-    memory |= {"elapsed": np.array([0.95]), "origin": np.zeros(2)}
+    memory |= {"elapsed": np.array([0.95]), "origin": np.zeros(2), "clock": np.ones(1), "reached": np.full(2, -1.0)}
     with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s: hip is late"):
         loop.sample(memory, read)
-    assert two_cells(timeout=1.0, stops=False).sample(memory, read)["cell"] == 1
+    went_on = two_cells(timeout=1.0, stops=False).sample(memory, read)
+    assert went_on["cell"] == 1
+    assert "reached" not in went_on
+    with pytest.raises(RunEnds, match="the last of 2 cells is done"):
+        two_cells(ends=True).sample({**memory, "done": np.ones(1)}, read)
 
 
 def guard(**changed):

@@ -97,7 +97,7 @@ def test_a_saved_station_runs_again_as_it_ran(tmp_path):
         ({"s": sequence(cells=[{"targets_deg": {"joint_7": 5}}])}, "joint_7"),
         ({"s": sequence(timeout=None, on_timeout="wait")}, "on_timeout"),
         ({"s": sequence(on_timeout="go_on")}, "needs a timeout"),
-        ({"g": {"kind": "fall_guard", "posture_deg": {"joint_1": 0}}}, "height or tilt_deg"),
+        ({"g": {"kind": "fall_guard", "posture_deg": {"joint_1": 0}}}, "height, tilt_deg or capture_point"),
         ({"s": sequence(), "t": sequence()}, "a priority (or both with a weight)"),
         ({"s": sequence(reads={"position": "encoders"})}, "controllers.s.reads.position"),
         ({"s": sequence(reads={"angle": "encoders"})}, "controllers.s.reads"),

@@ -199,7 +199,7 @@ class TestTools:
         robot = LeggedRobot(station)
         np.testing.assert_allclose(robot.cell.frame("parcel").translation(), robot.pose("left_hand")[:3], atol=1e-9)
         with pytest.raises(
-            InvalidConfig, match=r"tool of robot for pieces\.parcel\.frame 'left_hnd'; did you mean 'left_"
+            InvalidConfig, match=r"tool or link of robot for pieces\.parcel\.frame 'left_hnd'; did you mean 'left_"
         ):
             load_station("humanoid_box", {"pieces.parcel": {"parent": "robot", "frame": "left_hnd"}})
 

@@ -111,9 +111,7 @@ class TestMoves:
         held.add_reference({"HomIF": 30, "CadDF": 30})
         held.add_reference({"HomIF": 0})
         assert held.cell.state is None
-        places = [held.axes.index("left_shoulder_pitch"), held.axes.index("right_hip_pitch")]
-        assert held.cells[0] == pytest.approx({places[0]: np.deg2rad(30), places[1]: np.deg2rad(30)})
-        assert held.cells[1] == {places[0]: 0.0}
+        assert [cell.target_deg for cell in held.program.references] == [{"HomIF": 30, "CadDF": 30}, {"HomIF": 0}]
         assert held.program.moves == ()
 
     def test_robots_of_a_station_move_one_at_a_time(self):

@@ -7,7 +7,7 @@ from simrob_drake import Program
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError, UnknownName
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.legged_stages import postures_of
-from simrob_drake.programs.moves import Cell, checked, move_of
+from simrob_drake.programs.moves import move_of
 from simrob_drake.robots.catalog import load_robot
 
 WAVE = Program(
@@ -17,7 +17,7 @@ WAVE = Program(
         move_of({"CodD": np.float32(0.1), "HomIF": -10}, 0.5),
         move_of({"CodD": 40}, 2),
     ),
-    references=(checked(Cell, target_deg={"left_knee": 20}),),
+    references=(move_of({"left_knee": 20}, 0.5),),
 )
 
 
@@ -98,7 +98,9 @@ class TestFiles:
             ("moves: [{target_deg: {a: '1'}}]", "moves[0]: target_deg.a: "),
             ("moves: [{target_deg: {a: 1}, duration: 0}]", "moves[0]: duration: "),
             ("moves: [{target_deg: {a: 1}, duration: yes}]", "moves[0]: duration: "),
-            ("references: [{target_deg: {a: 1}, duration: 1}]", "references[0]: duration: unknown key"),
+            ("references: [{target_deg: {a: 1}, duration: -1}]", "references[0]: duration: "),
+            ("automatic: true", "automatic: references are run, and there are none"),
+            ("references: [{target_deg: {a: 1}}]\nautomatic: {timeout: 0}", "automatic.timeout"),
         ],
     )
     def test_a_damaged_one_tells_where(self, tmp_path, text, message):

@@ -7,14 +7,19 @@ from pydantic import Field
 from pydrake.systems.framework import LeafSystem
 
 from simrob_drake.parts.controllers.fall_guard import FallGuard
+from simrob_drake.parts.controllers.force_control import ForceControl
 from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.motor_protection import MotorProtection
 from simrob_drake.parts.controllers.objective import Objective
 from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.parts.controllers.sequencer import Sequencer
 from simrob_drake.parts.controllers.touchdown import Touchdown
 from simrob_drake.parts.kinds import named_by_kind
 
-ControllerConfig = Annotated[OwnController | Sequencer | Objective | FallGuard | Touchdown, Field(discriminator="kind")]
+ControllerConfig = Annotated[
+    OwnController | Sequencer | Objective | FallGuard | ForceControl | MotorProtection | Touchdown,
+    Field(discriminator="kind"),
+]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]
 
 

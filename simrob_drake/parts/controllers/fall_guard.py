@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
 from pydantic import Field, model_validator
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import Vector, lean
+from simrob_drake.parts.controllers.capture_point import CapturePoint
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
@@ -29,6 +31,9 @@ class FallGuard(LoopSection):
     """Height of the base over the ground beneath, below which it acts [m]."""
     tilt_deg: Positive | None = None
     """Angle from how the base stood at the start beyond which it acts."""
+    capture_point: NotNegative | None = None
+    """How far outside of the area between its feet the capture point may come [m]: where it would have to step to stop.
+    It is that of the true state."""
     posture_deg: dict[str, Number] = Field(min_length=1)
     """Where axes go then, by name."""
     duration: NotNegative = 0.2
@@ -38,16 +43,24 @@ class FallGuard(LoopSection):
 
     @model_validator(mode="after")
     def _some_bound(self) -> FallGuard:
-        if self.height is None and self.tilt_deg is None:
-            raise ValueError("a fall guard needs a threshold: height or tilt_deg")
+        if self.height is None and self.tilt_deg is None and self.capture_point is None:
+            raise ValueError("a fall guard needs a threshold: height, tilt_deg or capture_point")
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return the axes of the posture."""
         return [robot.axes[robot.model.axis_index(axis, "posture_deg")] for axis in self.posture_deg]
 
+    def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
+        """Return what an input reads; ``state`` is that of the whole plant."""
+        return site.state if name == "state" else super().source(builder, name, robot, site, key)
+
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
+        plant, step = site.plant.plant, None
+        if self.capture_point is not None:
+            point, far = CapturePoint(plant, robot, f"{key}.capture_point"), self.capture_point
+            step = plant.num_multibody_states(), lambda state: point.outside(state) > far
         return ProtectivePosture(
             period=1 / self.rate,
             posture=robot.model.user_units * robot.model.axis_vector(dict(self.posture_deg), f"{key}.posture_deg"),
@@ -55,6 +68,7 @@ class FallGuard(LoopSection):
             height=-math.inf if self.height is None else self.height,
             tilt=math.inf if self.tilt_deg is None else math.radians(self.tilt_deg),
             ground=site.plant.ground,
+            must_step=step,
             up=robot.base.rotation().inverse() @ np.array([0.0, 0.0, 1.0]),
             reset_after=math.inf if self.reset_after is None else self.reset_after,
         )
@@ -64,7 +78,8 @@ class ProtectivePosture(SampledBlock):
     """Ramp to a posture from where the robot is asked to be, once the base falls.
 
     Ports:
-        in  ``base_pose`` (7): x y z [m] and a quaternion; ``reference`` (n) [rad]: where the ramp begins.
+        in  ``base_pose`` (7): x y z [m] and a quaternion; ``reference`` (n) [rad]: where the ramp begins; ``state``
+        (nq + nv): of the whole plant, where that is asked for.
         out ``target`` (n) [rad]; ``active`` (1): 1 while it acts.
     """
 
@@ -78,6 +93,7 @@ class ProtectivePosture(SampledBlock):
         tilt: float,
         up: Vector,
         ground: Ground | None = None,
+        must_step: tuple[int, Callable[[Vector], bool]] | None = None,
         reset_after: float = math.inf,
     ) -> None:
         """Make the block.
@@ -90,6 +106,7 @@ class ProtectivePosture(SampledBlock):
             tilt: angle from upright beyond which it acts [rad].
             up: what of the base points up while it stands upright, shape (3,).
             ground: beneath it; the plane z = 0 unless given.
+            must_step: size of the state, and what tells by it that standing will not do; None for nothing.
             reset_after: how long all must be well before it lets go [s].
         """
         self.units = {"target": "rad"}
@@ -99,16 +116,20 @@ class ProtectivePosture(SampledBlock):
         zero = np.zeros(len(posture))
         memory = {"target": zero, "active": np.zeros(1), "elapsed": np.zeros(1), "origin": zero, "well": np.zeros(1)}
         reads = {"base_pose": 7, "reference": len(posture)}
+        self._must_step = None
+        if must_step is not None:
+            reads["state"], self._must_step = must_step
         super().__init__(period=period, reads=reads, memory=memory, gives=("target", "active"))
 
-    def falls(self, base_pose: Vector) -> bool:
-        """Tell whether a pose of the base (7,) is beyond a threshold."""
-        _, _, _, *quaternion = base_pose.tolist()
-        return bool(self._ground.height(base_pose) < self._height or lean(self._up, *quaternion) > self._tilt)
+    def falls(self, read: Named) -> bool:
+        """Tell whether what is read is beyond a threshold."""
+        pose = read["base_pose"]
+        leans = lean(self._up, *pose[3:].tolist()) > self._tilt or self._ground.height(pose) < self._height
+        return bool(leans or (self._must_step is not None and self._must_step(read["state"])))
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next point of the way to the posture, if the robot falls or has fallen."""
-        falls = self.falls(read["base_pose"])
+        falls = self.falls(read)
         if not memory["active"][0]:
             if not falls:
                 return {}

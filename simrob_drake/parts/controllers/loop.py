@@ -22,6 +22,9 @@ from simrob_drake.yaml_files import Number, Strict
 _FAR = 1e3
 """Where an axis without limits is taken to end [rad or m]."""
 
+ASKED = "asked"
+"""What an input is called that is the reference as it is below a loop."""
+
 Weight = Annotated[Number, Field(gt=0, le=1)]
 
 
@@ -33,6 +36,7 @@ class LoopSection(Strict):
     gives tells how it drives them: ``offset`` (n) is added to the reference [rad or m], ``offset_velocity`` (n) to that
     of the velocity where the station has one [rad/s or m/s], ``target`` (n) takes its place
     while ``active`` is not zero, ``feedforward`` (n) is added to the torques [N·m or N]; other outputs are signals.
+    An input ``asked`` (n) is the reference as it is below the loop [rad or m].
     """
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
@@ -98,6 +102,16 @@ class LoopSection(Strict):
         raise UnknownName(f"sensor or output of the station for {key}.reads.{name}", given or name, site.outputs)
 
 
+def check_force_is_read(section: LoopSection, key: str) -> None:
+    """Check that a loop on a force says which sensor tells it.
+
+    Raises:
+        InvalidParameter: it does not.
+    """
+    if "force" not in section.reads:
+        raise InvalidParameter(f"{key}.reads", section.reads, "with a force sensor: reads: {force: <sensor>}")
+
+
 def sensors_read(loops: Mapping[str, LoopSection], sensors: Collection[str]) -> set[str]:
     """Return the names of the sensors that loops read: those must sample while the station is stepped."""
     parts = {part for loop in loops.values() for text in loop.named for part in text.split(".")}
@@ -154,22 +168,27 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
             axes = robot.axes if driven is None else driven(robot)
             declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot, axes)
     for name, section in loops.items():
-        known = [blocks[name].get_input_port(index).get_name() for index in range(blocks[name].num_input_ports())]
-        for read in section.reads:
-            if read not in known:
-                raise UnknownName(f"input of controllers.{name} for controllers.{name}.reads", read, known)
-        for index in range(blocks[name].num_input_ports()):
-            port = blocks[name].get_input_port(index)
-            source = section.source(builder, port.get_name(), site.robot(section.robot), site, f"controllers.{name}")
-            if source.size() != port.size():
-                sizes = f"of size {source.size()}", f"of size {port.size()}"
-                raise InvalidParameter(f"controllers.{name}.reads.{port.get_name()}", *sizes)
-            builder.Connect(source, port)
+        _connect(builder, site, name, section, blocks[name])
     for robot in site.plant.robots.values():
         own = {name: loop for name, loop in loops.items() if site.robot(loop.robot) is robot}
         layers = sorted(own, key=lambda name: own[name].priority or 0)
         if layers:
             _drive(builder, site, robot, {name: (own[name], blocks[name]) for name in layers})
+
+
+def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, block: SampledBlock) -> None:
+    """Connect the inputs of a loop to what they read."""
+    key, robot = f"controllers.{name}", site.robot(section.robot)
+    ports = [block.get_input_port(index) for index in range(block.num_input_ports())]
+    known = {port.get_name(): port for port in ports if port.get_name() != ASKED}
+    for read in section.reads:
+        if read not in known:
+            raise UnknownName(f"input of {key} for {key}.reads", read, known)
+    for read, port in known.items():
+        source = section.source(builder, read, robot, site, key)
+        if source.size() != port.size():
+            raise InvalidParameter(f"{key}.reads.{read}", f"of size {source.size()}", f"of size {port.size()}")
+        builder.Connect(source, port)
 
 
 def declare_output(
@@ -206,6 +225,8 @@ def _drive(
         outputs = {port.get_name(): port for port in _outputs(block)}
         weight, place = section.weight or 1.0, f"{key}.{name}"
         _draw(site, place, name, section, robot)
+        if block.HasInputPort(ASKED):
+            builder.Connect(port, block.GetInputPort(ASKED))
         if "offset" in outputs:
             added = mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"])
             port = summed(builder, f"{place}.sum", port, added)

@@ -6,7 +6,7 @@ The thesis's automatic controller of joint positions (p. 98 to 102): the robot s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -20,6 +20,9 @@ from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.yaml_files import Number, Strict
 
+REACHED = "reached"
+"""What the block remembers last: when each cell was reached [s], -1 until then."""
+
 
 class Cell(Strict):
     """Targets that are approached at the same time; other axes stay where they were asked to be."""
@@ -30,15 +33,9 @@ class Cell(Strict):
     """How long the way there is [s]; the cell itself lasts until the robot has followed."""
 
 
-class Sequencer(LoopSection):
-    """Go through cells of joint targets; to the next one when the measured joints have reached the last.
+class Pace(Strict):
+    """What counts as a cell that is reached."""
 
-    It drives all axes of its robot.
-    """
-
-    kind: Literal["sequencer"]
-    cells: list[Cell] = Field(min_length=1)
-    """What to do, one after the other."""
     tolerance_deg: Positive = 2.0
     """How near the measured joints must come to a cell's targets [deg, or m where they slide]."""
     speed_deg: Positive = 10.0
@@ -49,9 +46,29 @@ class Sequencer(LoopSection):
     """What happens then: the run ends with the names of the joints that are late, or the next cell begins."""
 
     @model_validator(mode="after")
-    def _can_time_out(self) -> Sequencer:
+    def _can_time_out(self) -> Self:
         if self.on_timeout == "go_on" and self.timeout is None:
             raise ValueError("on_timeout: go_on needs a timeout [s]")
+        return self
+
+
+class Sequencer(Pace, LoopSection):
+    """Go through cells of joint targets; to the next one when the measured joints have reached the last.
+
+    It drives all axes of its robot.
+    """
+
+    kind: Literal["sequencer"]
+    cells: list[Cell] = Field(min_length=1)
+    """What to do, one after the other."""
+    ends: bool = False
+    """Whether the run ends as soon as the last cell is done."""
+
+    @model_validator(mode="after")
+    def _has_time_for_its_ways(self) -> Self:
+        for number, cell in enumerate(self.cells):
+            if self.timeout is not None and cell.duration >= self.timeout:
+                raise ValueError(f"cells[{number}] has a duration of {cell.duration:g} s, which leaves no timeout")
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
@@ -77,6 +94,7 @@ class Sequencer(LoopSection):
             speed=model.user_units * self.speed_deg,
             timeout=np.inf if self.timeout is None else self.timeout,
             stops=self.on_timeout == "stop",
+            ends=self.ends,
             names=robot.axes,
         )
 
@@ -105,6 +123,7 @@ class CellSequence(SampledBlock):
         speed: Vector,
         timeout: float = np.inf,
         stops: bool = True,
+        ends: bool = False,
         names: Sequence[str] = (),
     ) -> None:
         """Make the block.
@@ -117,12 +136,14 @@ class CellSequence(SampledBlock):
             speed: below which all axes must be, shape (n,) [rad/s].
             timeout: how long a cell may take [s].
             stops: whether the run ends then; otherwise the next cell begins.
+            ends: whether the run ends once the last cell is done.
             names: of the axes, for the reason of such an end.
         """
         size = len(tolerance)
         self.units = {"target": "rad"}
         self._targets, self._durations = targets, durations
         self._tolerance, self._speed, self._timeout, self._stops = tolerance, speed, timeout, stops
+        self._ends = ends
         self._names = names or [str(index) for index in range(size)]
         super().__init__(
             period=period,
@@ -134,6 +155,8 @@ class CellSequence(SampledBlock):
                 "done": np.zeros(1),
                 "elapsed": np.zeros(1),
                 "origin": np.zeros(size),
+                "clock": np.zeros(1),  # since the first sample [s]
+                REACHED: np.full(len(targets), -1.0),  # by that clock; results look for it at the end
             },
             gives=("target", "active", "cell", "done"),
         )
@@ -142,25 +165,31 @@ class CellSequence(SampledBlock):
         """Return the next point of the ramp, or the beginning of the next cell."""
         if not memory["active"][0]:
             return {"active": 1.0, "target": read["reference"], "origin": read["reference"]}
+        if memory["done"][0] and self._ends:
+            raise RunEnds(f"the last of {len(self._targets)} cells is done")
         number, elapsed = int(memory["cell"][0]), memory["elapsed"][0] + self.period
-        goal, duration = self._targets[number], self._durations[number]
+        goal, duration, clock = self._targets[number], self._durations[number], memory["clock"][0] + self.period
         part = min(elapsed / duration, 1.0) if duration > 0 else 1.0
         full = np.where(np.isnan(goal), memory["origin"], goal)
         target = memory["origin"] + part * (full - memory["origin"])
+        changed: dict[str, Vector | float] = {"target": target, "elapsed": elapsed, "clock": clock}
+        if memory["done"][0]:
+            return changed
         late = ~np.isnan(goal) & (abs(read["position"] - goal) > self._tolerance) | (
             abs(read["velocity"]) > self._speed
         )
-        reached = part == 1.0 and not late.any()
-        if not reached and elapsed >= self._timeout and not memory["done"][0]:
-            reached = self._goes_on(number, [self._names[index] for index in map(int, np.flatnonzero(late))])
-        changed: Changes = {"target": target, "elapsed": elapsed}
-        if reached and number + 1 < len(self._targets):
+        if part == 1.0 and not late.any():
+            changed[REACHED] = np.where(np.arange(len(self._targets)) == number, clock, memory[REACHED])
+        elif elapsed < self._timeout:
+            return changed
+        else:
+            self._check_patience(number, [self._names[index] for index in map(int, np.flatnonzero(late))])
+        if number + 1 < len(self._targets):
             return {**changed, "cell": number + 1, "elapsed": 0.0, "origin": full}
-        return {**changed, "done": 1.0} if reached else changed
+        return {**changed, "done": 1.0}
 
-    def _goes_on(self, number: int, late: Sequence[str]) -> bool:
-        """Tell whether to go on to the next cell though joints are late; else end the run."""
+    def _check_patience(self, number: int, late: Sequence[str]) -> None:
+        """End the run because joints are late, unless the next cell is to begin all the same."""
         if self._stops:
             who = ", ".join(late) or "its ramp"
             raise RunEnds(f"cell {number} was not reached within {self._timeout:g} s: {who} is late")
-        return True

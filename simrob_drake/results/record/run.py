@@ -11,6 +11,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.blocks.references import Samples
 from simrob_drake.errors import one_of
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.parts.controllers.sequencer import Sequencer
 from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.state import State
 from simrob_drake.signals import Panel, Signal
@@ -114,6 +115,17 @@ class RecordedRun:
         """The plots that parts declare, of columns that there are."""
         declared = [signal.panel for signal in self.signals if signal.panel is not None]
         return [panel for panel in declared if set(panel.columns) <= set(self.names)]
+
+    @property
+    def cells(self) -> dict[str, list[float | None]]:
+        """When each cell of every sequencer was reached, since it began [s], by the controller; None: not reached."""
+        found = {}
+        for name, section in self.config.controllers.items():
+            block = self.final_state.blocks.get(f"controller.{name}")
+            if isinstance(section, Sequencer) and block is not None:
+                times = block.discrete[-1].tolist()
+                found[name] = [round(time, 9) if time >= 0 else None for time in times]
+        return found
 
     @property
     def stop_time(self) -> float:

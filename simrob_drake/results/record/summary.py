@@ -45,6 +45,7 @@ def summary_of(run: RecordedRun) -> dict[str, Any]:
             "force": _peak_forces(run),
         },
         "locomotion": _locomotion(run),
+        "cells": run.cells,
         "sensors": {name: run.notes[name] for name in run.config.sensors},
         "units": run.units,
         "versions": {
