@@ -18,7 +18,13 @@ from simrob_drake.cli.given import given_station
 from simrob_drake.results.animation.pictures import film_strip
 
 DOCS = Path(__file__).parent
-WALKS = {"humanoid_dynamic": 4, "roid1_dynamic": 20, "yobotics_dynamic": 4, "zjudancer_dynamic": 4}
+WALKS = {
+    "humanoid_dynamic": 4,
+    "roid1_dynamic": 20,
+    "yobotics_dynamic": 4,
+    "yobotics_terrain": 12,
+    "zjudancer_dynamic": 4,
+}
 """Steps of the legged robots: they are here to walk."""
 PROGRAMS: dict[str, tuple[str, Callable[[Any], Sequence[SimulationResult]]]] = {
     "belt_pick": ("belt_pick", itemgetter(1)),

@@ -5,6 +5,9 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
+from simrob_drake.parts.controllers.limbs import limb_to
+from simrob_drake.stations.posed import PosedStation
+from tests.benchmarks.terrain import BLIND, crossed
 
 FINE = {"solver.max_step": 0.005}
 
@@ -142,3 +145,38 @@ def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
     assert touched(result) == FEET | HANDS
     still = run("humanoid_fall_forward", **{"controllers.step": by_step, "forces.shove.force": [0, -4, 0]})
     assert not still["step.active"].any()
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{}, {"controllers.touchdown.rate": 50, "solver.max_step": 0.0025}, {"controllers.touchdown.rate": 200}],
+    ids=["as it is", "half the rate, short steps", "double the rate"],
+)
+def test_touchdown_crosses_steps_straight_on(changed):
+    found = crossed(0, changed, seconds=8.0)
+    assert found.upright
+    assert found.ahead > 1.0
+    assert abs(np.rad2deg(found.yaw)) < 10
+
+
+def test_without_touchdown_the_same_steps_turn_it_away():
+    found = crossed(0, BLIND, seconds=8.0)
+    assert abs(np.rad2deg(found.yaw)) > 20
+
+
+def test_a_leg_s_screws_are_those_of_the_plant():
+    robot = PosedStation(load_station("yobotics_dynamic")).station.robots["robot"]
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    rng = np.random.default_rng(1)
+    for foot, frame in robot.tools.items():
+        if not foot.endswith("foot"):
+            continue
+        limb, positions = limb_to(robot, frame), rng.uniform(-1, 1, len(robot.axes))
+        robot.axis_map.set_positions(plant, context, positions)
+        place = plant.CalcRelativeTransform(context, robot.root, frame).translation()
+        assert limb.place(positions) == pytest.approx(place, abs=1e-12)
+        for number, axis in enumerate(limb.axes):
+            small = np.zeros(len(positions))
+            small[axis] = 1e-6
+            slope = (limb.place(positions + small) - limb.place(positions - small)) / 2e-6
+            assert limb.rates(positions)[:, number] == pytest.approx(slope, abs=1e-8)

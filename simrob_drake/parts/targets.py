@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 
 FLOOR = "floor"
-"""The whole name of the floor's shape."""
+"""The whole name of the floor's shape; boxes of its terrain are called `floor.<number>`."""
 
 
 def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
@@ -97,7 +97,7 @@ def _candidates(plant: StationPlant, station: Surroundings, name: str) -> Iterat
     inspector, piece = plant.scene_graph.model_inspector(), name.partition(".")[0]
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
         if name == FLOOR:
-            meant = inspector.GetName(shape) == FLOOR
+            meant = inspector.GetName(shape).partition(".")[0] == FLOOR  # or a box of its terrain
         elif piece in station.pieces:
             own = own_name(inspector, shape)
             meant = piece_of_shape(station, inspector, shape) == piece and f"{own}.".startswith(f"{name}.")

@@ -21,6 +21,7 @@ from simrob_drake.parts.forces import Forces
 from simrob_drake.parts.monitors import Monitors
 from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
+from simrob_drake.parts.terrain import Terrain
 from simrob_drake.quantities import FASTEST_RATE, ORIGIN, Colour, Duration, Inertia, NotNegative, Pose, Positive, Triple
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import FrameSeries
@@ -192,6 +193,8 @@ class FloorConfig(Strict):
     """How steep it is [deg]; robots on their own feet are put upright on it."""
     heading_deg: Number = 0.0
     """Which way it rises, counterclockwise from the world's x [deg]."""
+    terrain: Terrain | None = None
+    """A field of uneven ground on it; it is even unless given."""
 
 
 class JointStops(Strict):

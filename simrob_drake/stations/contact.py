@@ -22,7 +22,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.targets import piece_of_shape
+from simrob_drake.parts.targets import FLOOR, piece_of_shape
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.resolve import ResolvedStation
@@ -66,6 +66,8 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: Res
         _check_resolution(contact.resolution, [inspector.GetShape(shape) for shape in shapes])
     for shape in shapes:
         material = _material(config, contact, piece_of_shape(station, inspector, shape))
+        if inspector.GetName(shape).startswith(f"{FLOOR}."):  # what is soft of a terrain says so itself
+            material = material.model_copy(update={"hydroelastic_modulus": None})
         properties = ProximityProperties(inspector.GetProximityProperties(shape))
         _write(properties, material, contact)
         scene_graph.AssignRole(source, shape, properties, RoleAssign.kReplace)

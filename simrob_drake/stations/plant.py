@@ -6,6 +6,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
     AddRigidHydroelasticProperties,
     Box,
     CollisionFilterDeclaration,
@@ -22,11 +23,13 @@ from simrob_drake.blocks.actuator_servo import set_actuators
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
+from simrob_drake.parts.targets import FLOOR
 from simrob_drake.robots.feet import put_on_feet
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, add_piece, piece_robot
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.robots.urdf import with_absolute_meshes
+from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.resolve import ResolvedStation
@@ -38,6 +41,8 @@ _NEEDLESS = re.compile("deformable contact|does not handle joint limits for cont
 logging.getLogger("drake").addFilter(lambda record: not _NEEDLESS.search(record.getMessage()))
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
+_SOFT_COLOUR = np.array([0.62, 0.48, 0.36, 1.0])
+_SHADE = 0.2  # how much lighter the highest boxes of a terrain are, and darker the lowest
 _FLOOR_THICKNESS = 0.02
 _FLOOR_STIFFNESS = 1e9  # N/m: of two in a row the softer counts, which is that of what stands on the floor
 _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
@@ -103,16 +108,34 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
     config, tilt = station.config, station.ground.tilt
     if config.floor is None:
         return
-    slab = Box(config.floor.size, config.floor.size, _FLOOR_THICKNESS)
-    below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
-    plant.RegisterVisualGeometry(plant.world_body(), tilt @ below, slab, "floor", _FLOOR_COLOUR)
-    if collision:
-        rigid = ProximityProperties()
-        if config.contact is not None and config.contact.model != "point":
-            AddRigidHydroelasticProperties(1.0, rigid)  # a compliant box on a compliant one would fall back to points
-        rigid.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
-        rigid.AddProperty("material", "point_contact_stiffness", _FLOOR_STIFFNESS)
-        plant.RegisterCollisionGeometry(plant.world_body(), tilt, HalfSpace(), "floor", rigid)
+    if config.floor.terrain is None:  # else all of it is boxes: copying a half-space among many ends in Drake's crash
+        slab = Box(config.floor.size, config.floor.size, _FLOOR_THICKNESS)
+        below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
+        plant.RegisterVisualGeometry(plant.world_body(), tilt @ below, slab, FLOOR, _FLOOR_COLOUR)
+        if collision:
+            plant.RegisterCollisionGeometry(plant.world_body(), tilt, HalfSpace(), FLOOR, _floor_surface(config, None))
+        return
+    for number, block in enumerate(config.floor.terrain.blocks(config.floor.size)):
+        box, name, pose = Box(*(2 * block.half)), f"{FLOOR}.{number}", tilt @ block.pose
+        level = (block.pose.translation()[2] + block.half[2]) / config.floor.terrain.height
+        colour = _SOFT_COLOUR if block.modulus else _FLOOR_COLOUR * ([1 + _SHADE * level] * 3 + [1.0])
+        plant.RegisterVisualGeometry(plant.world_body(), pose, box, name, np.clip(colour, 0.0, 1.0))
+        if collision:
+            surface = _floor_surface(config, block.modulus)
+            plant.RegisterCollisionGeometry(plant.world_body(), pose, box, name, surface)
+
+
+def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityProperties:
+    """Return what a floor is made of: rigid, or soft where it has a hydroelastic modulus [Pa]."""
+    surface = ProximityProperties()
+    if config.contact is not None and config.contact.model != "point":
+        if modulus is None:
+            AddRigidHydroelasticProperties(1.0, surface)  # a compliant box on a compliant one would fall back to points
+        else:
+            AddCompliantHydroelasticProperties(1.0, modulus, surface)
+    surface.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
+    surface.AddProperty("material", "point_contact_stiffness", _FLOOR_STIFFNESS)
+    return surface
 
 
 def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> None:

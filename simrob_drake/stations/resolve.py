@@ -1,7 +1,7 @@
 """A station's configuration with the robots and pieces behind its names: read once, and checked as a whole."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +50,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
     for name in config.pieces:
         if name in config.robots or name == WORLD:
             raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
-    ground = _ground(config.floor, pieces)
+    ground = _ground(config.floor, config.contact.model if config.contact else "", pieces)
     robots = {name: _robot(config, name, model, pieces, ground) for name, model in models.items()}
     return ResolvedStation(
         mode=config.mode,
@@ -109,7 +109,7 @@ def _robot_model(entry: RobotConfig) -> RobotModel:
     return load_robot_file(Path(model)) if model.endswith(YAML_SUFFIXES) else load_robot(model)
 
 
-def _ground(floor: FloorConfig | None, pieces: Mapping[str, ResolvedPiece]) -> Ground:
+def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, ResolvedPiece]) -> Ground:
     """Return what there is to stand on: the floor, and the boxes of pieces that are fixed in the world."""
     places: dict[str, RigidTransform] = {}
     boxes: list[tuple[RigidTransform, Vector]] = []
@@ -125,7 +125,14 @@ def _ground(floor: FloorConfig | None, pieces: Mapping[str, ResolvedPiece]) -> G
         boxes += [(place @ transform_from_pose(shape.pose), np.array(shape.box) / 2) for shape in solid]
     if floor is None:
         return Ground(has_floor=False, boxes=tuple(boxes))
-    return Ground(float(np.deg2rad(floor.incline_deg)), float(np.deg2rad(floor.heading_deg)), boxes=tuple(boxes))
+    even = Ground(float(np.deg2rad(floor.incline_deg)), float(np.deg2rad(floor.heading_deg)), boxes=tuple(boxes))
+    if floor.terrain is None:
+        return even
+    if floor.terrain.soft is not None and contact == "point":
+        expected = "left out, or with contact.model hydroelastic or hydroelastic_with_fallback: points know no modulus"
+        raise InvalidParameter("floor.terrain.soft", "given with point contact", expected)
+    field = tuple((even.tilt @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
+    return replace(even, boxes=(*field, *even.boxes), depth=floor.terrain.depth)
 
 
 def _robot(

@@ -13,7 +13,7 @@ from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.given import drake_asserts, instance
 from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
-from simrob_drake.parts.controllers.loop import add_loops
+from simrob_drake.parts.controllers.layers import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks
 from simrob_drake.parts.controllers.signal_flow import add_flows
 from simrob_drake.parts.forces.force import add_force

@@ -5,8 +5,10 @@ import pytest
 
 from simrob_drake.blocks.sampled import RunEnds, SampledBlock
 from simrob_drake.parts.controllers.fall_guard import ProtectivePosture
+from simrob_drake.parts.controllers.limbs import Limb
 from simrob_drake.parts.controllers.objective import WeightedObjective
 from simrob_drake.parts.controllers.sequencer import CellSequence
+from simrob_drake.parts.controllers.touchdown import UnknownGround
 
 NAN = np.nan
 
@@ -148,3 +150,72 @@ def test_a_posture_follows_once_the_objective_has_been_met_for_long_enough():
         for given in [driven.sample(measured=value, reference=asked)]
     ]
     assert seen == [(0, 0)] * 4 + [(1, 0.5), (1, 0.75), (1, 1.0), (1, 1.0)]
+
+
+FORCE = np.array([0.0, 0.0, 30.0])
+LEG = {"turns": np.array([[0.0, -1.0, 0.0]]), "points": np.zeros((1, 3)), "end": np.array([1.0, 0.0, 0.0])}
+
+
+def touchdown(**changed):
+    """Two legs of 1 m that lie ahead: a small angle lifts a foot by as many metres."""
+    figures = {
+        "period": 0.01,
+        "limbs": {"left": Limb([0], **LEG), "right": Limb([1], **LEG)},
+        "size": 2,
+        "force": 15.0,
+        "clearance": 0.01,
+        "search": (0.5, 0.012),
+        "release": 0.05,
+        "settle": 0.1,
+    }
+    driven = Driven(UnknownGround(**{**figures, **changed}))
+    offset = np.zeros(2)
+
+    def step(left, *, force=0.0, position=0.0):
+        """Sample with a plan for the left leg; the servos are asked for the plan and the offset."""
+        nonlocal offset
+        forces = {"left": force * FORCE, "right": FORCE}
+        read = {"reference": np.array([left, 0.0]) + offset, "position": [position, 0.0], "torque": [7.0, 1.0]}
+        told = driven.sample(**forces, **read)
+        offset = told["offset"]
+        return told
+
+    return step
+
+
+def test_a_foot_that_touches_early_stays_and_then_comes_to_the_reference():
+    step = touchdown()
+    assert step(0.0, force=1)["phase"] == pytest.approx([2, 2])
+    assert step(0.05, force=1)["phase"] == pytest.approx([0, 2])  # on the way up what it still feels is no touch
+    told = step(0.04)
+    assert (told["phase"][0], told["offset"][0]) == (0, 0)
+    for plan in (0.035, 0.02):  # it touched at 0.036 and stays there
+        told = step(plan, force=1, position=0.036)
+        assert (told["phase"][0], told["offset"][0]) == (1, pytest.approx(0.036 - plan))
+    assert told["offset_velocity"] == pytest.approx([-(0.02 - 0.035) / 0.01, 0])
+    for sample in range(1, 4):  # the reference has come down
+        told = step(0.0, force=1, position=0.016)
+        assert (told["phase"][0], told["offset"][0]) == (2, pytest.approx(0.016 * np.exp(-0.1 * sample)))
+    before = told["offset"][0]
+    assert step(0.03, force=1)["offset"][0] == pytest.approx(before * np.exp(-0.2))
+    assert not told["feedforward"].any()
+
+
+def test_a_foot_that_finds_no_ground_goes_on_downward_as_far_as_it_may():
+    step = touchdown()
+    step(0.05)
+    step(0.03)
+    assert [round(float(step(0.0)["offset"][0]), 5) for _ in range(4)] == [-0.005, -0.01, -0.012, -0.012]
+    assert step(0.0, force=1)["phase"][0] == 2
+
+
+def test_a_foot_that_touches_may_keep_its_torques_instead():
+    step = touchdown(holds_torques=True)
+    step(0.05)
+    step(0.04)
+    assert step(0.03, force=1, position=0.036)["feedforward"] == pytest.approx([7, 0])
+    for plan, position in ((0.02, 0.03), (0.0, 0.02), (0.0, 0.01)):  # it goes where it is pushed
+        told = step(plan, force=1, position=position)
+        assert told["offset"][0] == pytest.approx(position - plan)
+        assert told["feedforward"] == pytest.approx([7, 0])
+    assert not step(0.05)["feedforward"].any()

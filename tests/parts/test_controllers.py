@@ -5,7 +5,9 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
+from simrob_drake.parts.controllers.touchdown import Touchdown
 from simrob_drake.stations.load import station_yaml
+from simrob_drake.stations.resolve import resolve
 
 STILL = {
     "pieces": {},
@@ -119,3 +121,31 @@ def test_what_cannot_be_is_refused_by_its_key(controllers, words):
 def test_a_kinematic_station_has_no_loops():
     with pytest.raises(SimrobError, match="dynamic"):
         load_station("irb120_kinematic", {"controllers": {"s": sequence()}})
+
+
+GUARD = {"kind": "fall_guard", "height": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"controllers.touchdown.reads": {}}, "reads of a touchdown"),
+        ({"controllers.touchdown.reads": {"rear_left_foot": "force.rear_lift"}}, "rear_left"),
+        ({"controllers.touchdown.reads.hand": "force.rear_left"}, "hand"),
+        ({"controllers.touchdown.force": 0}, "force"),
+        ({"controllers.touchdown.holds": "heights"}, "torques"),
+        (
+            {"controllers.other": {"kind": "fall_guard", "height": 0.2, "posture_deg": {"rear_left_knee": 0}}},
+            "priority",
+        ),
+    ],
+)
+def test_a_touchdown_that_cannot_be_is_refused(overrides, message):
+    with pytest.raises(SimrobError, match=message):
+        simulate(load_station("yobotics_terrain", {"floor.terrain": None, **overrides}), duration=0.1)
+
+
+def test_touchdown_drives_the_legs_of_its_feet_alone():
+    robot = resolve(load_station("yobotics_terrain")).robots["robot"]
+    loop = Touchdown(kind="touchdown", reads={"front_left_foot": "force.front_left"})
+    assert loop.axes(robot) == ["front_left_hip_roll", "front_left_hip_pitch", "front_left_knee"]

@@ -14,10 +14,11 @@ from simrob_drake.parts.controllers.objective import Objective
 from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.parts.controllers.sequencer import Sequencer
 from simrob_drake.parts.controllers.signal_flow import SignalFlow
+from simrob_drake.parts.controllers.touchdown import Touchdown
 from simrob_drake.parts.kinds import named_by_kind
 
 ControllerConfig = Annotated[
-    OwnController | Sequencer | Objective | FallGuard | ForceControl | MotorProtection | SignalFlow,
+    OwnController | Sequencer | Objective | FallGuard | ForceControl | MotorProtection | SignalFlow | Touchdown,
     Field(discriminator="kind"),
 ]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]

@@ -4,23 +4,15 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from typing import Annotated, ClassVar, Literal, Protocol
 
-import numpy as np
 from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import AffineSystem, PassThrough, Saturation
 
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.blocks.wiring import fed, joined, mapped, summed
+from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
-from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.quantities import Positive
-from simrob_drake.signals import Panel, Signal
 from simrob_drake.yaml_files import Number, Strict
-
-_FAR = 1e3
-"""Where an axis without limits is taken to end [rad or m]."""
 
 ASKED = "asked"
 """What an input is called that is the reference as it is below a loop."""
@@ -34,7 +26,8 @@ class LoopSection(Strict):
     A kind has its key ``kind`` and the methods ``axes(robot)``, the names of the axes that it drives, and
     ``block(key, robot, site)``, which makes its :class:`~simrob_drake.blocks.sampled.SampledBlock`. What that block
     gives tells how it drives them: ``offset`` (n) is added to the reference [rad or m], ``target`` (n) takes its place
-    while ``active`` is not zero, ``feedforward`` (n) is added to the torques [N·m or N]; other outputs are signals.
+    while ``active`` is not zero, ``offset_velocity`` (n) is added to the reference's velocity where the station has one
+    [rad/s or m/s], ``feedforward`` (n) to the torques [N·m or N]; other outputs are signals.
     An input ``asked`` (n) is the reference as it is below the loop [rad or m].
     """
 
@@ -162,149 +155,3 @@ def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None
             told = f"drives {', '.join(shared[:3])}{' ...' if len(shared) > 3 else ''}, as controllers.{one} does"
             expected = "alone on its axes, or with a priority (or both with a weight), which says how they mix"
             raise InvalidParameter(f"controllers.{other}", told, expected)
-
-
-def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSection]) -> None:
-    """Add the loops of a station and let them drive its robots.
-
-    Raises:
-        SimrobError: an input that reads nothing, or a section that does not fit its robot.
-    """
-    blocks = {}
-    for name, section in loops.items():
-        robot = site.robot(section.robot)
-        block = blocks[name] = section.block(f"controllers.{name}", robot, site)
-        builder.AddNamedSystem(f"controller.{name}", block)
-        site.notes[name] = {"kind": section.kind}
-        _draw(site, f"controller.{name}", name, section, robot)
-        for port in _outputs(block):
-            driven = {"offset": section.axes, "target": section.layered}.get(port.get_name())
-            axes = robot.axes if driven is None else driven(robot)
-            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot, axes)
-    for name, section in loops.items():
-        _connect(builder, site, name, section, blocks[name])
-    for robot in site.plant.robots.values():
-        own = {name: loop for name, loop in loops.items() if site.robot(loop.robot) is robot}
-        layers = sorted(own, key=lambda name: own[name].priority or 0)
-        if layers:
-            _drive(builder, site, robot, {name: (own[name], blocks[name]) for name in layers})
-
-
-def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, block: SampledBlock) -> None:
-    """Connect the inputs of a loop to what they read."""
-    key, robot = f"controllers.{name}", site.robot(section.robot)
-    ports = [block.get_input_port(index) for index in range(block.num_input_ports())]
-    known = {port.get_name(): port for port in ports if port.get_name() != ASKED}
-    for read in section.reads:
-        if read not in known:
-            raise UnknownName(f"input of {key} for {key}.reads", read, known)
-    for read, port in known.items():
-        source = section.source(builder, read, robot, site, key)
-        if source.size() != port.size():
-            raise InvalidParameter(f"{key}.reads.{read}", f"of size {source.size()}", f"of size {port.size()}")
-        builder.Connect(source, port)
-
-
-def declare_output(
-    site: Site,
-    name: str,
-    port: OutputPort,
-    unit: str,
-    robot: StationRobot | None = None,
-    axes: Collection[str] | None = None,
-    *,
-    called: str = "",
-) -> None:
-    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
-
-    Of a robot's axes those are told that are named. It is called as its port is unless said.
-    """
-    called = called or port.get_name()
-    output, size = f"{name}.{called}", port.size()
-    robots = site.plant.robots.values() if robot is None else [robot]
-    entries = next((each.axes for each in robots if len(each.axes) == size), [str(index) for index in range(size)])
-    told = tuple(index for index, entry in enumerate(entries) if size == 1 or axes is None or entry in axes)
-    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
-    panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
-    picked = told if len(told) < size else None
-    site.add(output, port, Signal(names, (unit,) * len(names), "own", output, picked, part=name, panel=panel))
-
-
-def _drive(
-    builder: DiagramBuilder, site: Site, robot: StationRobot, layers: Mapping[str, tuple[LoopSection, SampledBlock]]
-) -> None:
-    """Lay loops over the reference of a robot and its feedforward, the lowest first, within the joint limits."""
-    size, key = len(robot.axes), f"{robot.prefix}reference"
-    asked = builder.AddNamedSystem(f"{key}.asked", PassThrough(size))
-    inner, site.inputs[key] = site.inputs[key], asked.get_input_port()
-    port, torques = asked.get_output_port(), list[OutputPort]()
-    for name, (section, block) in layers.items():
-        outputs = {port.get_name(): port for port in _outputs(block)}
-        weight, place = section.weight or 1.0, f"{key}.{name}"
-        _draw(site, place, name, section, robot)
-        if block.HasInputPort(ASKED):
-            builder.Connect(port, block.GetInputPort(ASKED))
-        if "offset" in outputs:
-            added = mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"])
-            port = summed(builder, f"{place}.sum", port, added)
-        if "target" in outputs:
-            share = np.where(np.isin(robot.axes, section.layered(robot)), weight, 0.0)
-            limits = robot.model.axis_limits
-            port = _laid_over(builder, place, port, outputs["target"], outputs["active"], share=share, limits=limits)
-        if "feedforward" in outputs:
-            torques.append(mapped(builder, f"{place}.torque", weight * np.eye(size), outputs["feedforward"]))
-    limited = fed(builder, f"{key}.limits", Saturation(*robot.model.axis_limits), port)
-    builder.Connect(limited, inner)
-    _draw(site, f"{key}.limits", name, section, robot)
-    if torques:
-        add_torques(builder, site, robot, torques, name="loops")
-
-
-def _draw(site: Site, system: str, name: str, section: LoopSection, robot: StationRobot) -> None:
-    """Say that a system is part of a loop's block in the picture."""
-    label = f"{wrapped(name)}\n{section.kind.replace('_', ' ')}, {section.rate:g} Hz"
-    site.draw(system, "loop", label, robot, key=f"controller.{name}")
-
-
-def _laid_over(
-    builder: DiagramBuilder,
-    place: str,
-    below: OutputPort,
-    above: OutputPort,
-    active: OutputPort,
-    *,
-    share: Vector,
-    limits: tuple[Vector, Vector],
-) -> OutputPort:
-    """Return (1 - share) below + share above where ``active`` is 1, and what is below where it is 0.
-
-    Of Drake's primitives, so that no Python is asked at each look of the solver: with the lower limits l, and W wider
-    than the limits, it is l + max(below - l - W active, 0) + max(above - l - W (1 - active), 0) on the axes that share.
-    """
-    size, axes = len(share), np.flatnonzero(share)
-    lower, upper = (np.clip(bound, -_FAR, _FAR)[axes] for bound in limits)
-    eye, wide, part = np.eye(size), (upper - lower + 1.0)[:, None], share[axes]
-    pick, none = eye[axes], np.zeros((len(axes), size))
-    shown = np.block([[pick, none, -wide], [none, pick, wide]])
-    hidden = np.concatenate([-lower, -lower - wide[:, 0]])
-    bus = joined(builder, f"{place}.bus", below, above, active)
-    both = fed(builder, f"{place}.shown", AffineSystem(D=shown, y0=hidden), bus)
-    either = fed(builder, f"{place}.either", Saturation(np.zeros(2 * len(axes)), np.full(2 * len(axes), np.inf)), both)
-    back = pick.T * part
-    mixed = AffineSystem(D=np.hstack([back, back, eye - np.diag(share)]), y0=back @ lower)
-    return fed(builder, f"{place}.layers", mixed, joined(builder, f"{place}.mixed_bus", either, below))
-
-
-def add_torques(
-    builder: DiagramBuilder, site: Site, robot: StationRobot, torques: Sequence[OutputPort], *, name: str
-) -> None:
-    """Add torques (n) of ``name`` to a robot's feedforward; its input stands before them."""
-    key = f"{robot.prefix}feedforward"
-    given = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(len(robot.axes)))
-    inner, site.inputs[key] = site.inputs[key], given.get_input_port()
-    builder.Connect(summed(builder, f"{key}.{name}", given.get_output_port(), *torques), inner)
-    site.draw_nothing(key)
-
-
-def _outputs(block: SampledBlock) -> list[OutputPort]:
-    return [block.get_output_port(index) for index in range(block.num_output_ports())]

@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, Out
 
 from simrob_drake.errors import InvalidParameter, UnknownName, quoted
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.controllers.loop import declare_output
+from simrob_drake.parts.controllers.outputs import declare_output
 from simrob_drake.parts.site import Site
 from simrob_drake.yaml_files import Strict
 

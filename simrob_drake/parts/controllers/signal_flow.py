@@ -31,7 +31,7 @@ from simrob_drake.parts.controllers.flow_blocks import (
     Switch,
 )
 from simrob_drake.parts.controllers.flow_states import Delay, Integrator, RateLimiter, StateSpace, TransferFunction
-from simrob_drake.parts.controllers.loop import add_torques, declare_output
+from simrob_drake.parts.controllers.outputs import add_to, declare_output
 from simrob_drake.parts.monitors.monitor import MonitorSection, add_monitor
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.yaml_files import Strict
@@ -131,7 +131,7 @@ def add_flows(builder: DiagramBuilder, site: Site, flows: Mapping[str, SignalFlo
     for name, flow in flows.items():
         torques.setdefault(site.robot(flow.robot).name, []).append(flow.add(builder, site, name, monitors=monitors))
     for robot, ports in torques.items():
-        add_torques(builder, site, site.plant.robots[robot], ports, name="flows")
+        add_to(builder, site, f"{site.plant.robots[robot].prefix}feedforward", ports, name="flows")
 
 
 @dataclass

@@ -1,0 +1,87 @@
+"""Where the end of a limb is, seen from the root of its robot: by the screws of its joints, from numbers alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import cos, sin
+
+import numpy as np
+from pydrake.multibody.tree import Frame, RevoluteJoint
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationRobot
+
+
+@dataclass(frozen=True, eq=False)
+class Limb:
+    """Revolute joints in a row, from the root outward.
+
+    Attributes:
+        axes: their places among the robot's axes, shape (k,).
+        turns: their directions at zero in the root's frame, shape (k, 3).
+        points: points on them at zero [m], shape (k, 3).
+        end: the point at its end at zero, shape (3,) [m].
+    """
+
+    axes: list[int]
+    turns: Vector
+    points: Vector
+    end: Vector
+
+    @cached_property
+    def _crossing(self) -> list[tuple[int, Vector, Vector, Vector]]:
+        """Axis, matrix K of its direction's cross product, K² and point of each joint, from the end inward."""
+        return [
+            (axis, cross := np.cross(turn, np.eye(3)).T, cross @ cross, point)
+            for axis, turn, point in zip(self.axes[::-1], self.turns[::-1], self.points[::-1], strict=True)
+        ]
+
+    def place(self, positions: Vector) -> Vector:
+        """Return where the end is at positions of all axes (n,), shape (3,) [m]."""
+        place = self.end
+        for axis, cross, twice, point in self._crossing:
+            place = point + _turned(place - point, cross, twice, positions[axis])
+        return place
+
+    def rates(self, positions: Vector) -> Vector:
+        """Return how the end moves with the joints, shape (3, k) [m/rad]."""
+        place, columns = self.end, np.empty((3, 0))
+        for axis, cross, twice, point in self._crossing:
+            columns = np.column_stack([cross @ (place - point), columns])
+            place = point + _turned(place - point, cross, twice, positions[axis])
+            columns = _turned(columns, cross, twice, positions[axis])
+        return columns
+
+
+def limb_to(robot: StationRobot, end: Frame) -> Limb:
+    """Return the limb of a robot between its root and a frame.
+
+    Raises:
+        InvalidParameter: a frame that no joint of the robot moves, or a limb with a joint that slides.
+    """
+    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    robot.axis_map.set_positions(plant, context, np.zeros(len(robot.axes)))
+    inward = {plant.get_joint(index).child_body().index(): plant.get_joint(index) for index in plant.GetJointIndices()}
+    places = {joint.index(): number for number, joint in enumerate(robot.joints)}
+    axes, turns, points, body = list[int](), list[Vector](), list[Vector](), end.body()
+    while body.index() != robot.root.body().index() and body.index() in inward:
+        joint = inward[body.index()]
+        if joint.index() in places:
+            if not isinstance(joint, RevoluteJoint):
+                raise InvalidParameter(f"limb to {end.name()}", f"with {joint.name()}", "of joints that turn")
+            pose = plant.CalcRelativeTransform(context, robot.root, joint.frame_on_child())
+            axes.insert(0, places[joint.index()])
+            turns.insert(0, robot.axis_map.signs[axes[0]] * (pose.rotation() @ joint.revolute_axis()))
+            points.insert(0, pose.translation())
+        body = joint.parent_body()
+    if not axes:
+        raise InvalidParameter(f"limb to {end.name()}", "without a joint", "one that joints move")
+    place = plant.CalcRelativeTransform(context, robot.root, end).translation()
+    return Limb(axes, np.array(turns), np.array(points), place)
+
+
+def _turned(arms: Vector, cross: Vector, twice: Vector, angle: float) -> Vector:
+    """Return arms (3,) or (3, k), turned by an angle about the direction of a joint (Rodrigues)."""
+    return np.asarray(arms + sin(angle) * (cross @ arms) + (1.0 - cos(angle)) * (twice @ arms))

@@ -1,0 +1,43 @@
+"""What outputs of controllers become: signals of the station, and parts of what its robots are given."""
+
+from collections.abc import Collection, Sequence
+
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import PassThrough
+
+from simrob_drake.blocks.wiring import summed
+from simrob_drake.parts.site import Site, StationRobot
+from simrob_drake.signals import Panel, Signal
+
+
+def declare_output(
+    site: Site,
+    name: str,
+    port: OutputPort,
+    unit: str,
+    robot: StationRobot | None = None,
+    axes: Collection[str] | None = None,
+    *,
+    called: str = "",
+) -> None:
+    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
+
+    Of a robot's axes those are told that are named. It is called as its port is unless said.
+    """
+    called = called or port.get_name()
+    output, size = f"{name}.{called}", port.size()
+    robots = site.plant.robots.values() if robot is None else [robot]
+    entries = next((each.axes for each in robots if len(each.axes) == size), [str(index) for index in range(size)])
+    told = tuple(index for index, entry in enumerate(entries) if size == 1 or axes is None or entry in axes)
+    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
+    panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
+    picked = told if len(told) < size else None
+    site.add(output, port, Signal(names, (unit,) * len(names), "own", output, picked, part=name, panel=panel))
+
+
+def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str) -> None:
+    """Add ports to what an input of a robot is given, by blocks of a ``name``; its input stands before them."""
+    given = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(added[0].size()))
+    inner, site.inputs[key] = site.inputs[key], given.get_input_port()
+    builder.Connect(summed(builder, f"{key}.{name}", given.get_output_port(), *added), inner)
+    site.draw_nothing(key)

@@ -1,0 +1,186 @@
+"""A loop that lets feet find ground of unknown height: a foot that touches early stays, one that finds none seeks it.
+
+The thesis proposes it for four legs (p. 120): a foot sphere that, on touching, holds what was applied last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers.limbs import Limb, limb_to
+from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.robots.urdf import link_of, name_of
+
+_FOLLOWS, _TOUCHED, _STANDS = 0.0, 1.0, 2.0
+"""A leg goes as planned; it touched while the plan still has it in the air; it stands, until the plan lifts it."""
+
+
+class Touchdown(LoopSection):
+    """Hold a leg as it is when its foot touches, and let it seek the ground where that is lower than planned.
+
+    `reads` names the feet and what tells their forces: `{left_foot: force.left}` for a tool `left_foot` and a force
+    sensor `left`. A foot is in the air while the reference has it higher over its lowest foot than the clearance.
+    """
+
+    needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
+
+    kind: Literal["touchdown"]
+    force: Positive = 15.0
+    """Force from which a foot touches [N]."""
+    holds: Literal["positions", "torques"] = "positions"
+    """What of that moment: the joints' positions while the reference has the foot in the air, and their distance from
+    the reference while it stands; or their torques, for both."""
+    clearance: Positive = 0.008
+    """How high the reference has a foot that is in the air, over the lowest one [m]."""
+    search: NotNegative = 0.3
+    """How fast a foot that does not touch when it should goes on downward [m/s]; 0 if it stays."""
+    reach: NotNegative = 0.03
+    """How far at most [m]."""
+    settle: Positive = 0.1
+    """Time constant with which a leg that stands comes to the reference, which sets the trunk upright [s]."""
+    release: Positive = 0.05
+    """Time constant with which a leg goes back to the reference when that lifts it [s]."""
+
+    def axes(self, robot: ResolvedRobot) -> Sequence[str]:
+        """Return the axes of the legs that end in its feet."""
+        feet = [foot for foot in self.reads if foot in robot.model.tools]
+        if not feet:
+            known = ", ".join(robot.model.tools) or "none"
+            expected = f"some of its tools, each with a force sensor: {{<tool>: force.<sensor>}}; tools: {known}"
+            raise InvalidParameter(f"reads of a touchdown of {robot.name}", f"{list(self.reads)}", expected)
+        inward = {link_of(joint, "child"): joint for joint in robot.model.element.iterfind("joint")}
+        joints = set[str]()
+        for foot in feet:
+            link = robot.model.tools[foot]
+            while link in inward:
+                joints.add(name_of(inward[link]))
+                link = link_of(inward[link], "parent")
+        return [name for name, axis in robot.model.axes.items() if axis.joint in joints]
+
+    def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Return the loop."""
+        return UnknownGround(
+            period=1 / self.rate,
+            limbs={foot: limb_to(robot, robot.tools[foot]) for foot in self.reads if foot in robot.model.tools},
+            size=len(robot.axes),
+            force=self.force,
+            holds_torques=self.holds == "torques",
+            clearance=self.clearance,
+            search=(self.search, self.reach),
+            release=self.release,
+            settle=self.settle,
+        )
+
+
+class UnknownGround(SampledBlock):
+    """Hold legs that touch, extend legs that should and do not.
+
+    Ports:
+        in  by each foot's name: the force on it (3) [N]; ``reference`` (n): what the servos are asked for, with the
+            offset; ``position`` (n) [rad], ``torque`` (n) [N·m].
+        out ``offset`` (n) [rad] and ``offset_velocity`` (n) [rad/s], on the reference; ``feedforward`` (n) [N·m];
+            ``phase`` (k): 0 where a foot follows the reference, 1 where it touched early, 2 where it stands.
+    """
+
+    def __init__(
+        self,
+        *,
+        period: float,
+        limbs: Mapping[str, Limb],
+        size: int,
+        force: float,
+        holds_torques: bool = False,
+        clearance: float,
+        search: tuple[float, float],
+        release: float,
+        settle: float,
+    ) -> None:
+        """Make the block.
+
+        Args:
+            period: between samples [s].
+            limbs: the legs, by the names of their k feet.
+            size: n, of axes.
+            force: from which a foot touches [N].
+            holds_torques: whether a leg that touched keeps its torques, and not its positions.
+            clearance: of a foot in the air over the lowest foot of the reference [m].
+            search: speed downward [m/s] and way [m].
+            release: time constant of coming to the reference in the air [s].
+            settle: the same, standing [s].
+        """
+        self.units = {"offset": "rad", "offset_velocity": "rad/s", "feedforward": "N·m"}
+        self._limbs, self._force, self._holds_torques = dict(limbs), force, holds_torques
+        self._clearance, (self._speed, self._reach), self._keeps = clearance, search, np.exp(-period / release)
+        self._stays = np.exp(-period / settle)
+        zero, feet = np.zeros(size), np.zeros(len(limbs))
+        memory = {"offset": zero, "offset_velocity": zero, "feedforward": zero}
+        memory |= dict.fromkeys(("posture", "torques", "plan"), zero)
+        super().__init__(
+            period=period,
+            reads={**dict.fromkeys(limbs, 3), "reference": size, "position": size, "torque": size},
+            memory={**memory, "phase": feet + _STANDS, "heights": feet, "sought": feet},
+            gives=("offset", "offset_velocity", "feedforward", "phase"),
+        )
+
+    def sample(self, memory: Named, read: Named) -> Changes:
+        """Return what each leg is asked for beyond the reference."""
+        new = {name: memory[name].copy() for name in ("offset", "posture", "torques", "phase", "sought")}
+        plan = read["reference"] - memory["offset"]
+        speed = (plan - memory["plan"]) / self.period  # not used before a leg has been lifted
+        new["offset_velocity"], new["feedforward"] = np.zeros(len(plan)), np.zeros(len(plan))
+        heights = np.array([limb.place(plan)[2] for limb in self._limbs.values()])
+        raised = heights > heights.min() + self._clearance
+        for number, (foot, limb) in enumerate(self._limbs.items()):
+            lowers = heights[number] < memory["heights"][number]
+            leg = limb.axes
+            phase = self._phase(new["phase"][number], bool(raised[number]), bool(lowers), read[foot])
+            if phase == _TOUCHED and new["phase"][number] == _FOLLOWS:
+                new["posture"][leg], new["torques"][leg] = read["position"][leg], read["torque"][leg]
+            if phase == _FOLLOWS:
+                self._seek(new, number, limb, plan, bool(raised[number]))
+            elif phase == _TOUCHED:
+                new["offset"][leg] = (new["posture"] - plan)[leg]
+                new["offset_velocity"][leg] = -speed[leg]
+            else:
+                new["offset"][leg] *= self._stays
+            if self._holds_torques:
+                self._hold_torques(new, phase, leg, read["position"] - plan, speed)
+            new["phase"][number] = phase
+        return {**new, "plan": plan, "heights": heights}
+
+    def _phase(self, phase: float, raised: bool, lowers: bool, force: Vector) -> float:
+        """Return what a leg does next."""
+        if phase == _STANDS:
+            return _FOLLOWS if raised else _STANDS
+        if phase == _TOUCHED:
+            return _TOUCHED if raised else _STANDS
+        touches = (lowers or not raised) and force @ force > self._force**2
+        return (_TOUCHED if raised else _STANDS) if touches else _FOLLOWS
+
+    def _seek(self, new: dict[str, Vector], number: int, limb: Limb, plan: Vector, raised: bool) -> None:
+        """Let a leg that has not touched go on downward where it should have, and back to the reference before."""
+        if raised:
+            new["offset"][limb.axes] *= self._keeps
+            new["sought"][number] = 0.0
+            return
+        step = min(self._speed * self.period, self._reach - new["sought"][number])
+        new["offset"][limb.axes] += np.linalg.lstsq(limb.rates(plan + new["offset"]), [0.0, 0.0, -step])[0]
+        new["sought"][number] += step
+
+    def _hold_torques(
+        self, new: dict[str, Vector], phase: float, leg: list[int], behind: Vector, speed: Vector
+    ) -> None:
+        """Let the servos of a leg that touched early apply what they did then, and nothing beside."""
+        if phase == _FOLLOWS:
+            new["torques"][leg] = 0.0
+        elif new["torques"][leg].any():
+            new["offset"][leg], new["offset_velocity"][leg] = behind[leg], -speed[leg]
+            new["feedforward"][leg] = new["torques"][leg]

@@ -1,0 +1,59 @@
+"""How a trot crosses seeded fields of steps and a soft patch, with touchdown and without: a table of docs/walking.md.
+
+Run it with ``python -m tests.benchmarks.terrain [FIELDS] [SETTING]...``; twenty fields take some minutes a setting.
+"""
+
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from simrob_drake import simulate
+from simrob_drake.programs.gaits.quadruped import trot
+from simrob_drake.results.record.walks import Locomotion, locomotion
+
+STATION = "yobotics_terrain"
+SECONDS, FAR = 20.0, 1.0
+FINE = {"solver.max_step": 0.0025}
+BLIND: dict[str, Any] = {"controllers": {}}
+HIGH = {"floor.terrain.height": 0.03}
+SETTINGS: dict[str, Mapping[str, Any]] = {
+    "touchdown": {},
+    "blind": BLIND,
+    "touchdown, steps of 2.5 ms": FINE,
+    "blind, steps of 2.5 ms": {**BLIND, **FINE},
+    "touchdown at 50 Hz": {"controllers.touchdown.rate": 50},
+    "touchdown at 200 Hz": {"controllers.touchdown.rate": 200},
+    "touchdown of torques": {"controllers.touchdown.holds": "torques"},
+    "touchdown, 30 mm": HIGH,
+    "blind, 30 mm": {**BLIND, **HIGH},
+}
+
+
+def crossed(seed: int, changes: Mapping[str, Any], seconds: float = SECONDS) -> Locomotion:
+    """Return how the robot went over the field of a seed."""
+    motion = trot("yobotics", 60, step_length=0.08)  # 20 s
+    overrides = {"floor.terrain.seed": seed, "duration": seconds, "sample_rate": 50, **changes}
+    result = simulate(motion.station(overrides, name=STATION), reference=motion.trajectory(), progress=False)
+    return locomotion(result)
+
+
+def main(fields: int, names: list[str]) -> None:
+    """Cross and print."""
+    for name in names or SETTINGS:
+        found = [crossed(seed, SETTINGS[name]) for seed in range(fields)]
+        good = sum(each.upright and each.ahead >= FAR for each in found)
+        ahead, sideways = (np.array([getattr(each, key) for each in found]) for key in ("ahead", "drift"))
+        yaw, tilt = (np.rad2deg([getattr(each, key) for each in found]) for key in ("yaw", "tilt"))
+        upright = sum(each.upright for each in found)
+        print(
+            f"{name} | {good} of {fields}, {upright} upright | {ahead.mean():.2f} m ({ahead.min():.2f}) | "
+            f"{abs(sideways).mean():.2f} m ({abs(sideways).max():.2f}) | "
+            f"{abs(yaw).mean():.1f}° ({abs(yaw).max():.0f}°) | {tilt.mean():.1f}° ({tilt.max():.1f}°)",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20, sys.argv[2:])
