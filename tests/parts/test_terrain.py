@@ -51,7 +51,7 @@ def test_the_seed_alone_makes_the_field_and_the_floor_s_size_does_not():
 
 
 def test_no_half_space_stands_among_many_boxes():
-    """Drake 1.58 crash now and then when they copy one among a hundred."""
+    """Drake 1.58 crashes now and then when it copies one among a hundred."""
     posed = PosedStation(station(kind="steps"))
     inspector = posed.station.scene_graph.model_inspector()
     shapes = [inspector.GetShape(shape) for shape in inspector.GetAllGeometryIds(Role.kProximity)]

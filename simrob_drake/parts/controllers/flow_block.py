@@ -82,7 +82,9 @@ class Bounded(FlowBlock):
     """Of a lower and an upper bound."""
 
     lower: Number | None = None
+    """The least value; none unless given."""
     upper: Number | None = None
+    """The largest value; none unless given."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Bounded:

@@ -75,6 +75,7 @@ class Lookup(FlowBlock):
     values: Row
     """Values of y there."""
     clip: bool = False
+    """Keep the last value beyond the points."""
 
     @model_validator(mode="after")
     def _rising(self) -> Lookup:
@@ -101,7 +102,9 @@ class Compare(FlowBlock):
 
     kind: Literal["compare"]
     operator: Operator
+    """How the input is compared with the threshold, or with a second input."""
     threshold: Number = 0.0
+    """What it is compared with."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
@@ -114,6 +117,7 @@ class Logic(FlowBlock):
     takes = 1, 100
     kind: Literal["logic"]
     operator: Literal["and", "or", "nor", "nand", "xor", "not"]
+    """How the inputs are joined."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
@@ -131,7 +135,9 @@ class Switch(FlowBlock):
     takes = 3, 3
     kind: Literal["switch"]
     operator: Operator = ">="
+    """How the second input is compared with the threshold."""
     threshold: Number = 0.0
+    """What it is compared with."""
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
@@ -147,6 +153,7 @@ class Function(FlowBlock):
         "abs", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "floor",
         "ceil", "sign", "atan2", "min", "max", "pow",
     ]  # fmt: skip
+    """Which function it is."""
 
     def check(self, key: str) -> None:
         """Check how many inputs it has."""
@@ -169,8 +176,11 @@ class Step(FlowBlock):
     takes = 0, 0
     kind: Literal["step"]
     time: Instant
+    """When it steps [s]."""
     before: Number = 0.0
+    """Its value before."""
     after: Number = 1.0
+    """Its value from then on."""
 
     @property
     def edges(self) -> Sequence[float]:

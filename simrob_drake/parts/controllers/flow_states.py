@@ -20,6 +20,7 @@ class Integrator(Bounded):
 
     kind: Literal["integrator"]
     initial: Number = 0.0
+    """Its value at the start."""
 
     @property
     def start(self) -> Values:
@@ -50,9 +51,13 @@ class StateSpace(FlowBlock):
     takes = 1, 100
     kind: Literal["state_space"]
     A: tuple[Row, ...]
+    """States by states, in rows."""
     B: tuple[Row, ...]
+    """States by inputs."""
     C: tuple[Row, ...]
+    """Outputs by states."""
     D: tuple[Row, ...]
+    """Outputs by inputs."""
     initial: Row = ()
     """State at the start; 0 unless given."""
 
@@ -97,7 +102,9 @@ class TransferFunction(FlowBlock):
 
     kind: Literal["transfer_function"]
     numerator: Row = Field(min_length=1)
+    """Coefficients, of the highest power first."""
     denominator: Row = Field(min_length=1)
+    """Coefficients, of the highest power first."""
 
     @model_validator(mode="after")
     def _proper(self) -> TransferFunction:
@@ -156,6 +163,7 @@ class RateLimiter(FlowBlock):
     lag: Positive = 1e-3
     """Time by which it is late where it follows [s]; also how short the steps of an explicit solver must be."""
     initial: Number = 0.0
+    """Its value at the start."""
 
     @property
     def start(self) -> Values:
@@ -185,7 +193,9 @@ class Delay(FlowBlock):
 
     kind: Literal["delay"]
     period: Positive
+    """Between samples [s]: by so much it is late."""
     initial: Number = 0.0
+    """Its value until the first sample."""
 
     @property
     def start(self) -> Values:

@@ -91,6 +91,7 @@ def _drive(
     for key, added in (("feedforward", torques), ("reference_velocity", speeds)):
         if added:
             add_to(builder, site, f"{robot.prefix}{key}", added, name="loops")
+            _draw(site, f"{robot.prefix}{key}.loops", name, section, robot)
 
 
 def _draw(site: Site, system: str, name: str, section: LoopSection, robot: StationRobot) -> None:
