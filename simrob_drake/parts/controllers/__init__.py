@@ -6,6 +6,7 @@ from typing import Annotated
 from pydantic import Field
 from pydrake.systems.framework import LeafSystem
 
+from simrob_drake.parts.controllers.balance import Balance
 from simrob_drake.parts.controllers.fall_guard import FallGuard
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.objective import Objective
@@ -13,7 +14,7 @@ from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.parts.controllers.sequencer import Sequencer
 from simrob_drake.parts.kinds import named_by_kind
 
-ControllerConfig = Annotated[OwnController | Sequencer | Objective | FallGuard, Field(discriminator="kind")]
+ControllerConfig = Annotated[OwnController | Sequencer | Objective | FallGuard | Balance, Field(discriminator="kind")]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]
 
 
