@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 # The matrices of a robot are small: more threads only wait for each other.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test lint types check bench wheel pictures hooks lock clean
+.PHONY: demo test lint types check bench fuzz wheel pictures hooks lock clean
 
 demo: $(READY)  ## run the main job and print where its recording is
 	$(BIN)/simrob run irb120_dynamic --out runs/demo --force
@@ -27,6 +27,9 @@ check: lint types test
 bench: $(READY)  ## measure speed and memory
 	$(BIN)/python -m tests.benchmarks
 
+fuzz: $(READY)  ## give a thousand hostile files and options to the command line
+	$(BIN)/python -m tests.fuzz
+
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --outdir dist .
 
@@ -34,6 +37,7 @@ pictures: $(READY)  ## renew the block pictures beside the stations, the schemas
 	$(BIN)/python -m simrob_drake.results.block_diagram.picture
 	$(BIN)/python -m simrob_drake.stations.schema
 	$(BIN)/python -m simrob_drake.programs.schemas
+	$(BIN)/python docs/gallery.py
 	$(BIN)/simrob run irb120_dynamic --duration 1.2 --out runs/readme --force
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
 	$(BIN)/simrob walk roid1_dynamic --steps 20 --out runs/docs --force

@@ -9,8 +9,8 @@ from simrob_drake.programs.gaits.sequences import march
 from simrob_drake.results.record.walks import locomotion
 
 
-def run(steps: int = 4, amplitude: float = 1.0) -> SimulationResult:
-    """March some steps and return the run; twelve take 37 seconds."""
+def run(steps: int = 3, amplitude: float = 1.0) -> SimulationResult:
+    """March some steps and return the run; eleven take 37 seconds."""
     motion = march("humanoid", steps, amplitude=amplitude)
     return simulate(motion.station(), reference=motion.trajectory())
 

@@ -17,7 +17,7 @@ from simrob_drake.results.record.walks import locomotion
 WALKS = {"humanoid": "real_sole", "roid1": "walk", "zjudancer": "turn"}
 
 
-def run(robot: str, gait: str | None = None, steps: int = 8) -> SimulationResult:
+def run(robot: str, gait: str | None = None, steps: int = 4) -> SimulationResult:
     """Walk some steps and return the run."""
     motion = walk(robot, steps, gait or WALKS.get(robot, "walk"))
     return simulate(motion.station(), reference=motion.trajectory())

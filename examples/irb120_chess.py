@@ -20,7 +20,7 @@ def run(*, mode: str = "kinematic") -> tuple[Arm, list[SimulationResult]]:
         arm.move_j([0, 0, ABOVE, *DOWN], wobj="half_sphere.hole_top"),
         arm.move_l([0, 0, SET_DOWN], wobj="half_sphere.hole_top"),
     ]
-    arm.release("pencil")  # the gripper is the tool now
+    arm.release("pencil", fixed=True)  # the hole holds it; the gripper is the tool now
     handle = arm.pose()
     moves += [arm.move_l([0, 0, -ABOVE], wobj=arm), arm.move_abs_j(HOME)]
 

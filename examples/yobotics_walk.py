@@ -18,7 +18,7 @@ def run(motion: JointMotion) -> SimulationResult:
 def main() -> None:
     """Print how far the quadruped went, and where the files of the trot are."""
     motions = {
-        "trot": trot("yobotics", steps=12),
+        "trot": trot("yobotics", steps=7),
         "crawl": crawl("yobotics", legs=4),
         "three legs": three_legs("yobotics", foot="front_left_foot", seconds=1.0),
     }

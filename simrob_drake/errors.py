@@ -4,9 +4,16 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
+_LONGEST = 2000
+"""Letters of a message: lists of what is known are long, too, but what a user gave may be a megabyte."""
+
 
 class SimrobError(ValueError):
     """Base of every error that a user's input can cause."""
+
+    def __init__(self, message: str = "") -> None:
+        """Say what is wrong."""
+        super().__init__(shortened(message, _LONGEST))
 
 
 class InvalidParameter(SimrobError):
@@ -14,16 +21,15 @@ class InvalidParameter(SimrobError):
 
     def __init__(self, name: str, value: object, expected: str) -> None:
         """Say that parameter ``name`` has ``value`` where ``expected`` would be right."""
-        shown = value if isinstance(value, str) else repr(value)
-        super().__init__(f"{name} is {shortened(shown)}; it must be {expected}")
+        super().__init__(f"{name} is {shown(value)}; it must be {expected}")
 
 
 class UnknownName(SimrobError):
     """A name that stands for nothing here; the message proposes the nearest known one."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
         """Say that no ``kind`` is called ``name``, with what is known."""
-        super().__init__(f"there is no {kind} '{name}'{nearest(name, known)}")
+        super().__init__(f"there is no {kind} '{shown(name)}'{nearest(name, known)}")
 
 
 class InvalidConfig(SimrobError):
@@ -56,19 +62,44 @@ class OutputError(SimrobError):
     """Results that cannot be written where the user asked."""
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: object, known: Iterable[str]) -> str:
     """Return "; did you mean 'x'?" or the list of known names, ready to be appended to a message."""
     names = sorted(set(known))
-    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(shown(name), names, n=1, cutoff=0.6)
     if close:
         return f"; did you mean '{close[0]}'?"
     return f"; known: {', '.join(names)}" if names else ""
 
 
 def _located(where: Path | str, what: str, problem: str) -> str:
-    place = str(where)
+    place, what = shortened(str(where), 1000), shortened(what, 200)
     told = place.split(" ", 1)[-1].lstrip("-") == what  # by what an override or an option is called
     return ": ".join(part for part in (place, "" if told else what, problem) if part)
+
+
+def one_of(kind: str, name: object, known: Iterable[str]) -> str:
+    """Return a name that is one of the known ones.
+
+    Raises:
+        UnknownName: it is not, or is no text.
+    """
+    names = list(known)
+    if not isinstance(name, str) or name not in names:
+        raise UnknownName(kind, name, names)
+    return name
+
+
+def shown(value: object) -> str:
+    """Return any value as messages show it: on one line, cut where it is long."""
+    return shortened(value) if isinstance(value, str) else quoted(value)
+
+
+def quoted(value: object) -> str:
+    """Return any value likewise, but texts in quotes."""
+    try:
+        return shortened(repr(value))
+    except ValueError:
+        return "a number of more digits than can be shown"
 
 
 def shortened(value: str, length: int = 80) -> str:

@@ -1,8 +1,11 @@
-"""Output folders: checked before the work, and filled at once or not at all; and the entries of our caches."""
+"""Output folders and files: checked before the work, and whole or not there; and the entries of our caches."""
 
+import ctypes
+import fcntl
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
@@ -14,6 +17,10 @@ from simrob_drake.errors import OutputError
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """The environment variable that says where caches lie; without it that is ``~/.cache``."""
 _KEPT = 90 * 24 * 3600.0  # s
+_WORKSHOP = ".simrob-part"
+"""How the hidden folders end in which work grows until it is whole."""
+_YOUNG = 60.0  # s in which such a folder may not be locked yet
+_BEFORE = "before"  # what stands there is a user's
 
 
 def cache_root() -> Path:
@@ -67,7 +74,7 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
             raise OutputError(f"{folder} holds something else than a result; it is not replaced, choose another folder")
         if not force:
             raise OutputError(f"{folder} exists already; choose another folder or replace it with --force")
-    with writing(folder), tempfile.TemporaryDirectory(dir=_nearest_parent(folder)):
+    with writing(folder), _workshop(_nearest_parent(folder), folder.name):
         pass  # trying tells more than asking for permissions
 
 
@@ -96,17 +103,95 @@ def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterato
         OutputError: the folder is not to be replaced, or the disk does not take it; nothing is left behind.
     """
     check_folder(folder, marker=marker, force=force)
-    prefix, beside = f".{folder.name}-", _nearest_parent(folder)
-    with writing(folder), tempfile.TemporaryDirectory(prefix=prefix, dir=beside, ignore_cleanup_errors=True) as place:
-        work = Path(place) / folder.name
+    with writing(folder), _workshop(_nearest_parent(folder), folder.name) as place:
+        work = place / folder.name
         work.mkdir()  # with the permissions that the user wants, which the folder around it has not
-        yield work
+        with _named(work, folder):
+            yield work
         check_folder(folder, marker=marker, force=force)
         folder.parent.mkdir(parents=True, exist_ok=True)
-        if folder.exists():
-            _exchange(folder, work, aside=Path(place) / "before")
-        else:
+        if not folder.exists():
             work.rename(folder)  # fails where a folder with something in it came this moment
+        elif not _swapped(folder, work):
+            _exchange(folder, work, aside=place / _BEFORE)
+
+
+@contextmanager
+def replaced_at_once(file: Path) -> Iterator[Path]:
+    """Give a temporary file that takes the place of ``file`` once it is whole; a link goes on pointing at it.
+
+    Raises:
+        OutputError: the disk does not take it; what was there stays as it was.
+    """
+    target = Path(os.path.realpath(file))
+    with writing(file), _workshop(target.parent, target.name) as place:
+        work = place / target.name
+        with _named(work, file):
+            yield work
+        work.replace(target)
+
+
+def written_at_once(file: Path, text: str) -> None:
+    """Write a text file, all of it or nothing, and the folders that lead to it.
+
+    Raises:
+        OutputError: the disk does not take it.
+    """
+    with writing(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+    with replaced_at_once(file) as work:
+        work.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def _named(work: Path, target: Path) -> Iterator[None]:
+    """Let errors name what the user asked for, and not where it grows."""
+    try:
+        yield
+    except OutputError as problem:
+        raise OutputError(str(problem).replace(str(work), str(target))) from problem
+
+
+@contextmanager
+def _workshop(beside: Path, name: str) -> Iterator[Path]:
+    """Give a hidden folder until the work is done; what killed processes left of theirs is deleted.
+
+    A lock, which goes with its process, tells which are still used.
+    """
+    _tidy(beside)
+    prefix = f".{name[:100]}-"
+    with tempfile.TemporaryDirectory(_WORKSHOP, prefix, beside, ignore_cleanup_errors=True) as place:
+        lock = os.open(place, os.O_RDONLY)
+        try:
+            with suppress(OSError):  # a disk without locks: then nothing there is deleted, either
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            yield Path(place)
+        finally:
+            os.close(lock)
+
+
+def _tidy(folder: Path) -> None:
+    for left in folder.glob(f".*{_WORKSHOP}"):
+        with suppress(OSError):  # it is used, or another process was quicker
+            if time.time() - left.stat().st_mtime < _YOUNG or (left / _BEFORE).exists():
+                continue
+            lock = os.open(left, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(left, ignore_errors=True)
+            finally:
+                os.close(lock)
+
+
+def _swapped(folder: Path, work: Path) -> bool:
+    """Let two folders change places in one moment, where system and disk can do that."""
+    system, first, second = ctypes.CDLL(None), os.fsencode(folder), os.fsencode(work)
+    try:
+        if sys.platform == "darwin":
+            return int(system.renamex_np(first, second, 2)) == 0  # RENAME_SWAP
+        return int(system.renameat2(-100, first, -100, second, 2)) == 0  # AT_FDCWD, RENAME_EXCHANGE
+    except AttributeError:  # a C library without it
+        return False
 
 
 def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
@@ -117,20 +202,6 @@ def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
     except BaseException:
         aside.rename(folder)
         raise
-
-
-def written_at_once(file: Path, text: str) -> None:
-    """Write a text file, all of it or nothing.
-
-    Raises:
-        OutputError: the disk does not take it.
-    """
-    with writing(file):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{file.name}-", dir=file.parent) as folder:
-            work = Path(folder) / file.name
-            work.write_text(text, encoding="utf-8")
-            work.replace(file)
 
 
 def _nearest_parent(folder: Path) -> Path:

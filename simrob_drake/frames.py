@@ -42,7 +42,7 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     """
     if isinstance(pose, RigidTransform):
         return pose
-    matrix = _numbers(pose)
+    matrix = numbers(pose)
     if matrix.shape != (4, 4):
         return transform_from_pose(pose)
     turn = matrix[:3, :3]
@@ -89,8 +89,8 @@ def point(values: npt.ArrayLike, name: str = "point") -> Vector:
     Raises:
         InvalidParameter: anything else; the message calls it ``name``.
     """
-    place = _numbers(values)
-    if place.shape != (3,) or not np.isfinite(place).all():
+    place = finite(values)
+    if place.shape != (3,):
         raise InvalidParameter(name, values, "three finite numbers [x y z] in m")
     return place
 
@@ -101,8 +101,8 @@ def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
     Raises:
         InvalidParameter: the pose has not six finite numbers.
     """
-    values = _numbers(pose)
-    if values.shape != (POSE_SIZE,) or not np.isfinite(values).all():
+    values = finite(pose)
+    if values.shape != (POSE_SIZE,):
         raise InvalidParameter("pose", pose, "six finite numbers [x y z Rz Ry Rx] in m and rad")
     return RigidTransform(RollPitchYaw(values[:2:-1]), values[:3])
 
@@ -140,19 +140,27 @@ def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
     Raises:
         InvalidParameter: not seven finite numbers, or no quaternion.
     """
-    xyz_wxyz = _numbers(values)
-    if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not np.isfinite(xyz_wxyz).all() or not xyz_wxyz[3:].any():
+    xyz_wxyz = finite(values)
+    if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not xyz_wxyz[3:].any():
         raise InvalidParameter("pose", values, "seven finite numbers [x y z qw qx qy qz], the last four not all zero")
     wxyz = xyz_wxyz[3:] / np.linalg.norm(xyz_wxyz[3:])
     return RigidTransform(Quaternion(wxyz), xyz_wxyz[:3])
 
 
-def _numbers(values: npt.ArrayLike) -> Vector:
-    """Return values as an array of floats; an empty one where they are none."""
+def numbers(values: Any) -> Vector:
+    """Return values as an array of floats, NaN where a masked array hides one; an empty array if they are none."""
     try:
-        return np.asarray(values, dtype=float)
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(float), np.nan)
+        return np.zeros(0) if np.iscomplexobj(values) else np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         return np.zeros(0)
+
+
+def finite(values: Any) -> Vector:
+    """Return values as an array of floats if all of them are finite; an empty array if they are anything else."""
+    found = numbers(values)
+    return found if np.isfinite(found).all() else np.zeros(0)
 
 
 def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:

@@ -1,8 +1,9 @@
 """What long work says of itself, on the error stream and only where somebody watches: a bar, and notes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -18,18 +19,35 @@ def note(text: str, *, shown: bool) -> None:
         console.print(text, soft_wrap=True)
 
 
+class Move(Protocol):
+    """What moves a bar."""
+
+    def __call__(self, done: float, remark: str = "", /) -> None:
+        """Move the bar to a value, and put a remark on the work beside it."""
+
+
 @contextmanager
-def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Callable[[float], None] | None]:
-    """Show a bar and give a function that moves it to a value; None where nobody watches.
+def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Move | None]:
+    """Show a bar and give a function that moves it; off a terminal that tells a remark, once. None if not ``shown``.
 
     Args:
         text: what the work is.
         total: the value at its end.
         shown: False keeps silent.
     """
-    console = Console(stderr=True)
-    if not shown or not console.is_terminal:
+    if not shown:
         yield None
+        return
+    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    if not console.is_terminal:
+        told: list[str] = []
+
+        def tell_once(_: float, remark: str = "") -> None:
+            if remark and not told:
+                told.append(remark)
+                console.print(f"{text}: {remark}", soft_wrap=True)
+
+        yield tell_once
         return
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -41,10 +59,10 @@ def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Callable[[
         task = bar.add_task(text, total=total)
         last = 0.0
 
-        def move(done: float) -> None:
+        def move(done: float, remark: str = "") -> None:
             nonlocal last
             if monotonic() - last > REFRESH:
                 last = monotonic()
-                bar.update(task, completed=done)
+                bar.update(task, completed=done, description=f"{text}: {remark}" if remark else text)
 
         yield move

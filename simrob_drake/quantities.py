@@ -5,10 +5,16 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 from pydrake.multibody.tree import RotationalInertia
 
+from simrob_drake.given import LONGEST, SHORTEST
 from simrob_drake.yaml_files import Number
+
+FASTEST_RATE = 1e4
+"""Largest rate at which signals are sampled [Hz]: ten samples in a step of 1 ms."""
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
+Frequency = Annotated[Number, Field(gt=0, le=FASTEST_RATE)]
+"""Of something that swings [Hz]: no faster than signals can show."""
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Triple = tuple[Number, Number, Number]
 Pose = tuple[Number, Number, Number, Number, Number, Number]
@@ -16,6 +22,19 @@ Pose = tuple[Number, Number, Number, Number, Number, Number]
 Colour = tuple[Fraction, Fraction, Fraction, Fraction]
 """Red, green, blue, opacity."""
 ORIGIN: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _time(time: float) -> float:
+    """Check that a time is neither too short nor too long for one."""
+    if time and not SHORTEST <= time <= LONGEST:
+        raise ValueError(f"a time is of {SHORTEST:g} to {LONGEST:g} s")
+    return time
+
+
+Duration = Annotated[Number, Field(gt=0), AfterValidator(_time)]
+"""A time that something takes [s]."""
+Instant = Annotated[Number, Field(ge=0), AfterValidator(_time)]
+"""When something begins, from the start of the run [s]."""
 
 
 def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:

@@ -6,17 +6,20 @@ from collections import Counter
 from copy import deepcopy
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
 import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from simrob_drake.errors import InvalidConfig, nearest, shortened
+from simrob_drake.errors import InvalidConfig, nearest, quoted, shortened
+from simrob_drake.files import NotRead, text_of
 
 Model = TypeVar("Model", bound=BaseModel)
 Number = Annotated[float, Field(strict=True)]
 """A number, and no text or truth value that could pass for one."""
 YAML_SUFFIXES = (".yaml", ".yml")
+_MOST_VALUES, _DEEPEST, _LONGEST_NUMBER = 200_000, 60, 1000
+_SURROGATE = re.compile("[\ud800-\udfff]")
 _LONGEST_NAME = 200  # bytes; file systems take 255, and results put date and time behind a name
 
 
@@ -46,13 +49,30 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(yaml.CSafeLoader):
     """A safe loader for which a key that stands twice is an error, and 1e-3 a number as in YAML 1.2."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            if len(node.value) > _LONGEST_NUMBER and node.tag.endswith((":int", ":float")):
+                raise ValueError("too long")  # figures of YAML 1.1 to the base 60, 1:1:1:1..., take minutes
+            return super().construct_object(node, deep)
+        except (ValueError, LookupError, AttributeError) as problem:  # of !!bool maybe, 2001-99-99, and others
+            found = f"'{shortened(str(node.value))}' is no {node.tag.rpartition(':')[2]}"
+            raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark) from problem
+
+    def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
+        text = super().construct_scalar(node)
+        if "\0" in text or _SURROGATE.search(text):
+            found = f"{shortened(ascii(text))} holds a character that is in no text"
+            raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
+        return text
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         for key, count in Counter(str(key.value) for key, _ in node.value).items():
             if count > 1:
-                raise yaml.constructor.ConstructorError(problem=f"'{key}' stands twice", problem_mark=node.start_mark)
+                found = f"'{shortened(key)}' stands twice"
+                raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
         return super().construct_mapping(node, deep)
 
 
@@ -68,8 +88,8 @@ def read_yaml(path: Path) -> dict[str, Any]:
         InvalidConfig: the file cannot be read, is not YAML, or holds no mapping.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as problem:
+        text = text_of(path)
+    except NotRead as problem:
         raise InvalidConfig(path, "", f"cannot be read ({problem})") from problem
     content = parse_yaml(text, path)
     if not isinstance(content, dict):
@@ -85,7 +105,7 @@ def parse_yaml(text: str, where: Path | str) -> Any:
     """
     try:
         return deepcopy(_parsed(text))
-    except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as problem:  # of yaml too: !!int x, 2001-99-99
+    except (yaml.YAMLError, ValueError) as problem:
         raise InvalidConfig(where, "", f"is not YAML: {_yaml_problem(problem)}") from problem
 
 
@@ -101,7 +121,30 @@ def _yaml_problem(problem: Exception) -> str:
 @lru_cache(maxsize=200)
 def _parsed(text: str) -> Any:
     """Return the value of a text; the same files are read again whenever a station is rebuilt."""
+    _check_growth(text)
     return yaml.load(text, Loader=_Loader)  # a child of SafeLoader: it makes plain data only
+
+
+def _check_growth(text: str) -> None:
+    """Refuse a text whose values go deep, or whose aliases make many of a few, as all that is told of them would be."""
+    sizes: dict[str | None, int] = {}  # by anchor
+    within: list[tuple[str | None, int]] = []  # what has begun: its anchor, and the values before it
+    count = 0
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        if isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = within.pop()
+            sizes |= {anchor: count - before} if anchor else {}
+        elif isinstance(event, yaml.AliasEvent):
+            count += sizes.get(event.anchor, _MOST_VALUES)  # one that is not known yet holds itself
+        elif isinstance(event, yaml.NodeEvent):
+            count += 1
+            if isinstance(event, yaml.CollectionStartEvent):
+                within.append((event.anchor, count - 1))
+            elif event.anchor:
+                sizes[event.anchor] = 1
+        if count > _MOST_VALUES or len(within) > _DEEPEST:
+            limit = f"{_DEEPEST} levels" if len(within) > _DEEPEST else f"{_MOST_VALUES} values, aliases counted"
+            raise yaml.MarkedYAMLError(problem=f"more than {limit}", problem_mark=cast(yaml.Mark, event.start_mark))
 
 
 def validated(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
@@ -146,11 +189,11 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
             text = f"unknown key{nearest(path[-1], known)}"
         case "missing" if isinstance(finding["loc"][-1], int):
             sizes = [node["maxItems"] for node in nodes if "maxItems" in node]
-            text = f"needs {sizes[0] if sizes else 'more'} values, not {list(given)!r}"
+            text = f"needs {sizes[0] if sizes else 'more'} values, not {shortened(repr(given))}"
         case "missing":
             text = "this key is needed"
         case "union_tag_not_found":
-            kinds = [node["properties"]["kind"]["const"] for node in nodes]
+            kinds = [kind for node in nodes if (kind := _kind(node)) is not None]
             key, text = f"{key}.kind", f"this key is needed; known: {', '.join(kinds)}"
         case "union_tag_invalid":
             key, text = f"{key}.kind", _no_such(str(context["tag"]), context["expected_tags"])
@@ -159,17 +202,17 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
             section = f"a section with keys of: {', '.join(keys)}" if keys else "a section of names and their entries"
-            text = f"must be {section} (it is {shortened(repr(given))})"
+            text = f"must be {section} (it is {quoted(given)})"
         case _:
             message = finding["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list")
-            value = f" (it is {shortened(repr(given))})" if key else ""  # else it is the whole file
+            value = f" (it is {quoted(given)})" if key else ""  # else it is the whole file
             text = f"{message[:1].lower()}{message[1:]}{value}"
     return InvalidConfig(where, key, text)
 
 
 def _no_such(given: str, expected: str) -> str:
     """Say that a value is none of those that pydantic expected, listed in quotes."""
-    return f"there is no '{given}'{nearest(given, _QUOTED.findall(expected))}"
+    return f"there is no '{shortened(given)}'{nearest(given, _QUOTED.findall(expected))}"
 
 
 def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str], list[dict[str, Any]]]:
@@ -183,7 +226,7 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list
     known: set[str] = set()
     for depth, part in enumerate(location):
         alternatives = nodes if len(nodes) > 1 else []
-        tagged = [node for node in alternatives if node.get("properties", {}).get("kind", {}).get("const") == part]
+        tagged = [node for node in alternatives if part in (_kind(node), node.get("title"))]
         if tagged or _UNION_BRANCH.match(str(part)):
             nodes = tagged or nodes
             continue
@@ -202,6 +245,12 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list
         path.append(str(part))
         nodes = children
     return path, known, nodes
+
+
+def _kind(node: dict[str, Any]) -> str | None:
+    """Return the kind of section that a schema node stands for; None if it is of none, such as null."""
+    kind: str | None = node.get("properties", {}).get("kind", {}).get("const")
+    return kind
 
 
 def _branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:

@@ -28,17 +28,21 @@ ROAD = [
 ]
 BASE = {
     "errors",
+    "files",
     "constants",
     "paths",
     "folders",
     "frames",
+    "given",
     "lifetime",
     "interpolation",
+    "interrupts",
     "yaml_files",
     "csv_files",
     "progress",
     "quantities",
     "signals",
+    "rows",
 }
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 

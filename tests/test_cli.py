@@ -220,7 +220,7 @@ TABLES = {
     "a column is missing": ("time,joint_1\n0,0\n1,0\n", "lacks the columns joint_2"),
     "a word": ("time,joint_1,joint_2\n0,0,0\n1,x,0\n", "line 3: holds something that is no number"),
     "a short row": ("time,joint_1,joint_2\n0,0,0\n1,0\n", "line 3"),
-    "unsorted times": ("time,joint_1,joint_2\n1,0,0\n0,0,0\n", "must be rising"),
+    "unsorted times": ("time,joint_1,joint_2\n1,0,0\n0,0,0\n", "line 3: time 0 s after 1 s; times must rise"),
     "nan": ("time,joint_1,joint_2\n0,0,0\n1,nan,0\n", "line 3: holds something that is no number"),
     "one row": ("time,joint_1,joint_2\n0,0,0\n", "fewer than two rows"),
     "nothing": ("", "lacks the columns"),

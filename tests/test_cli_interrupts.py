@@ -6,12 +6,15 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli import ExitCode
+from simrob_drake.interrupts import heard_afterwards
 from simrob_drake.results.record.signals import Sampler
 
 RUN = ["run", "double_pendulum", "--out", "x"]
@@ -21,11 +24,11 @@ import os, signal, sys
 
 class Press:
     def find_spec(self, name, *_):
-        if name == "pydrake.systems.framework":
+        if name == MODULE:
             os.kill(os.getpid(), signal.SIGINT)
 
 sys.meta_path.insert(0, Press())
-sys.argv = ["simrob", "list"]
+sys.argv = ["simrob", *ARGUMENTS]
 from simrob_drake.cli import main
 main()
 """
@@ -36,6 +39,12 @@ def start(folder: Path, arguments: list[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+def interrupted_while_loading(module: str, *arguments: str, first: str = "") -> subprocess.CompletedProcess[str]:
+    """Run a command that is interrupted when it loads a module."""
+    code = f"MODULE, ARGUMENTS = {module!r}, {arguments!r}; {first}{WHILE_LOADING}"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+
+
 def wait_for_writing(folder: Path, command: subprocess.Popen[str]) -> None:
     """Wait until files lie in the folder that will take the result's name."""
     while command.poll() is None and not list(folder.glob(".x-*/**/signals.csv")):
@@ -44,17 +53,39 @@ def wait_for_writing(folder: Path, command: subprocess.Popen[str]) -> None:
 
 
 def test_while_the_program_loads_it_leaves_at_once():
-    done = subprocess.run(
-        [sys.executable, "-c", WHILE_LOADING], capture_output=True, text=True, check=False, timeout=60
-    )
+    done = interrupted_while_loading("pydrake.systems.framework", "list")
     assert (done.returncode, done.stdout, done.stderr) == (ExitCode.INTERRUPTED, "", "simrob: interrupted\n")
 
 
 def test_a_caller_that_ignores_interrupts_is_heard():
-    code = f"import signal; signal.signal(signal.SIGINT, signal.SIG_IGN){WHILE_LOADING}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    ignored = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+    done = interrupted_while_loading("pydrake.systems.framework", "list", first=ignored)
     assert done.returncode == 0
     assert "irb120_dynamic" in done.stdout
+
+
+def test_a_library_that_loads_on_after_any_exception_does_not_keep_it(tmp_path, one_joint_urdf):
+    """The library of meshes takes an interrupt for a missing Pillow: `simrob check` went on as if nothing were."""
+    link = '<link name="tip"><visual><geometry><mesh filename="tip.stl"/></geometry></visual></link>'
+    (tmp_path / "arm.urdf").write_text(one_joint_urdf.replace('<link name="tip"/>', link))
+    (tmp_path / "tip.stl").write_bytes(trimesh.creation.box((0.1, 0.1, 0.1)).export(file_type="stl"))
+    done = interrupted_while_loading("PIL", "check", str(tmp_path / "arm.urdf"))
+    assert (done.returncode, done.stdout) == (ExitCode.INTERRUPTED, "")
+    assert done.stderr.endswith("simrob: interrupted\n")
+
+
+def test_a_library_that_swallows_any_exception_does_not_keep_it():
+    @heard_afterwards()
+    def swallow():
+        with suppress(BaseException):
+            os.kill(os.getpid(), signal.SIGINT)
+            done.append(sum(range(1000)))  # where an interrupt would come
+
+    done, before = [], signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        swallow()
+    assert done
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_while_a_run_is_stepped_its_part_is_saved(tmp_path):

@@ -1,6 +1,10 @@
 """Every example runs, and says what it promises."""
 
+import ast
+import base64
 import importlib.util
+import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +13,7 @@ import pytest
 from simrob_drake import load_station, simulate
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+NOTEBOOKS = sorted((Path(__file__).parent.parent / "examples").glob("*.ipynb"))
 
 
 def loaded(file):
@@ -24,6 +29,28 @@ def test_an_example_runs(file, tmp_path, monkeypatch, capsys):
     loaded(file).main()
     assert capsys.readouterr().out.strip()
     assert {path.name for path in tmp_path.iterdir()} <= {"runs"}
+
+
+def test_the_notebook_shows_its_run(tmp_path, monkeypatch, capsys):
+    """Its cells run one after the other; the last line of one is shown as a notebook shows it. Outputs are not kept."""
+    monkeypatch.chdir(tmp_path)
+    (notebook,) = NOTEBOOKS
+    cells = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+    names, shown = {}, []
+    for cell in cells:
+        *body, last = ast.parse("".join(cell["source"])).body
+        if not isinstance(last, ast.Expr):
+            body.append(last)
+        exec(compile(ast.Module(body, []), "a cell", "exec"), names)
+        if isinstance(last, ast.Expr):
+            shown.append(eval(compile(ast.Expression(last.value), "a cell", "eval"), names))
+    page = shown[0]._repr_html_()
+    assert "ran to its end at 1 s" in page
+    assert base64.b64decode(re.search('base64,([^"]*)"', page)[1]).startswith(b"\x89PNG")
+    assert "joint_2" in page
+    assert re.search(r"gives up to 3\d\.\d N·m", capsys.readouterr().out)
+    assert list(tmp_path.iterdir()) == []
 
 
 def example(name):
@@ -146,7 +173,7 @@ def test_one_program_has_one_effect_on_three_humanoids():
 
 @pytest.mark.parametrize(("robot", "gait"), [("roid1", None), ("zjudancer", None), ("roid1", "sideways")])
 def test_a_humanoid_walks_as_it_is_told(robot, gait):
-    pose = example("humanoids_walk").run(robot, gait, steps=6).pose("base")
+    pose = example("humanoids_walk").run(robot, gait, steps=2).pose("base")
     way, ahead = pose[-1, :2] - pose[0, :2], {"roid1": [1, 0], "zjudancer": [0, 1]}[robot]
     turned = np.rad2deg(2 * np.arctan2(pose[-1, 6], pose[-1, 3]))
     if gait == "sideways":

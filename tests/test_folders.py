@@ -1,13 +1,17 @@
 """Output folders: whole or not there, and nobody's work is lost when two write to the same place."""
 
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 
+from simrob_drake import folders
 from simrob_drake.errors import OutputError
-from simrob_drake.folders import CACHE_VARIABLE, cache_entry, filled_at_once
+from simrob_drake.folders import CACHE_VARIABLE, cache_entry, filled_at_once, replaced_at_once
 
 MARKER = "summary.json"
 
@@ -69,6 +73,7 @@ def test_force_replaces_a_result_but_nothing_that_took_its_place(tmp_path):
 def test_what_was_there_comes_back_where_the_new_cannot_take_its_place(tmp_path, monkeypatch):
     folder, rename = tmp_path / "out", Path.rename
     fill(folder, "old")
+    monkeypatch.setattr(folders, "_swapped", lambda *_: False)  # a disk that cannot
 
     def faulty(path, target):
         if path.parent != tmp_path and path.name == "out":
@@ -80,6 +85,98 @@ def test_what_was_there_comes_back_where_the_new_cannot_take_its_place(tmp_path,
         fill(folder, "new", force=True)
     assert (folder / MARKER).read_text() == "old"
     assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_result_that_is_replaced_is_there_all_the_time(tmp_path):
+    folder, seen, done = tmp_path / "out", [], Event()
+    fill(folder, "0")
+
+    def watch():
+        while not done.is_set():
+            seen.append((folder / MARKER).exists())
+
+    watching = Thread(target=watch)
+    watching.start()
+    for number in range(100):
+        fill(folder, str(number), force=True)
+    done.set()
+    watching.join()
+    assert (folder / MARKER).read_text() == "99"
+    assert list(tmp_path.iterdir()) == [folder]
+    assert all(seen)
+
+
+KILLED = """
+import os, signal
+from pathlib import Path
+from simrob_drake.folders import filled_at_once
+with filled_at_once(Path("out"), marker="summary.json", force=True) as work:
+    (work / "half").write_text("done")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_a_killed_process_left_goes_with_the_next_save(tmp_path, monkeypatch):
+    subprocess.run([sys.executable, "-c", KILLED], cwd=tmp_path, check=False)
+    (left,) = tmp_path.iterdir()
+    users = [tmp_path / ".git", tmp_path / ".out-12345678", tmp_path / ".mine.simrob-part"]
+    for folder in users[:2]:
+        folder.mkdir()
+    users[2].write_text("a file")
+    fill(tmp_path / "young", "1")
+    assert left.exists()  # it may be at work
+    monkeypatch.setattr(folders, "_YOUNG", -1.0)
+    fill(tmp_path / "second", "2")
+    assert {path.name for path in tmp_path.iterdir()} == {"young", "second", *(user.name for user in users)}
+
+
+def test_what_another_still_fills_stays(tmp_path, monkeypatch):
+    monkeypatch.setattr(folders, "_YOUNG", -1.0)
+    fill(tmp_path / "out", "first", meanwhile=lambda: fill(tmp_path / "other", "second"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "out"]
+
+
+def test_an_old_result_that_was_put_aside_is_not_deleted(tmp_path, monkeypatch):
+    monkeypatch.setattr(folders, "_YOUNG", -1.0)
+    aside = tmp_path / ".out-abc.simrob-part" / "before"
+    aside.mkdir(parents=True)
+    fill(tmp_path / "out", "new")
+    assert aside.is_dir()
+
+
+def test_an_error_names_what_the_user_gave(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = Path("runs", "r")
+    with (
+        pytest.raises(OutputError) as raised,
+        filled_at_once(folder, marker=MARKER) as work,
+        folders.writing(work / "plots"),
+    ):
+        raise OSError(28, "No space left on device")
+    assert str(raised.value) == "runs/r/plots cannot be written: No space left on device"
+    with pytest.raises(OutputError) as raised, replaced_at_once(Path("a.png")) as work, folders.writing(work):
+        raise OSError(28, "No space left on device")
+    assert str(raised.value) == "a.png cannot be written: No space left on device"
+
+
+def test_a_file_is_replaced_when_it_is_whole(tmp_path):
+    file, link = tmp_path / "a.svg", tmp_path / "link.svg"
+    file.write_text("good")
+    link.symlink_to(file)
+
+    def fail():
+        with replaced_at_once(file) as work:
+            work.write_text("ba")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(OutputError, match=r"a\.svg cannot be written: No space"):
+        fail()
+    assert file.read_text() == "good"
+    with replaced_at_once(link) as work:
+        work.write_text("better")
+    assert link.is_symlink()
+    assert file.read_text() == "better"
+    assert sorted(tmp_path.iterdir()) == [file, link]
 
 
 def test_entries_of_a_cache_go_when_nobody_asked_for_them_in_ninety_days(tmp_path, monkeypatch):

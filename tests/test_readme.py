@@ -62,6 +62,8 @@ SHOWN = {
     "again.values == second.values": r"True",
     "monitors.stop": r"the force on tip reached the limit of 20 N, at 1\.2\d* s\n.* 20\.[0-4]\d* N",
     "Sine(amplitudes": r"joint 5 nods by (29\.9|30)",
+    '"controllers.height.target": 0.38': r"0\.3(79\d|80\d) m",
+    "class KeepHeight(SampledBlock)": r" -?0\.(0\d|1\d) mm",
     "class Nod(LeafSystem)": r"(nods by|se mueve) (29\.9|30).* rad\n",
 }
 """What a script with these words in it prints, as far as a page says it."""

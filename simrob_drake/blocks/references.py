@@ -6,20 +6,23 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import BsplineBasis
 from pydrake.polynomial import Polynomial
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Sine, TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial, Trajectory
+from pydrake.trajectories import BsplineTrajectory, PiecewisePolynomial, Trajectory
 
 from simrob_drake.blocks.wiring import fed, summed
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, numbers
+from simrob_drake.given import SHORTEST
 
 BLEND = (10.0, -15.0, 6.0)
 """Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
 PEAK = 1.875
 """Largest over mean speed of it."""
 _JUMP = 1e-9  # rad or rad/s: what counts as a corner
+_CUBIC = 4  # order of a spline, as of a polynomial of so many coefficients
 
 
 Samples = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -88,7 +91,7 @@ def hold(position: npt.ArrayLike) -> Trajectory:
 
 def ramp(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0) -> Trajectory:
     """Go from ``start`` to ``target``, each (n,) [rad], at constant speed in ``duration`` [s]."""
-    times = [start_time, start_time + duration]
+    times = _rising(np.array([start_time, start_time + duration]), "times")
     return PiecewisePolynomial.FirstOrderHold(times, np.column_stack([start, target]))
 
 
@@ -107,9 +110,7 @@ def sequence(
     Raises:
         InvalidParameter: times that do not rise.
     """
-    breaks = [start_time, *times]
-    if (np.diff(breaks) <= 0).any():
-        raise InvalidParameter("times", list(times), f"rising, the first after {start_time:g} s")
+    breaks = _rising(np.array([start_time, *times], dtype=float), "times")
     points = [np.asarray(point, dtype=float) for point in (start, *targets)]
     segments = []
     for low, high, before, after in zip(points, points[1:], breaks, breaks[1:], strict=False):
@@ -136,11 +137,18 @@ def table(times: npt.ArrayLike, positions: npt.ArrayLike, *, linear: bool = Fals
 def hermite(times: npt.ArrayLike, positions: npt.ArrayLike, velocities: npt.ArrayLike) -> Trajectory:
     """Go through samples with given velocities, both (m, n) [rad, rad/s], by a cubic between each two ``times`` [s].
 
+    It is a spline with double knots, since a piecewise polynomial of Drake takes thirty times the memory.
+
     Raises:
         InvalidParameter: as :func:`table`.
     """
     breaks, samples = _checked(times, positions)
-    return PiecewisePolynomial.CubicHermite(breaks, samples.T, _checked(times, velocities)[1].T)
+    rates, third = _checked(times, velocities)[1], np.diff(breaks)[:, np.newaxis] / 3
+    points = np.repeat(samples, 2, axis=0)
+    points[1:-1:2] += third * rates[:-1]
+    points[2::2] -= third * rates[1:]
+    knots = np.concatenate([breaks[[0, 0]], np.repeat(breaks, 2), breaks[[-1, -1]]])
+    return BsplineTrajectory(BsplineBasis(_CUBIC, knots.tolist()), list(points[:, :, np.newaxis]))
 
 
 def hermite_samples(trajectory: Trajectory, start: float, end: float, rate: float) -> tuple[Vector, Vector, Vector]:
@@ -149,35 +157,46 @@ def hermite_samples(trajectory: Trajectory, start: float, end: float, rate: floa
     Exactly, if it is made of cubics with continuous velocity: then its own breaks are enough. Another is sampled
     ``rate`` times a second between them.
     """
-    cubic = isinstance(trajectory, PiecewisePolynomial) and _is_smooth_cubic(trajectory)
+    breaks, cubic = _breaks(trajectory)
     grid = np.linspace(start, end, 2 if cubic else max(int((end - start) * rate), 1) + 1)
-    if isinstance(trajectory, PiecewisePolynomial):
-        breaks = np.array(trajectory.get_segment_times())
-        grid = np.union1d(grid, breaks[(breaks > start) & (breaks < end)])
+    grid = np.union1d(grid, breaks[(breaks > start) & (breaks < end)])
     return grid, trajectory.vector_values(grid).T, trajectory.MakeDerivative().vector_values(grid).T
 
 
-def _is_smooth_cubic(trajectory: PiecewisePolynomial) -> bool:
+def _breaks(trajectory: Trajectory) -> tuple[Vector, bool]:
+    """Return where the pieces of a trajectory meet [s], and whether they are cubics with continuous velocity."""
+    if isinstance(trajectory, BsplineTrajectory):
+        breaks, counts = np.unique(trajectory.basis().knots(), return_counts=True)
+        if trajectory.basis().order() <= _CUBIC and (counts[1:-1] <= _CUBIC - 2).all():
+            return breaks, True
+    if not isinstance(trajectory, PiecewisePolynomial):
+        return np.zeros(0), False
     pieces = range(trajectory.get_number_of_segments())
     degrees = [
         trajectory.getSegmentPolynomialDegree(piece, row) for piece in pieces for row in range(trajectory.rows())
     ]
-    return max(degrees) <= 3 and not set(corner_times(trajectory)) - {trajectory.start_time(), trajectory.end_time()}
+    corners = set(corner_times(trajectory)) - {trajectory.start_time(), trajectory.end_time()}
+    return np.array(trajectory.get_segment_times()), max(degrees) < _CUBIC and not corners
 
 
 def _checked(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vector]:
-    breaks, samples = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
+    breaks, samples = numbers(times), numbers(values)
     if breaks.ndim != 1 or samples.ndim != 2 or len(breaks) != len(samples) or len(breaks) < 2:
-        raise InvalidParameter(
-            "reference", f"{breaks.shape} times, {samples.shape} positions", "(m,) and (m, n), m > 1"
-        )
+        shapes = f"{breaks.shape} times, {samples.shape} positions"
+        raise InvalidParameter("reference", shapes, "(m,) and (m, n), m > 1")
     if not (np.isfinite(breaks).all() and np.isfinite(samples).all()):
         row = int(np.flatnonzero(~(np.isfinite(breaks) & np.isfinite(samples).all(axis=1)))[0])
         raise InvalidParameter("reference", f"row {row} with {breaks[row]}, {samples[row]}", "finite")
-    if (np.diff(breaks) <= 0).any():
-        row = int(np.flatnonzero(np.diff(breaks) <= 0)[0])
-        raise InvalidParameter("reference times", f"{breaks[row]:g}, {breaks[row + 1]:g}", "rising from row to row [s]")
-    return breaks, samples
+    return _rising(breaks, "reference times"), samples
+
+
+def _rising(times: Vector, name: str) -> Vector:
+    """Check that each time (m,) [s] is later than the one before, by more than rounding."""
+    close = np.flatnonzero(~(np.diff(times) >= SHORTEST))
+    if close.size:
+        told = f"rising by {SHORTEST:g} s or more each [s]"
+        raise InvalidParameter(name, f"{times[close[0]]:g}, {times[close[0] + 1]:g}", told)
+    return times
 
 
 def corner_times(trajectory: Course) -> list[float]:
@@ -210,12 +229,18 @@ def corner_times(trajectory: Course) -> list[float]:
 
 
 def add_course(
-    builder: DiagramBuilder, course: Course, *, name: str = "reference_source", derivatives: bool = False
+    builder: DiagramBuilder, course: Course, *, name: str = "reference_source", derivatives: int = 0
 ) -> ReferenceSource:
     """Add the source of a course; that of a trajectory holds its ends.
 
     Steps must end at the course's :func:`corner_times`: error control measures steps that are smooth, and a scheme that
     freezes its inputs over a step misses what happens within it.
+
+    Args:
+        builder: of the diagram.
+        course: to play.
+        name: of the source.
+        derivatives: how many are given, too; a sine gives both.
 
     Raises:
         InvalidParameter: a trajectory that is no column.
@@ -224,13 +249,13 @@ def add_course(
         return _add_sine(builder, course, name)
     if course.cols() != 1:
         raise InvalidParameter("trajectory", f"{course.rows()} x {course.cols()}", "of shape (n, 1)")
-    source = builder.AddNamedSystem(name, TrajectorySource(course, 2 if derivatives else 0))
+    source = builder.AddNamedSystem(name, TrajectorySource(course, derivatives))
     if not derivatives:
         return ReferenceSource(source.get_output_port(), player=source)
-    split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer([course.rows()] * 3))
+    split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer([course.rows()] * (1 + derivatives)))
     builder.Connect(source.get_output_port(), split.get_input_port())
-    position, velocity, acceleration = (split.get_output_port(order) for order in range(3))
-    return ReferenceSource(position, velocity, acceleration, source)
+    position, velocity, *further = (split.get_output_port(order) for order in range(1 + derivatives))
+    return ReferenceSource(position, velocity, further[0] if further else None, source)
 
 
 def _add_sine(builder: DiagramBuilder, course: SineCourse, name: str) -> ReferenceSource:

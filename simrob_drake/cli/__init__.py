@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from enum import IntEnum
+from pathlib import Path
 
 
 class ExitCode(IntEnum):
@@ -23,6 +24,8 @@ class ExitCode(IntEnum):
 def main() -> None:
     """Run the command line and leave with its exit code."""
     _use_one_blas_thread()
+    for stream in ("stdout", "stderr"):  # None where the caller has closed them
+        setattr(sys, stream, getattr(sys, stream) or Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else the caller wants it ignored
     if interruptible:
         signal.signal(signal.SIGINT, _leave)

@@ -29,7 +29,7 @@ def walk(
     gait: Annotated[
         str | None, typer.Option(metavar="NAME", help="A gait of the robot; the first for its feet by default.")
     ] = None,
-    steps: Annotated[int, typer.Option(help="How many steps.")] = 6,
+    steps: Annotated[int, typer.Option(help="How many step lengths ahead; shorter steps are added at both ends.")] = 6,
     amplitude: Annotated[float, typer.Option(help="Scales the length of the steps, and their turns.")] = 1.0,
     robot: RobotOption = None,
     set_: Settings = None,

@@ -59,8 +59,10 @@ def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[
 def _option(name: str, field: FieldInfo) -> tuple[Any, Any]:
     """Return what typer makes an option of, and its default."""
     flag = f"--{name.replace('_', '-')}"
+    several = f"{field.description} May be given several times."
     if field.annotation == tuple[Path, ...]:
-        several = f"{field.description} May be given several times."
         folders = typer.Option(flag, metavar="DIR", exists=True, file_okay=False, resolve_path=True, help=several)
         return Annotated[list[Path] | None, folders], None
+    if field.annotation == tuple[str, ...]:
+        return Annotated[list[str] | None, typer.Option(flag, metavar="NAME:=VALUE", help=several)], None
     return Annotated[field.annotation, typer.Option(flag, help=field.description)], field.default

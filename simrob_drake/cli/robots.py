@@ -74,7 +74,7 @@ def examine_file(file: Path, options: ImportOptions | None) -> None:
     console.print(f"moving links without inertia: {weightless}", highlight=False)
 
 
-@with_import_options("mesh_path", "collision")
+@with_import_options("mesh_path", "collision", "xacro_arg", "drop_loops")
 def view(
     *,
     robot: Annotated[str, typer.Argument(metavar="FILE|ROBOT", help="A URDF, or a robot of `simrob list`.")],

@@ -4,10 +4,13 @@ import sys
 
 from rich.console import Console
 
+from simrob_drake.errors import shortened
+
+_LONGEST = 2000
 console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)
 errors = Console(markup=False, emoji=False, stderr=True, soft_wrap=True)
 
 
 def tell(text: str) -> None:
     """Say something on the error stream, in one line."""
-    print(f"simrob: {' '.join(text.split())}", file=sys.stderr, flush=True)
+    print(f"simrob: {shortened(text, _LONGEST)}", file=sys.stderr, flush=True)

@@ -87,7 +87,7 @@ def run(
     return _converged(result) if converge and code == ExitCode.DONE else code
 
 
-@with_import_options("mesh_path", "estimate_inertia")
+@with_import_options("mesh_path", "estimate_inertia", "xacro_arg", "drop_loops")
 def check(
     *,
     station: Annotated[

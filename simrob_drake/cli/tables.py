@@ -8,7 +8,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.report import DEEDS, Deed, ImportReport
 from simrob_drake.results.result import SimulationResult, table_of
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.stations.checks import Finding
+from simrob_drake.stations.steps import Finding
 
 _COLOURS = {"read": "dim", "repaired": "green", "defaulted": "yellow", "dropped": "magenta", "refused": "red"}
 _MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow")}

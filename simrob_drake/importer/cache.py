@@ -2,10 +2,13 @@
 
 import hashlib
 import json
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from os.path import isfile
 from pathlib import Path
 
 from simrob_drake.errors import OutputError, SimrobError
+from simrob_drake.files import NotRead, text_of
 from simrob_drake.folders import cache_entry
 from simrob_drake.importer.importing import REPORT_FILE, import_robot
 from simrob_drake.importer.meshes.places import mesh_files
@@ -13,7 +16,7 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel, load_robot_from_urdf
-from simrob_drake.robots.urdf import with_absolute_meshes
+from simrob_drake.robots.urdf import LARGEST_URDF, with_absolute_meshes
 from simrob_drake.yaml_files import read_yaml
 
 _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
@@ -39,17 +42,24 @@ def robot_from_file(path: Path, options: ImportOptions | None = None) -> RobotMo
 
 def import_summary(robot: RobotModel) -> str:
     """Return what an import did to a robot, in one line; empty if it was not imported."""
-    file = robot.folder / REPORT_FILE
-    return str(json.loads(file.read_text(encoding="utf-8"))["summary"]) if file.is_file() else ""
+    return _summary(robot.folder)
+
+
+def _summary(folder: Path) -> str:
+    """Return the summary of an import's report; empty without one that is whole."""
+    try:
+        return str(json.loads(text_of(folder / REPORT_FILE, LARGEST_URDF))["summary"])
+    except (NotRead, ValueError, LookupError, TypeError):
+        return ""
 
 
 def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
     folder = cache_entry("robots", made_of=_dependencies(source, options), made_by=_CODE)
-    if not (folder / REPORT_FILE).is_file():
+    if not _summary(folder):
         try:
-            import_robot(source, folder, options, apart=False)
+            import_robot(source, folder, options, force=(folder / REPORT_FILE).exists(), apart=False)
         except OutputError:
-            if not (folder / REPORT_FILE).is_file():  # else another process was quicker
+            if not _summary(folder):  # else another process was quicker
                 raise
     urdf = str(read_yaml(folder / ROBOT_FILE)["urdf"])
     return load_robot_from_urdf(folder / urdf)
@@ -58,8 +68,9 @@ def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
 def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     """Yield all that the result depends on, but for our code; the file's own name is no part of it."""
     yield options.model_dump_json().encode()
-    robot = read_source(source, ImportReport(source))
-    beside = [file for file in (source, source.parent / ROBOT_FILE) if file.is_file()]
+    robot = read_source(source, ImportReport(source), options)
+    yield ET.tostring(robot)  # of a xacro with all that it includes
+    beside = [file for file in (source, source.parent / ROBOT_FILE) if isfile(file)]
     for file in (*beside, *mesh_files(robot, source=source, options=options)):
         with file.open("rb") as content:  # meshes may be larger than what is read of them
             yield hashlib.file_digest(content, "sha256").digest()

@@ -11,7 +11,8 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 
 _FREQUENCY = 30.0  # rad/s; an arm of 0.8 kg m² gets the 700 N·m/rad that are usual for it
-_SAG = math.radians(1.0)  # what a joint may give way under gravity [rad]
+_SAG = math.radians(1.0), 1e-3  # what an axis may give way under gravity [rad], and one that slides [m]
+_LIGHTEST = 1e-9  # a milligram at an arm of 30 mm: what files say below that was rounded [kg m² or kg]
 _POSTURES = 20
 
 
@@ -26,33 +27,59 @@ class FirstGains:
 def first_gains(robot: RobotModel) -> FirstGains:
     """Return gains that hold a robot up and move it without overshoot; every link of it that moves has an inertia.
 
-    With M the largest diagonal element of the mass matrix over some postures, and τ the largest torque of gravity,
-    kp = max(ω² M, τ / 1 deg) with ω = 30 rad/s, and kd = 2 √(kp M), which damps the joint critically. A robot that is
-    not fixed stands on some of its joints, so that each may feel the whole mass at half of the robot's height.
+    With m the largest inertia that an axis meets over some postures, all others at rest, τ the largest torque of
+    gravity and b the damping of its joint, kp = max(ω² m, ω b, τ / sag) with ω = 30 rad/s and a sag of 1 deg or 1 mm.
+    Axes pull at each other: where all had the same kp / m, the modes of the mass matrix M would be those of
+    diag(m)^-½ M diag(m)^-½, and the largest of its eigenvalues λ the one that swings most. kd = 2 √(λ kp m) damps it
+    critically.
+
+    A robot that is not fixed stands on some of its joints, so that each may feel the whole mass at half of the robot's
+    height.
     """
-    inertias, torques = _inertias_and_torques(robot)
-    kp = np.maximum(_FREQUENCY**2 * inertias, torques / _SAG)
-    kd = 2 * np.sqrt(kp * inertias)
+    load = _load(robot)
+    stiffness = load.torques / np.where(robot.prismatic, _SAG[1], _SAG[0])
+    kp = np.maximum(stiffness, _FREQUENCY * np.maximum(_FREQUENCY * load.inertias, load.dampings))
+    kd = 2 * np.sqrt(load.coupling * kp * load.inertias)
     return FirstGains(_rounded(kp), _rounded(kd))
 
 
-def _inertias_and_torques(robot: RobotModel) -> tuple[Vector, Vector]:
-    """Return the largest inertia [kg m²] and the largest torque of gravity [N·m] that every axis meets."""
+@dataclass(frozen=True)
+class _Load:
+    """What n axes have to move and to hold: the largest of some postures.
+
+    Attributes:
+        inertias: all other axes at rest, shape (n,) [kg m² or kg], positive.
+        torques: of gravity, shape (n,) [N·m or N].
+        dampings: of the joints themselves, shape (n,) [N·m·s/rad or N·s/m].
+        coupling: the largest eigenvalue of the mass matrix that is scaled by the inertias; 1 where nothing is coupled.
+    """
+
+    inertias: Vector
+    torques: Vector
+    dampings: Vector
+    coupling: float
+
+
+def _load(robot: RobotModel) -> _Load:
     lone = lone_robot(robot, floating=robot.base == "floating", collision=False)
-    plant, context = lone.plant, lone.plant.CreateDefaultContext()
+    plant, context, places = lone.plant, lone.plant.CreateDefaultContext(), lone.axes.velocity_places
     lower, upper = (np.clip(limit, -np.pi, np.pi) for limit in robot.axis_limits)
     random = np.random.default_rng(0)
-    inertias, torques = np.zeros(len(lone.joints)), np.zeros(len(lone.joints))
+    masses, torques = [], np.zeros(len(lone.joints))
     for posture in (robot.home, *random.uniform(lower, upper, (_POSTURES, len(lone.joints)))):
         lone.axes.set_positions(plant, context, posture)
-        inertias = np.maximum(inertias, np.diag(plant.CalcMassMatrix(context))[lone.axes.velocity_places])
+        masses.append(plant.CalcMassMatrix(context)[np.ix_(places, places)])
         torques = np.maximum(torques, np.abs(lone.axes.efforts(plant.CalcGravityGeneralizedForces(context))))
+    inertias = np.maximum(np.max([np.diag(mass) for mass in masses], axis=0), _LIGHTEST)
     if robot.base == "floating":
         mass, half = plant.CalcTotalMass(context), lone.size / 2
         inertias, torques = np.maximum(inertias, mass * half**2), np.maximum(torques, mass * STANDARD_GRAVITY * half)
-    return inertias, torques
+    scale = np.sqrt(np.outer(inertias, inertias))
+    coupling = max(float(np.linalg.eigvalsh(mass / scale)[-1]) for mass in masses)
+    dampings = np.array([joint.default_damping_vector()[0] for joint in lone.joints])
+    return _Load(inertias, torques, dampings, max(coupling, 1.0))
 
 
 def _rounded(values: Vector) -> Vector:
-    """Return two significant digits of positive numbers, and no zeros."""
-    return np.array([float(f"{max(value, 1e-3):.2g}") for value in values])
+    """Return two significant digits of positive numbers."""
+    return np.array([float(f"{value:.2g}") for value in values])

@@ -13,8 +13,8 @@ import yaml
 from simrob_drake.errors import OutputError
 from simrob_drake.folders import filled_at_once
 from simrob_drake.importer.gains import first_gains
-from simrob_drake.importer.meshes.places import MANIFEST, package_root
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.packages import MANIFEST, package_root
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.importer.repairs.base import Base, choose_base
@@ -100,7 +100,7 @@ def examine_robot(source: Path, options: ImportOptions | None = None) -> Importe
 
 def _write(source: Path, work: Path, options: ImportOptions, report: ImportReport, isolated: bool) -> str:
     """Fill a folder with the clean robot, and return the name of its URDF."""
-    robot = read_source(source, report)
+    robot = read_source(source, report, options)
     described = described_robot(source)
     if described is not None and options.base == "auto":
         options = options.model_copy(update={"base": described.base})

@@ -22,5 +22,7 @@ class ImportOptions(Strict):
     """Whether the root link is fixed to the world; `auto` decides by the file and the shape of the robot."""
     friction_as_damping: bool = False
     """Add the joints' Coulomb friction, which Drake does not simulate, to their viscous damping."""
+    xacro_arg: tuple[str, ...] = ()
+    """Value of an argument of a xacro file, as in `ur_type:=ur5e`."""
     drop_loops: bool = False
     """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""

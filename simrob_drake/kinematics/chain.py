@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, PrismaticJoint, RevoluteJoint
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.errors import InvalidParameter, SimrobError, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.poses import Targets, one_pose
 from simrob_drake.kinematics.screws import Screws, skew
@@ -69,8 +70,7 @@ class Chain(Screws):
         if not model.tools:
             raise InvalidParameter("tools", model.tools, f"at least one tool frame of {model.name}")
         name = next(iter(model.tools)) if tool is None else tool
-        if name not in model.tools:
-            raise UnknownName(f"tool of {model.name}", name, model.tools)
+        one_of(f"tool of {model.name}", name, model.tools)
         plant, base = held_robot(model)
         joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
         signs = [axis.sign for axis in model.axes.values()]
@@ -182,9 +182,7 @@ class Chain(Screws):
         Raises:
             UnknownName: no such axis.
         """
-        if name not in self.names:
-            raise UnknownName("axis", name, self.names)
-        return self.names.index(name)
+        return self.names.index(one_of("axis", name, self.names))
 
     @cached_property
     def _axes_and_points(self) -> Vector:
@@ -196,14 +194,16 @@ class Chain(Screws):
         return columns
 
 
-def held_robot(model: RobotModel) -> tuple[MultibodyPlant, Frame]:
+def held_robot(model: RobotModel, element: Element | None = None) -> tuple[MultibodyPlant, Frame]:
     """Return a plant of a robot alone, and its root, which stands at the world's origin.
+
+    ``element`` is its URDF with what it carries, mesh names absolute; its own unless given.
 
     Raises:
         InvalidModel: a URDF that Drake cannot read.
     """
     plant = MultibodyPlant(0.0)
-    robot = with_absolute_meshes(model.element, model.folder)
+    robot = with_absolute_meshes(model.element, model.folder) if element is None else element
     add_urdf(plant, robot, name=model.name, where=model.urdf_path, collision=False)
     root = plant.GetFrameByName(model.root)
     plant.WeldFrames(plant.world_frame(), root)

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics, OrientationCost, PositionCost
 from pydrake.solvers import Constraint, IpoptSolver, MathematicalProgram, SnoptSolver, Solve, SolverOptions
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.goals import ORIGIN, Goal, JointBounds, Setting, point_in_box
@@ -63,8 +63,7 @@ class ConstrainedSolver(Solver):
             UnknownName: a goal with an unknown axis or frame.
         """
         super().__init__(chain)
-        if target not in get_args(TargetKind):
-            raise UnknownName("kind of target", str(target), get_args(TargetKind))
+        one_of("kind of target", target, get_args(TargetKind))
         weights = np.asarray((1.0, 1.0) if target_weights is None else target_weights, dtype=float)
         if weights.shape != (2,) or not np.isfinite(weights).all() or (weights < 0).any():
             raise InvalidParameter(

@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import POSE_SIZE, Vector
+from simrob_drake.frames import POSE_SIZE, Vector, numbers
 
 Targets: TypeAlias = npt.ArrayLike | RigidTransform | Sequence[RigidTransform]
 """One pose or many: pose vectors [x y z Rz Ry Rx], matrices (4, 4), or RigidTransforms."""
@@ -44,12 +44,9 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
         if not all(isinstance(target, RigidTransform) for target in targets):
             raise InvalidParameter(name, targets, f"{_EXPECTED}, all of one form")
         return np.array([target.GetAsMatrix4() for target in targets if isinstance(target, RigidTransform)])
-    try:
-        values = np.asarray(targets, dtype=float)
-    except (TypeError, ValueError) as problem:
-        raise InvalidParameter(name, targets, _EXPECTED) from problem
+    values = numbers(targets)
     if not values.size:
-        raise InvalidParameter(name, "empty", _EXPECTED)
+        raise InvalidParameter(name, targets, _EXPECTED)
     if not np.isfinite(values).all():
         index = np.argwhere(~np.isfinite(values))[0].tolist()
         raise InvalidParameter(name, f"an array with {values[tuple(index)]} at {index}", "finite numbers")

@@ -3,7 +3,7 @@
 import inspect
 from typing import Any, Literal, TypeAlias, get_args
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.kinematics.analytic import AnalyticSolver
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.constrained import ConstrainedSolver
@@ -42,12 +42,10 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
         InvalidParameter: an option that makes no sense.
         NoClosedForm: the analytic solver does not cover this arm.
     """
-    if name not in SOLVERS:
-        raise UnknownName("solver of inverse kinematics", str(name), SOLVERS)
+    one_of("solver of inverse kinematics", name, SOLVERS)
     known = list(inspect.signature(SOLVERS[name]).parameters)[1:]
     for option in options:
-        if option not in known:
-            raise UnknownName(f"option of the {name} solver", option, known)
+        one_of(f"option of the {name} solver", option, known)
     return SOLVERS[name](chain, **options)
 
 
@@ -63,8 +61,7 @@ def solver_for(chain: Chain, wanted: SolverLike) -> Solver:
         if wanted.chain.names != chain.names or not (wanted.chain.home == chain.home).all():
             raise InvalidParameter("solver", type(wanted).__name__, "one made for arm.chain with the tool it has now")
         return wanted
-    if wanted not in get_args(SolverName):
-        raise UnknownName("solver", str(wanted), get_args(SolverName))
+    one_of("solver", wanted, get_args(SolverName))
     if wanted != "auto":
         return make_solver(wanted, chain, **_OPTIONS.get(wanted, {}))
     try:

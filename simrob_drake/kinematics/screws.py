@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, numbers
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 
@@ -51,11 +51,10 @@ class Screws:
             InvalidParameter: another shape than (n,) or (k, n), or numbers that are not finite.
         """
         expected = f"{self.size} finite numbers, or rows of as many, one an axis"
-        try:
-            rows = np.asarray(positions, dtype=float)
-        except (TypeError, ValueError) as problem:
-            raise InvalidParameter(name, positions, expected) from problem
-        if rows.ndim not in (1, 2) or rows.shape[-1] != self.size or not rows.size:
+        rows = numbers(positions)
+        if not rows.size:
+            raise InvalidParameter(name, positions, expected)
+        if rows.ndim not in (1, 2) or rows.shape[-1] != self.size:
             raise InvalidParameter(name, f"an array of shape {rows.shape}", expected)
         if not np.isfinite(rows).all():
             raise InvalidParameter(name, rows.tolist(), expected)

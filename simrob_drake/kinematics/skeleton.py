@@ -7,6 +7,7 @@ principal axes the points lie at :math:`\pm\sqrt{3 s_k}` on them, each with a si
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -74,13 +75,15 @@ class Skeleton(Screws):
         return axes, replace(chain, lower=-free, upper=free)
 
 
-def skeleton_of(robot: str | RobotModel) -> Skeleton:
+def skeleton_of(robot: str | RobotModel, element: Element | None = None) -> Skeleton:
     """Return the skeleton of a robot of the package by its name, or of any other's model.
+
+    ``element`` is its URDF with what it carries, mesh names absolute; its own unless given.
 
     Raises:
         InvalidParameter: a robot with a joint that is no axis, or prismatic.
     """
-    return _of_package(robot) if isinstance(robot, str) else _of_model(robot)
+    return _of_package(robot) if isinstance(robot, str) else _of_model(robot, element)
 
 
 @lru_cache(maxsize=8)
@@ -88,8 +91,8 @@ def _of_package(robot: str) -> Skeleton:
     return _of_model(load_robot(robot))
 
 
-def _of_model(model: RobotModel) -> Skeleton:
-    plant, root = held_robot(model)
+def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
+    plant, root = held_robot(model, element)
     joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
     names = [joint.name() for joint in joints]
     moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities()]

@@ -15,9 +15,10 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.blocks.monitor import Trigger
 from simrob_drake.blocks.servo import ServoGains
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import BlockRole, Drawn
+from simrob_drake.parts.ground import Ground
 from simrob_drake.quantities import Pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
@@ -39,9 +40,7 @@ def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: s
         if len(known) != 1:
             raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else f"a {kind}, and there is none")
         return known[0]
-    if name not in known:
-        raise UnknownName(kind, name, known)
-    return name
+    return one_of(kind, name, known)
 
 
 @dataclass(frozen=True)
@@ -56,6 +55,7 @@ class ResolvedRobot:
         gains: of its servos.
         initial: where its axes are at the start, shape (n,) [rad or m].
         carried: the pieces that it carries, each after what it hangs on.
+        held: those of them that hang on its tools, and not elsewhere.
         tool_frames: by tool or carried piece the name of its frame in the plant.
         tcp: the tool in use; empty without any.
         tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
@@ -70,6 +70,7 @@ class ResolvedRobot:
     gains: ServoGains
     initial: Vector
     carried: tuple[str, ...]
+    held: tuple[str, ...]
     tool_frames: Mapping[str, str]
     tcp: str
     tcp_offset: Pose | None
@@ -117,7 +118,8 @@ class Surroundings:
         mode: ``dynamic`` or ``kinematic``.
         scheme: of the solver, such as ``cenic``.
         time_step: of a discrete solver [s]; 0 for others, which look in between.
-        has_contact, has_floor: whether it has these sections.
+        has_contact: whether it has this section.
+        ground: what there is to stand on.
         robots: by name.
         pieces: by name, each after what it hangs on.
         sensors: their sections by name.
@@ -127,7 +129,7 @@ class Surroundings:
     scheme: str
     time_step: float
     has_contact: bool
-    has_floor: bool
+    ground: Ground
     robots: Mapping[str, ResolvedRobot]
     pieces: Mapping[str, ResolvedPiece]
     sensors: Mapping[str, Any]
@@ -179,12 +181,14 @@ class StationPlant:
         scene_graph: with which it is registered.
         robots: by name.
         free_pieces: the bodies of the pieces that nothing holds, by name.
+        ground: what there is to stand on.
     """
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
     robots: dict[str, StationRobot]
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
+    ground: Ground = field(default_factory=Ground)
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
         """Let a plant that stands outside of the diagram pose its geometry.

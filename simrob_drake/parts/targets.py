@@ -37,7 +37,7 @@ def body_names(station: Surroundings) -> list[str]:
         for piece in station.pieces.values()
         for name in (piece.name, *(f"{piece.name}.{shape}" for shape in piece.model.shape_names))
     ]
-    return [*station.robots, *_link_names(station), *pieces, *([FLOOR] if station.has_floor else [])]
+    return [*station.robots, *_link_names(station), *pieces, *([FLOOR] if station.ground.has_floor else [])]
 
 
 def frame_names(station: Surroundings) -> list[str]:
@@ -52,7 +52,7 @@ def check_body(station: Surroundings, key: str, name: str) -> None:
     Raises:
         UnknownName: with the nearest known name.
     """
-    if name == FLOOR and not station.has_floor:
+    if name == FLOOR and not station.ground.has_floor:
         raise InvalidParameter(key, name, "something that the station has; it has no floor: section")
     if name not in body_names(station):
         raise UnknownName(f"body or shape for {key}", name, body_names(station))

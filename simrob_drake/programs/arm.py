@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import PoseLike, Vector, as_transform, finite, pose_from_transform
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
@@ -111,8 +111,7 @@ class Arm(CellRobot):
         """
         entry, robot = self.cell.config.robots[self.name], self.cell.model.robots[self.name]
         if isinstance(tool, str):
-            if tool not in robot.tools:
-                raise UnknownName(f"tool of {self.name}", tool, robot.tools)
+            one_of(f"tool of {self.name}", tool, robot.tools)
             changes: dict[str, object] = {} if tool == robot.tcp else {"tcp": tool, "tcp_offset": None}
         else:
             before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
@@ -196,10 +195,7 @@ class Arm(CellRobot):
         """
         rows = self.chain.postures(self.position if q is None else q, "q")
         model = self.cell.model
-        try:
-            v_rows, a_rows = (np.broadcast_to(np.asarray(values, dtype=float), rows.shape) for values in (v, a))
-        except (ValueError, TypeError) as problem:
-            raise InvalidParameter("v and a", (v, a), f"of the shape of q, {rows.shape}") from problem
+        v_rows, a_rows = (_like(values, rows, name) for values, name in ((v, "v"), (a, "a")))
         torques = np.array([model.torques(self.name, *row) for row in zip(rows, v_rows, a_rows, strict=True)])
         return torques if q is not None and np.ndim(q) > 1 else np.asarray(torques[0])
 
@@ -262,9 +258,9 @@ class Arm(CellRobot):
         own = tool if tool in self.cell.config.pieces else self.name
         self.cell.attach(piece, own if parent is None else parent, frame=frame, pose=pose)
 
-    def release(self, piece: str, parent: str = "world", *, frame: str | None = None) -> None:
-        """Let go of a piece: it stays where it is, in the world or on another piece; see :meth:`Workcell.attach`."""
-        self.cell.attach(piece, parent, frame=frame)
+    def release(self, piece: str, parent: str = "world", *, frame: str | None = None, fixed: bool = False) -> None:
+        """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`."""
+        self.cell.release(piece, parent, frame=frame, fixed=fixed)
 
     def record(self) -> None:
         """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
@@ -298,3 +294,11 @@ class Arm(CellRobot):
         if q is not None:
             self.cell.draw({self.name: self.chain.postures(q, "q")[0]})
         return self.cell.show()
+
+
+def _like(values: npt.ArrayLike, rows: Vector, name: str) -> Vector:
+    """Return velocities or accelerations, one for all or of the shape of postures (k, n), in that shape."""
+    found = finite(values)
+    if found.shape not in ((), rows.shape, rows.shape[1:]):
+        raise InvalidParameter(name, values, f"a finite number, or as many as q has: {rows.shape}")
+    return np.broadcast_to(found, rows.shape)

@@ -1,39 +1,42 @@
 """Runs that follow each other as one motion, to be looked at."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.given import path
 from simrob_drake.results.result import SimulationResult
 
 
-def save_film(runs: Sequence[SimulationResult], file: Path | str) -> Path:
+def save_film(runs: Sequence[SimulationResult], file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
     """Write runs that follow each other as one film.
 
     Args:
         runs: of one station, each begun where the one before ended.
         file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
+        frames: of a strip: how many, or one for each of its ``events``.
 
     Returns:
         the file.
 
     Raises:
-        InvalidParameter: no run, a piece that changes hands between them, or another kind of file.
+        InvalidParameter: no run, a piece that changes hands between them (but for a strip), or another kind of file.
         OutputError: the file cannot be written.
     """
     from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which load matplotlib
     from simrob_drake.results.animation.recording import save_recording
 
-    save: dict[str, Callable[[SimulationResult, Path], Path]]
-    save, path = {".html": save_recording, ".png": save_film_strip, ".mp4": save_video}, Path(file)
-    if path.suffix not in save:
-        raise InvalidParameter("file", path.name, f"one that ends in {', '.join(save)}")
-    return save[path.suffix](joined(runs), path)
+    target = path(file, "file")
+    if target.suffix == ".png":
+        return save_film_strip(runs, target, frames=frames)
+    if target.suffix not in (".html", ".mp4"):
+        raise InvalidParameter("file", target.name, "one that ends in .html, .png, .mp4")
+    return (save_recording if target.suffix == ".html" else save_video)(joined(runs), target)
 
 
 def joined(runs: Sequence[SimulationResult]) -> SimulationResult:

@@ -10,7 +10,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform
 from simrob_drake.kinematics import Chain, NumericSolver, require
 from simrob_drake.kinematics.registry import SolverLike, solver_for
-from simrob_drake.programs.ongoing import CellRobot
+from simrob_drake.programs.ongoing import CellRobot, one_posture
 from simrob_drake.programs.targets import PoseTargets, is_place, is_single, world_poses
 from simrob_drake.robots.catalog import RobotModel
 
@@ -96,12 +96,12 @@ class LeggedGeometry(CellRobot):
             UnknownName: no such tool, frame or solver.
         """
         chain = self.chain(tool, "trunk" if frame == "world" else frame)
-        begin = self.reference if start is None else start
+        begin = self.reference if start is None else one_posture(start, len(self.axes), "start")
         targets = world_poses(pose, self._place_of(frame).inverse(), RotationMatrix().matrix(), "pose")
         chosen = NumericSolver(chain, weights=_PLACE_ONLY) if is_place(pose) else solver_for(chain, solver)
         found = require(chosen.solve(targets, begin), "pose").copy()
         others = [axis for axis in range(len(chain.names)) if axis not in chain.order]
-        found[:, others] = np.asarray(begin, dtype=float)[others]  # searches that begin anew change all axes
+        found[:, others] = begin[others]  # searches that begin anew change all axes
         return np.asarray(found[0]) if is_single(pose) else found
 
     def posture(
@@ -123,7 +123,7 @@ class LeggedGeometry(CellRobot):
         if not feet or not self.cell.model.floats(self.name):
             raise InvalidParameter("robot", self.model.name, "one on its own feet, to move its trunk over them")
         there = as_transform(trunk).inverse()
-        q = self.reference if start is None else np.asarray(start, dtype=float)
+        q = self.reference if start is None else one_posture(start, len(self.axes), "start")
         for foot in feet:
             stays = there @ self.base_pose @ as_transform(self.pose(foot, frame="trunk"))
             chain = self.chain(foot)
@@ -145,11 +145,20 @@ class LeggedGeometry(CellRobot):
         bodies = [plant.GetFrameByName(link, robot.instance).body().index() for link in links]
         return [name for name, frame in robot.tools.items() if frame.body().index() in bodies]
 
+    @property
+    def soles(self) -> Vector:
+        """The points of its feet that may touch the ground, in the world, shape (m, 3) [m]; none without feet."""
+        robot, model = self.cell.robot(self.name), self.cell.model
+        if robot.feet is None:
+            return np.zeros((0, 3))
+        poses = {link: model.pose(model.plant.GetFrameByName(link, robot.instance)) for link in robot.feet.links}
+        return np.vstack(
+            [robot.feet.lowest_points(link, pose.GetAsMatrix4()[np.newaxis])[0] for link, pose in poses.items()]
+        )
+
     def targets_deg(self, q: npt.ArrayLike) -> dict[str, float]:
         """Return a posture (n,) [rad] as targets of a move [deg]: the axes that differ from where the reference is."""
-        wanted = np.asarray(q, dtype=float)
-        if wanted.shape != (len(self.axes),):
-            raise InvalidParameter("q", f"of shape {wanted.shape}", f"a posture of {len(self.axes)} axes [rad]")
+        wanted = one_posture(q, len(self.axes), "q")
         moved = np.abs(wanted - self.reference) > 0
         values = wanted / self.model.user_units
         return {axis: float(value) for axis, value, new in zip(self.axes, values, moved, strict=True) if new}
@@ -159,6 +168,6 @@ class LeggedGeometry(CellRobot):
 
     def _tool(self, tool: str) -> str:
         known = self.cell.robot(self.name).tools
-        if tool not in known:
+        if not isinstance(tool, str) or tool not in known:
             raise UnknownName(f"tool of {self.model.name}", tool, [*known, "trunk", "world"])
         return tool

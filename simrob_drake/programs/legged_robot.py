@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.given import instance
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.film import save_film
@@ -144,7 +145,8 @@ class LeggedRobot(LeggedGeometry):
         stays as large as it had to become.
 
         Args:
-            steps: how many; legs in turn for a crawl.
+            steps: how many step lengths ahead; the steps of the ramps (``ramp_steps``) and the last one, which brings
+                the feet together, come in addition. Legs in turn for a crawl.
             amplitude: scales the length of the steps and, where the gait has them, way sideways and turn; of a march,
                 how far all joints go.
             gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.
@@ -187,6 +189,7 @@ class LeggedRobot(LeggedGeometry):
             InvalidConfig: a damaged file.
             SimrobError: as :meth:`test_move`, naming the move.
         """
+        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
         given = program if isinstance(program, Program) else Program.load(program)
         check_some(given.moves)
         return self._do(given.moves, file="" if given is program else str(program))[-1]
@@ -201,30 +204,28 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: as :meth:`run`; or a program with a walk, an act or a piece.
         """
-        return joint_reference(self, program.moves)
+        return joint_reference(self, instance(program, "program", Program, "a Program").moves)
 
     def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
         """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.
 
         Args:
             piece: which.
-            tool: one of :attr:`tools`, such as ``left_hand``; the first unless given, on the humanoids the right hand.
+            tool: one of :attr:`tools`, such as ``left_hand``, or a link, such as ``trunk``; the first tool unless
+                given, on the humanoids the right hand, and the trunk of a quadruped.
             pose: its pose in the hand, to put it there; it keeps its place in the world unless given.
             store: at the end of the program.
 
         Raises:
             UnknownName: no such piece or tool; proposes the nearest.
+            InvalidParameter: a piece that is more than 30 mm away, and no pose.
         """
         place = None if pose is None else pose_from_transform(as_transform(pose))
         self._do([AttachMove(attach=checked(Attach, piece=piece, tool=tool, pose=place))], store=store)
 
-    def release(self, piece: str, parent: str = WORLD, *, store: bool = False) -> None:
-        """Let go of a piece: it stays where it is, in the world or on another piece; see :meth:`Workcell.attach`.
-
-        Raises:
-            UnknownName: no such piece or parent.
-        """
-        self._do([ReleaseMove(release=checked(Release, piece=piece, parent=parent))], store=store)
+    def release(self, piece: str, parent: str = WORLD, *, fixed: bool = False, store: bool = False) -> None:
+        """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
+        self._do([ReleaseMove(release=checked(Release, piece=piece, parent=parent, fixed=fixed))], store=store)
 
     def simulate(self) -> SimulationResult:
         """Run all that is stored from the start (Sim); the robot goes on from its end.
@@ -325,17 +326,18 @@ class LeggedRobot(LeggedGeometry):
             targets_on(self.model, cell.target_deg, f"{file}: references[{number}]")
         self._replace(program, str(file))
 
-    def film(self, file: Path | str) -> Path:
+    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
         """Write :attr:`runs`, one after the other, as one film; see :func:`save_film`.
 
         Args:
             file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
+            frames: of a strip: how many, or one for each of its ``events``.
 
         Raises:
-            InvalidParameter: nothing was run, a piece changes hands meanwhile, or another kind of file.
+            InvalidParameter: nothing was run, another kind of file, or a piece changes hands and it is no strip.
             OutputError: the file cannot be written.
         """
-        return save_film(self.runs, file)
+        return save_film(self.runs, file, frames=frames)
 
     def reset(self, *, keep_program: bool = False) -> None:
         """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""

@@ -12,10 +12,11 @@ from itertools import groupby
 import numpy as np
 
 from simrob_drake.blocks.references import sequence
-from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.grasps import let_go
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel, reparented
@@ -24,6 +25,7 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
 
 Stage = Callable[[LeggedGeometry], SimulationResult | None]
 """A part of a program, checked and ready, that a robot does from where it is; None of one that takes no time."""
@@ -42,7 +44,7 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationC
     Raises:
         SimrobError: what the robot cannot do; names the move.
     """
-    stages: list[Stage] = []
+    stages, changed = list[Stage](), False
     for of_joints, group in groupby(enumerate(moves), lambda entry: isinstance(entry[1], JointMove)):
         numbered = list(group)
         if of_joints:
@@ -54,18 +56,27 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationC
                 continue
             with _naming(name if len(moves) > 1 or file else ""):
                 if isinstance(move, AttachMove | ReleaseMove):
-                    station = handed_over(StationModel(station), robot.name, move)
-                    stages.append(partial(_hand_over, move=move))
+                    station, changed = handed_over(StationModel(station), robot.name, move), True
+                    stages.append(partial(_hand_over, move=move, name=name))
                 else:
-                    stages.append(partial(perform, motion=_planned(robot, move)))
+                    motion = _planned(robot, move, station)
+                    anew = changed or resolve(station).ground.incline  # then it depends on what was done before
+                    stages.append(
+                        partial(_walk_anew, move=move, name=name) if anew else partial(perform, motion=motion)
+                    )
     return stages
 
 
-def _planned(robot: LeggedGeometry, move: WalkMove | ActMove) -> JointMotion:
+def _planned(robot: LeggedGeometry, move: WalkMove | ActMove, station: StationConfig) -> JointMotion:
     if isinstance(move, ActMove):
-        return planned_gait(robot, move.act.name, move.act.model_extra or {})
-    walk = move.walk
-    return planned_gait(robot, walk.gait, walk.model_extra or {}, steps=walk.steps, amplitude=walk.amplitude)
+        return planned_gait(robot, move.act.name, move.act.model_extra or {}, station=station)
+    walk, more = move.walk, move.walk.model_extra or {}
+    return planned_gait(robot, walk.gait, more, steps=walk.steps, amplitude=walk.amplitude, station=station)
+
+
+def _walk_anew(robot: LeggedGeometry, move: WalkMove | ActMove, name: str) -> SimulationResult:
+    with _naming(name):
+        return perform(robot, _planned(robot, move, robot.cell.config))
 
 
 def _move_joints(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> SimulationResult:
@@ -73,8 +84,14 @@ def _move_joints(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> SimulationR
     return robot.cell.follow({robot.name: reference}, duration)
 
 
-def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove) -> None:
-    robot.cell.change(handed_over(robot.cell.model, robot.name, move))
+def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove, name: str) -> None:
+    with _naming(name):
+        if isinstance(move, ReleaseMove):
+            given = move.release
+            robot.cell.release(given.piece, given.parent, fixed=given.fixed)
+        else:
+            piece, (parent, frame) = move.attach, _taker(robot.cell.config, robot.name, move)
+            robot.cell.attach(piece.piece, parent, frame=frame, pose=piece.pose)
 
 
 def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Reference, float]:
@@ -97,20 +114,21 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Re
 
 
 def handed_over(model: StationModel, robot: str, move: AttachMove | ReleaseMove) -> StationConfig:
-    """Return the station in which a robot has taken a piece or let go of it.
+    """Return the station in which a robot has taken a piece or let go of it, however far away it is now.
 
     Raises:
         UnknownName: no such piece, tool or parent.
     """
     if isinstance(move, AttachMove):
-        piece, tool, pose = move.attach.piece, move.attach.tool, move.attach.pose
-        own = model.robots[robot]
-        if tool is not None and tool not in own.tools:
-            raise UnknownName(f"tool of {own.model.name}", tool, own.tools)
-        if tool in model.config.pieces:
-            return reparented(model, piece, tool, pose=pose)
-        return reparented(model, piece, robot, frame=tool, pose=pose)
-    return reparented(model, move.release.piece, move.release.parent)
+        parent, frame = _taker(model.config, robot, move)
+        return reparented(model, move.attach.piece, parent, frame=frame, pose=move.attach.pose)
+    return let_go(model, move.release.piece, move.release.parent, fixed=move.release.fixed)
+
+
+def _taker(station: StationConfig, robot: str, move: AttachMove) -> tuple[str, str | None]:
+    """Return what a robot takes a piece with: a piece that it carries, or itself with a tool."""
+    tool = move.attach.tool
+    return (tool, None) if tool is not None and tool in station.pieces else (robot, tool)
 
 
 def check_some(moves: Sequence[AnyMove]) -> None:

@@ -7,11 +7,18 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import (
+    PoseLike,
+    Vector,
+    as_transform,
+    pose_from_transform,
+    transform_from_xyz_quaternion,
+    xyz_quaternion_from_transform,
+)
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.results.record.state import State
+from simrob_drake.results.record.state import JointState, State
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
@@ -47,10 +54,40 @@ class StationModel(PosedStation):
         """Put robots that stand on their own feet where they are in a state, or where they begin if it is None."""
         self._moved = {}
         for name, robot in self.robots.items():
-            joint = f"{self.plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
+            joint = self._base_joint(robot)
             if state is not None and self.floats(name) and joint in state.joints:
                 now = transform_from_xyz_quaternion(np.roll(state.joints[joint].position, 3))  # w x y z first there
                 self._moved[robot.instance] = now @ robot.base.inverse()
+
+    def place_pieces(self, state: State | None) -> None:
+        """Put free pieces where they are in a state, or leave them where they begin."""
+        for name, body in self.station.free_pieces.items():
+            joint = None if state is None else state.joints.get(free_joint(name))
+            if joint is not None:
+                pose = transform_from_xyz_quaternion(np.roll(joint.position, 3))
+                self.plant.SetFreeBodyPose(self._context, body, pose)
+
+    def motion(self, piece: str, state: State) -> JointState:
+        """Return where a piece is that a robot carries, and how fast it moves in a state, as a free piece."""
+        frame, plant, carrier = self.piece_origin(piece), self.plant, self.resolved.pieces[piece].carrier
+        pose, angular, linear = self.pose(frame), np.zeros(3), np.zeros(3)
+        if carrier in self.robots:
+            own = self.robots[carrier]
+            plant.SetVelocities(self._context, own.axis_map.spread_velocities(state.velocities[carrier]))
+            speed = frame.CalcSpatialVelocityInWorld(self._context)
+            plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
+            turned = self._moved.get(own.instance, RigidTransform()).rotation()
+            angular, linear = turned @ speed.rotational(), turned @ speed.translational()
+            base = state.joints.get(self._base_joint(own)) if self.floats(carrier) else None
+            if base is not None:
+                arm = pose.translation() - base.position[4:]
+                angular = angular + base.velocity[:3]
+                linear = linear + base.velocity[3:] + np.cross(base.velocity[:3], arm)
+        position = np.roll(xyz_quaternion_from_transform(pose), -3)
+        return JointState(position, np.concatenate([angular, linear]))
+
+    def _base_joint(self, robot: StationRobot) -> str:
+        return f"{self.plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
 
     def floats(self, robot: str) -> bool:
         """Tell whether a robot of the station is held by nothing."""
@@ -83,7 +120,7 @@ class StationModel(PosedStation):
     def tool_in_use(self, robot: str) -> str:
         """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""
         own = self.robots[robot]
-        return tool_in_use(own.model.tools, own.carried, self.config.robots[robot].tcp)
+        return tool_in_use(own.model.tools, own.held, self.config.robots[robot].tcp)
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
         """Return a named frame of a piece, its tool centre point unless given.
@@ -91,27 +128,38 @@ class StationModel(PosedStation):
         Raises:
             UnknownName: no such piece, or no such frame of it.
         """
-        if piece not in self.config.pieces:
-            raise UnknownName("piece", piece, self.config.pieces)
+        one_of("piece", piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
-        if frame not in known:
-            raise UnknownName(f"frame of {piece}", frame, known)
+        one_of(f"frame of {piece}", frame, known)
         return self._piece_link(piece, f"{piece}_{frame}")
 
     def piece_origin(self, piece: str) -> Frame:
         """Return the frame in which a piece is described."""
         return self._piece_link(piece, piece)
 
-    def flange(self, robot: str, tool: str | None = None) -> Frame:
-        """Return the frame that pieces hang on whose parent is a robot: a tool of its own, the first unless named.
+    def links(self, robot: str) -> list[str]:
+        """Return the links of a robot that are none of its tools, which pieces can be put on, too."""
+        own = self.robots[robot].model
+        return [link for link in own.links if link not in own.tools]
+
+    def mount(self, parent: str, frame: str | None = None) -> Frame:
+        """Return the frame that pieces hang on whose parent is the world, a robot or a piece.
+
+        Args:
+            parent: which.
+            frame: of a piece, instead of its tool centre point; a tool or link of a robot, instead of its first tool.
 
         Raises:
-            UnknownName: no such tool.
+            UnknownName: no such frame, tool or link.
         """
-        own = self.robots[robot]
-        if tool is not None and tool not in own.model.tools:
-            raise UnknownName(f"tool of {robot}", tool, own.model.tools)
-        return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, tool), own.instance)
+        if parent in self.config.pieces:
+            return self.piece_frame(parent, TCP if frame is None else frame)
+        if parent == WORLD:
+            return self.plant.world_frame()
+        own = self.robots[parent]
+        if frame is not None:
+            one_of(f"tool or link of {parent}", frame, [*own.model.tools, *own.model.links])
+        return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, frame), own.instance)
 
     def _piece_link(self, piece: str, name: str) -> Frame:
         owner = self.resolved.pieces[piece].carrier
@@ -141,6 +189,11 @@ class StationModel(PosedStation):
         return axes.efforts(torque)
 
 
+def free_joint(piece: str) -> str:
+    """Return the name of the joint of a free piece in a state."""
+    return f"{piece}::{piece}/{piece}"
+
+
 def reparented(
     model: StationModel, piece: str, parent: str, *, frame: str | None = None, pose: PoseLike | None = None
 ) -> StationConfig:
@@ -158,11 +211,9 @@ def reparented(
         InvalidParameter: the piece itself as its parent, or one that hangs on it.
     """
     config = model.config
-    if piece not in config.pieces:
-        raise UnknownName("piece", piece, config.pieces)
-    known = [WORLD, *config.robots, *config.pieces]
-    if parent not in known:
-        raise UnknownName("parent", parent, [name for name in known if name != piece])
+    one_of("piece", piece, config.pieces)
+    if parent != piece:
+        one_of("parent", parent, [name for name in (WORLD, *config.robots, *config.pieces) if name != piece])
     if frame is not None and parent == WORLD:
         raise InvalidParameter("frame", frame, "left out: the world has none")
     above = parent
@@ -171,13 +222,10 @@ def reparented(
             wanted = "world, a robot, or a piece that does not hang on it"
             raise InvalidParameter(f"parent of {piece}", "the piece itself" if parent == piece else parent, wanted)
         above = model.resolved.pieces[above].parent
-    if parent in config.pieces:
-        mount = model.pose(model.piece_frame(parent, TCP if frame is None else frame))
-    else:
-        mount = RigidTransform() if parent == WORLD else model.pose(model.flange(parent, frame))
+    mount = model.pose(model.mount(parent, frame))
     place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)
     entry = config.pieces[piece].model_copy(
-        update={"parent": parent, "frame": frame, "pose": tuple(pose_from_transform(place).tolist())}
+        update={"parent": parent, "frame": frame, "free": False, "pose": tuple(pose_from_transform(place).tolist())}
     )
     changed = config.model_copy(update={"pieces": {**config.pieces, piece: entry}})
     return _with_tools(model, changed, piece)
@@ -193,11 +241,14 @@ def _with_tools(model: StationModel, new: StationConfig, piece: str) -> StationC
         tool = model.tool_in_use(giver)
         if carriers.get(tool, giver) != giver:
             before = old[piece].parent
-            flange = model.config.pieces[piece].frame or next(iter(model.robots[giver].model.tools), None)
-            changes = {"tcp": before if before in new.pieces else flange, "tcp_offset": None}
+            own, frame = model.robots[giver].model.tools, model.config.pieces[piece].frame
+            usual = frame if frame in own else next(iter(own), None)
+            changes = {"tcp": before if before in new.pieces else usual, "tcp_offset": None}
         else:
             changes = {"tcp": tool or None}
         robots[giver] = robots[giver].model_copy(update=changes)
     if taker in robots:
-        robots[taker] = robots[taker].model_copy(update={"tcp": piece, "tcp_offset": None})
+        held = new.pieces[piece].parent in old or new.pieces[piece].frame not in model.links(taker)
+        used = {"tcp": piece, "tcp_offset": None} if held else {"tcp": model.tool_in_use(taker) or None}
+        robots[taker] = robots[taker].model_copy(update=used)
     return new.model_copy(update={"robots": robots})

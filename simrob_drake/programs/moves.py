@@ -17,17 +17,21 @@ from pydantic import (
 )
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.given import LONGEST, SHORTEST
 from simrob_drake.parts.site import WORLD
-from simrob_drake.quantities import Pose, Positive
+from simrob_drake.quantities import Duration, Pose
 from simrob_drake.yaml_files import Number, Strict, validated
 
 Entry = TypeVar("Entry", bound=Strict)
 
+MOST_STEPS, MOST_AMPLITUDE = 10_000, 100
+"""Of one walk: about an hour; far beyond what legs can do."""
+
 _EXPECTED = {
-    "duration": "a positive time [s]",
+    "duration": f"a positive time [s], {SHORTEST:g} to {LONGEST:g}",
     "target_deg": "a mapping of at least one axis to degrees",
-    "steps": "a whole number",
-    "amplitude": "a finite number; 1 walks as the gait's parameters say",
+    "steps": f"a whole number, at most {MOST_STEPS}",
+    "amplitude": f"a number up to {MOST_AMPLITUDE}; 1 walks as the gait's parameters say",
 }
 
 MOVE_TIME = 1.0
@@ -42,7 +46,7 @@ class JointMove(Strict):
 
     target_deg: Targets
     """Absolute positions at the end."""
-    duration: Positive = MOVE_TIME
+    duration: Duration = MOVE_TIME
     """Time that it takes [s]."""
 
 
@@ -84,9 +88,9 @@ class Walk(_Brief):
 
     model_config = ConfigDict(extra="allow")
 
-    steps: Annotated[int, Field(strict=True)]
-    """How many; the fewest depend on the gait."""
-    amplitude: Number = 1.0
+    steps: Annotated[int, Field(strict=True, le=MOST_STEPS)]
+    """How many step lengths ahead; the gait's `ramp_steps` come in addition. Legs in turn for a crawl."""
+    amplitude: Annotated[Number, Field(ge=-MOST_AMPLITUDE, le=MOST_AMPLITUDE)] = 1.0
     """Scales them."""
     gait: str | None = None
     """One of the robot's gaits that go steps; the first for its feet unless given."""
@@ -107,7 +111,7 @@ class Attach(_Named):
     piece: str
     """Which."""
     tool: str | None = None
-    """With what: a tool of the robot, or a piece that it carries; the first tool unless given."""
+    """With what: a tool or link of the robot, or a piece that it carries; the first tool unless given."""
     pose: Pose | None = None
     """Its pose in the hand, to put it there; it keeps its place in the world unless given."""
 
@@ -118,7 +122,9 @@ class Release(_Named):
     piece: str
     """Which."""
     parent: str = WORLD
-    """Where it stays: the world, or another piece."""
+    """Where it is then: the world, or another piece that it hangs on."""
+    fixed: bool = False
+    """Hang it in the world, too, instead of letting it fall."""
 
 
 class WalkMove(Strict):

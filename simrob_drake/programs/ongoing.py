@@ -1,6 +1,7 @@
 """A station that goes on where its last run left it."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import PoseLike, Vector, as_transform, poses_from_matrices
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import PoseLike, Vector, as_transform, finite, poses_from_matrices
+from simrob_drake.given import instance, seconds
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.checks import check_collisions, look_times
-from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.grasps import let_go, taken
+from simrob_drake.programs.model import StationModel, free_joint, reparented
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
@@ -56,12 +59,12 @@ class OngoingStation:
         Raises:
             SimrobError: as :func:`simrob_drake.load_station`.
         """
-        if overrides and isinstance(station, (str, Path)):
-            self.config = load_station(station, overrides)
-        elif overrides:
-            raise InvalidParameter("overrides", overrides, "left out with a configuration")
-        else:
+        if overrides is None or (isinstance(overrides, dict) and not overrides):
             self.config = config_of(station)
+        elif isinstance(station, (str, Path)):
+            self.config = load_station(station, overrides)
+        else:
+            raise InvalidParameter("overrides", overrides, "left out with a configuration")
         self.state = State.at_start_of(self.config)
         self.tape = Tape()
         self.progress = False
@@ -76,26 +79,30 @@ class OngoingStation:
 
     def position(self, robot: str) -> Vector:
         """Return where a robot's axes are, shape (n,) [rad or m]."""
-        return (self.robot(robot).initial if self.state is None else self.state.positions[robot]).copy()
+        initial = self.robot(robot).initial
+        return (initial if self.state is None else self.state.positions[robot]).copy()
 
     def velocity(self, robot: str) -> Vector:
         """Return how fast a robot's axes move, shape (n,) [rad/s or m/s]."""
-        return np.zeros_like(self.robot(robot).initial) if self.state is None else self.state.velocities[robot].copy()
+        initial = self.robot(robot).initial
+        return np.zeros_like(initial) if self.state is None else self.state.velocities[robot].copy()
 
     def reference(self, robot: str) -> Vector:
         """Return where a robot's axes should be, and its next move begins, shape (n,) [rad or m]."""
-        return (self.robot(robot).initial if self.state is None else self.state.references[robot]).copy()
+        initial = self.robot(robot).initial
+        return (initial if self.state is None else self.state.references[robot]).copy()
 
     @property
     def model(self) -> StationModel:
         """The station's plant, where it is and in the postures that it has now."""
+        self._model.place_pieces(self.state)
         self._model.place_robots({robot: self.position(robot) for robot in self.config.robots})
         self._model.place_bases(self.state)
         return self._model
 
     def robot(self, name: str) -> StationRobot:
         """Return what a robot is in the station's plant."""
-        return self._model.robots[name]
+        return self._model.robots[one_of("robot", name, self._model.robots)]
 
     def frame(self, wobj: WorkObject) -> RigidTransform:
         """Return the pose of a work object in the world.
@@ -118,8 +125,7 @@ class OngoingStation:
         if name in model.robots and not frame:
             robot = model.robots[name]
             return model.pose(robot.tools[robot.tcp] if robot.tcp else robot.root)
-        if name not in self.config.pieces:
-            raise UnknownName("work object", name, [WORLD, *self.config.pieces, *self.config.robots])
+        one_of("work object", name, [*self.config.pieces, WORLD, *self.config.robots])
         return model.pose(model.piece_frame(name, *frame))
 
     def run(self, *plans: Plan, duration: float | None = None) -> SimulationResult:
@@ -132,15 +138,15 @@ class OngoingStation:
         Returns:
             the run; unless it diverged or was interrupted, the next one begins where it ended.
         """
+        for plan in plans:
+            instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
         if not plans and duration is None:
             raise InvalidParameter(
                 "plans", "empty", "some, such as arm.plan.move_l(...), or go with a duration to wait"
             )
-        end = max(plan.duration for plan in plans) if duration is None else duration
-        if not (np.isfinite(end) and end > 0):
-            raise InvalidParameter("duration", end, "a positive time [s]")
+        end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         for plan in plans:
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
                 raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
@@ -162,6 +168,8 @@ class OngoingStation:
         Returns:
             the run; unless it diverged or was interrupted, the next one begins where it ended.
         """
+        instance(references, "references", Mapping, "a mapping by robot")
+        seconds(duration)
         still = [robot for robot in self.config.robots if robot not in references]
         held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
         result = self._runner.run(
@@ -192,15 +200,43 @@ class OngoingStation:
         Args:
             piece: which; what hangs on it comes along.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-            frame: a frame of the parent piece, instead of its tool centre point; or a tool of the robot, instead of the
-                first.
-            pose: the piece's pose in the parent's frame, to put it there.
+            frame: a frame of the parent piece, instead of its tool centre point; or a tool or link of the robot,
+                instead of the first tool: a backpack hangs on the trunk.
+            pose: the piece's pose in the parent's frame, to put it there from wherever it is.
 
         Raises:
             UnknownName: no such piece, parent or frame.
-            InvalidParameter: the piece itself as its parent, or one that hangs on it.
+            InvalidParameter: the piece itself as its parent, or one that hangs on it; or a robot takes it without a
+                ``pose`` from more than 30 mm away: the tool's tool centre point, or the link, from its shapes.
         """
-        self.change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+        if pose is None:
+            self.change(taken(self.model, piece, parent, frame=frame))
+        else:
+            self.change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+
+    def release(self, piece: str, parent: str = WORLD, *, frame: str | None = None, fixed: bool = False) -> None:
+        """Let go of a piece, in the world or on another piece.
+
+        In the world of a dynamic station it is free from then on: it goes on as fast as it was carried, falls, and
+        rests on what it meets. On another piece, and on a kinematic station, it hangs where it is.
+
+        Args:
+            piece: which.
+            parent: ``world``, or a piece that it hangs on from then on.
+            frame: a frame of that piece, instead of its tool centre point.
+            fixed: hang it in the world, too.
+
+        Raises:
+            UnknownName: no such piece, parent or frame.
+            InvalidParameter: it would fall for ever: no contact, no shape that collides, nothing beneath it; or it
+                has no mass.
+        """
+        model, state = self.model, self.state
+        config = let_go(model, piece, parent, frame=frame, fixed=fixed)
+        if state is not None and config.pieces[piece].free:
+            state = replace(state, joints={**state.joints, free_joint(piece): model.motion(piece, state)})
+        self.change(config)
+        self.state = state
 
     def change(self, config: StationConfig) -> None:
         """Go on with a changed station, such as other gains, from the state that this one is in.
@@ -208,6 +244,7 @@ class OngoingStation:
         Raises:
             InvalidParameter: a station with other robots.
         """
+        instance(config, "config", StationConfig, "what load_station() gives")
         if list(config.robots) != list(self.config.robots):
             raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
         model = StationModel(config)  # if it cannot be built, all stays as it was
@@ -223,7 +260,9 @@ class OngoingStation:
         Raises:
             PathCollision: names the first offending point.
         """
+        instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
         model = self._collision_model
+        model.place_pieces(self.state)
         model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
         times = look_times(plan.duration, plan.points * len(plan.arrivals))
         check_collisions(model, {plan.robot: plan.postures(times)}, times, plan.named)
@@ -240,6 +279,8 @@ class OngoingStation:
 
     def draw(self, postures: dict[str, Vector]) -> None:
         """Show robots in postures (n,) in the window, without moving them."""
+        shown = instance(postures, "postures", Mapping, "a mapping by robot").items()
+        postures = {name: one_posture(q, len(self.robot(name).axes), f"postures: {name}") for name, q in shown}
         self.show()
         assert self._window is not None
         now = self._shown_state()
@@ -264,6 +305,18 @@ class OngoingStation:
     @cached_property
     def _collision_model(self) -> StationModel:
         return StationModel(self.config, collision=True)
+
+
+def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
+    """Return one posture (n,).
+
+    Raises:
+        InvalidParameter: another shape, or numbers that are not finite.
+    """
+    found = finite(values)
+    if found.shape != (axes,):
+        raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")
+    return found
 
 
 def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[Stretch, ...]:
@@ -294,14 +347,12 @@ class CellRobot:
             InvalidParameter: a station without a robot, or no robot named where there are several.
         """
         self.cell = cell
-        robots, wanted = cell.config.robots, robot or cell.config.only_robot
+        robots, wanted = cell.config.robots, cell.config.only_robot if robot is None else robot
         if not robots:
             raise InvalidParameter("station", self.cell.config.name, "one with a robot; it has none")
         if wanted is None:
             raise InvalidParameter("robot", "not named", f"one of {', '.join(robots)}: robot='{next(iter(robots))}'")
-        if wanted not in robots:
-            raise UnknownName("robot", wanted, robots)
-        self.name = wanted
+        self.name = one_of("robot", wanted, robots)
 
     def __repr__(self) -> str:
         """Say in one line which robot it is, and how it is."""

@@ -11,7 +11,8 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Vector, numbers
+from simrob_drake.given import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.programs.segments import Segment, named_point
 from simrob_drake.programs.trajectories import Stretch, trajectory
 
@@ -111,12 +112,12 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector
     if "times" in how:
         return _checked_times(how["times"], len(segments)), False
     if "duration" in how:
-        duration = _positive("duration", how["duration"], "s")
-        return duration * np.cumsum(shares) / shares.sum(), False
+        return _apart(seconds(how["duration"]) * np.cumsum(shares) / shares.sum(), "duration", how["duration"]), False
     if "speed" in how:
-        speed = _positive("speed", how["speed"], "m/s")
+        speed = positive(how["speed"], "speed", "m/s")
         ways = np.where(lengths < _AT_ONCE, _TURN_LENGTH * turns, lengths)
-        return np.cumsum(np.maximum(PEAK * ways / speed, _LEAST_TIME)), False
+        times = np.cumsum(np.maximum(PEAK * (ways / speed), _LEAST_TIME))
+        return _apart(times, "speed", how["speed"]), False
     return POINT_TIME * points * np.arange(1.0, len(segments) + 1), True
 
 
@@ -130,18 +131,14 @@ def joined(segments: Sequence[Segment], times: Vector) -> tuple[Stretch, ...]:
 
 
 def _checked_times(times: npt.ArrayLike, count: int) -> Vector:
-    expected = f"{count} times [s], one a target, rising and above 0"
-    try:
-        values = np.atleast_1d(np.asarray(times, dtype=float))
-    except (TypeError, ValueError) as problem:
-        raise InvalidParameter("times", times, expected) from problem
-    rising = np.isfinite(values).all() and (np.diff(values, prepend=0.0) > 0).all()
-    if values.shape != (count,) or not rising:
-        raise InvalidParameter("times", values.tolist(), expected)
-    return values
+    values = np.atleast_1d(numbers(times))
+    if values.shape != (count,):
+        raise InvalidParameter("times", times, f"{count} times [s], one a target")
+    return _apart(values, "times", times)
 
 
-def _positive(name: str, value: float, unit: str) -> float:
-    if not (isinstance(value, (int, float, np.number)) and np.isfinite(value) and value > 0):
-        raise InvalidParameter(name, value, f"a positive number [{unit}]")
-    return float(value)
+def _apart(times: Vector, name: str, given: object) -> Vector:
+    """Check that times (k,) [s] rise from 0, and are times that a station knows."""
+    if not ((np.diff(times, prepend=0.0) >= SHORTEST).all() and times[-1] <= LONGEST):
+        raise InvalidParameter(name, given, f"such that each target has its time, up to {LONGEST:g} s")
+    return times

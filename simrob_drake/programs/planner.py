@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
+from simrob_drake.given import whole
 from simrob_drake.interpolation import Arc, stacked, turn
 from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.chain import Chain
@@ -25,6 +26,7 @@ from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world
 POINTS, ARC_POINTS = 10, 20
 """Points on the way to a target unless given, as in SimRob; of arcs."""
 
+_MOST_POINTS = 10_000
 _LESS_THAN_FULL = 0.98  # of the joints' speeds, where durations are left to us
 
 _Way = tuple[Callable[[Vector], Vector], float]  # the poses (k, 4, 4) at its parts (k,), and its length [m]
@@ -54,14 +56,14 @@ class Planner:
             JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
         """
         rows = self.chain.postures(targets, "targets")
-        points = _points(how, POINTS)
+        points, through = _points(how, POINTS), not stop and len(rows) > 1
         names = [target_name(index, len(rows)) for index in range(len(rows))]
         starts = [self.start, *rows[:-1]]
         segments = [
             joint_segment(self.chain, start, row, points=points, target=name)
             for start, row, name in zip(starts, rows, names, strict=True)
         ]
-        return self._checked(segments, how, points, through=not stop and len(rows) > 1, hint=_hint(self.chain, rows))
+        return self._checked(segments, how, points, through=through, hint=_hint(self.chain, rows))
 
     def move_j(
         self,
@@ -170,8 +172,7 @@ class Planner:
     ) -> Plan:
         """Give segments their times, and look at the move: first at the targets, for which messages may have a hint."""
         check: Check = how.get("check", "limits")
-        if check not in get_args(Check):
-            raise UnknownName("check", str(check), get_args(Check))
+        one_of("check", check, get_args(Check))
         times, free = arrivals(segments, how, points)
         plan = self._plan(segments, times, points, through)
         if free:
@@ -217,9 +218,5 @@ def _hint(chain: Chain, rows: Vector) -> str:
 
 def _points(how: How, default: int) -> int:
     for key in how:
-        if key not in How.__annotations__:
-            raise UnknownName("option of a move", key, How.__annotations__)
-    points = how.get("points", default)
-    if not (isinstance(points, (int, np.integer)) and points >= 1):
-        raise InvalidParameter("points", points, "a whole number, 1 or more")
-    return int(points)
+        one_of("option of a move", key, How.__annotations__)
+    return whole(how.get("points", default), "points", 1, _MOST_POINTS)

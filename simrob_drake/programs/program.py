@@ -7,8 +7,9 @@ from typing import Any
 
 import yaml
 
-from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, shortened
+from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted, shortened
 from simrob_drake.folders import written_at_once
+from simrob_drake.given import instance, path
 from simrob_drake.programs.moves import KINDS, AnyMove, Cell, JointMove, kind_of
 from simrob_drake.yaml_files import Strict, read_yaml, validated
 
@@ -42,6 +43,7 @@ class Program(Strict):
 
     def added(self, *moves: AnyMove) -> Program:
         """Return the program with moves behind it."""
+        _check_moves(*moves)
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
     def inserted(self, index: int, move: AnyMove) -> Program:
@@ -50,6 +52,7 @@ class Program(Strict):
         Raises:
             InvalidParameter: no such number.
         """
+        _check_moves(move)
         place = self._place(index, len(self.moves))
         return self.model_copy(update={"moves": (*self.moves[:place], move, *self.moves[place:])})
 
@@ -68,11 +71,13 @@ class Program(Strict):
         Raises:
             InvalidParameter: no such number.
         """
+        _check_moves(move)
         place = self._place(index, len(self.moves) - 1)
         return self.model_copy(update={"moves": (*self.moves[:place], move, *self.moves[place + 1 :])})
 
     def with_reference(self, cell: Cell) -> Program:
         """Return the program with a cell behind the others."""
+        instance(cell, "cell", Cell, "a Cell, such as Cell(target_deg={'waist': 10})")
         return self.model_copy(update={"references": (*self.references, cell)})
 
     def save(self, file: Path | str) -> Path:
@@ -81,11 +86,11 @@ class Program(Strict):
         Raises:
             OutputError: it cannot be written; then what was there stays as it was.
         """
-        path = Path(file)
+        target = path(file, "file")
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
         text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
-        written_at_once(path, text)
-        return path
+        written_at_once(target, text)
+        return target
 
     @classmethod
     def load(cls, file: Path | str) -> Program:
@@ -94,21 +99,27 @@ class Program(Strict):
         Raises:
             InvalidConfig: a file that cannot be read or is damaged; names the file, the move and the key, or the line.
         """
-        path = Path(file)
-        content = read_yaml(path)
+        source = path(file, "file")
+        content = read_yaml(source)
         for key in ("moves", "references"):
             entries = content.get(key)
             for number, entry in enumerate(entries if isinstance(entries, list) else []):
-                _check_entry(entry, key, f"{path}: {key}[{number}]")
-        return validated(cls, content, path)
+                _check_entry(entry, key, f"{source}: {key}[{number}]")
+        return validated(cls, content, source)
 
     def _place(self, index: int, last: int) -> int:
         count = len(self.moves)
+        instance(index, "index", int, "the number of a move")
         place = index + count if index < 0 else index
         if not 0 <= place <= last:
             known = f"from {-count} to {last}, the program has {counted(count, 'move')}"
             raise InvalidParameter("index", index, known if last >= 0 else "of a move; there is none")
         return place
+
+
+def _check_moves(*moves: object) -> None:
+    for move in moves:
+        instance(move, "move", tuple(KINDS.values()), "a move, such as JointMove(target_deg={'waist': 10})")
 
 
 def counted(count: int, thing: str) -> str:
@@ -119,7 +130,7 @@ def counted(count: int, thing: str) -> str:
 def _check_entry(entry: Any, key: str, where: str) -> None:
     """Check one move or cell of a file by itself, so that messages can name it."""
     if not isinstance(entry, dict):
-        raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {shortened(repr(entry))})")
+        raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")
     kind: type[Strict] | None = Cell if key == "references" else kind_of(entry)
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:

@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.given import seconds
 from simrob_drake.programs.trajectories import Stretch, trajectory
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
@@ -65,12 +66,10 @@ class Tape:
         """
         if not self.takes:
             raise InvalidParameter("the recording", "empty", "begun with record() before the moves")
-        if duration is not None and not (np.isfinite(duration) and duration > 0):
-            raise InvalidParameter("duration", duration, "a positive time [s]")
         first = self.takes[0]
         stretches: dict[str, list[Stretch]] = {robot: [] for robot in first.config.robots}
         begin = 0.0
-        factor = 1.0 if duration is None else duration / sum(take.duration for take in self.takes)
+        factor = 1.0 if duration is None else seconds(duration) / sum(take.duration for take in self.takes)
         for take in self.takes:
             if take.config != first.config:
                 problem = "of a program in which a piece changes hands or a tool changes"

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import PoseLike, Vector
+from simrob_drake.frames import PoseLike, Vector, finite
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.poses import Targets, pose_matrices
 
@@ -55,9 +55,9 @@ def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str)
     """
     if not is_place(points):
         return np.asarray((wobj.GetAsMatrix4() @ pose_matrices(points, name))[:, :3, 3])
-    rows = np.atleast_2d(np.asarray(points, dtype=float))
-    if not np.isfinite(rows).all():
-        raise InvalidParameter(name, rows.tolist(), "finite numbers [m]")
+    rows = np.atleast_2d(finite(points))
+    if not rows.size:
+        raise InvalidParameter(name, points, "places of three finite numbers [m]")
     return np.asarray(rows @ wobj.rotation().matrix().T + wobj.translation())
 
 

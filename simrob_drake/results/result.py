@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.errors import shortened
+from simrob_drake.given import path
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
@@ -81,7 +82,7 @@ class SimulationResult(RecordedRun):
 
         See :func:`simrob_drake.results.files.save_result`.
         """
-        target = default_folder(self.config.name) if folder is None else Path(folder)
+        target = default_folder(self.config.name) if folder is None else path(folder, "folder")
         return save_result(self, target, force=force, recording=recording, video=video)
 
     def summary(self) -> dict[str, Any]:

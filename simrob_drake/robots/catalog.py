@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
@@ -124,6 +125,11 @@ class RobotModel(Strict):
         root = read_urdf(self.urdf_path) if self.dh is None else dh_robot(self.name, self.dh)
         check_urdf(root, self.urdf_path)
         return root
+
+    @property
+    def links(self) -> list[str]:
+        """The names of the links of the URDF."""
+        return [name_of(link) for link in self.element.iterfind("link")]
 
     @property
     def links_without_inertia(self) -> list[str]:
@@ -290,7 +296,7 @@ def _midway(robot: RobotModel) -> dict[str, float]:
 def described_robot(path: Path) -> RobotModel | None:
     """Return the robot of the ``robot.yaml`` beside a URDF if it describes this file."""
     beside = path.parent / ROBOT_FILE
-    if not beside.is_file():
+    if not isfile(beside):
         return None
     described = load_robot_file(beside)
     return described if described.urdf_path.resolve() == path.resolve() else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from itertools import product
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -182,7 +183,7 @@ def described_piece(file: Path) -> PieceModel:
         InvalidConfig: the file has a wrong entry.
         InvalidModel: a mesh is missing, outside the folder, or in a format that Drake does not read.
     """
-    changed = file.stat().st_mtime_ns if file.is_file() else 0
+    changed = file.stat().st_mtime_ns if isfile(file) else 0
     return _described(file.resolve(), changed)
 
 

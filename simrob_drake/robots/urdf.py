@@ -8,7 +8,12 @@ from copy import deepcopy
 from pathlib import Path
 
 from simrob_drake.errors import InvalidModel, shortened
+from simrob_drake.files import NotRead, text_of
 
+LARGEST_URDF = 10_000_000
+"""Of a description [bytes]: published ones stay far below, for meshes are files of their own."""
+MOST_TAGS = 300_000
+"""Of a description: a robot of a thousand links has some forty thousand."""
 MOVABLE_JOINTS = ("revolute", "continuous", "prismatic")
 LIMITED_JOINTS = ("revolute", "prismatic")
 DRAKE = "{http://drake.mit.edu}"
@@ -26,11 +31,13 @@ def read_urdf(path: Path) -> ET.Element:
         InvalidModel: the file is missing, not readable, a xacro, not XML, declares entities, or holds no robot.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as problem:
-        raise InvalidModel(path, "", f"cannot be read as a text file ({problem})") from problem
+        text = text_of(path, LARGEST_URDF)
+    except NotRead as problem:
+        raise InvalidModel(path, "", f"cannot be read ({problem})") from problem
+    if text.count("<") > MOST_TAGS:
+        raise InvalidModel(path, "", f"has more than {MOST_TAGS} tags")
     if path.suffix.lower() == ".xacro" or "xmlns:xacro" in text:
-        raise InvalidModel(path, "", "is a xacro file; expand it first: xacro FILE.xacro > PLAIN.urdf")
+        raise InvalidModel(path, "", "is a xacro file; expand it first, with simrob import")
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise InvalidModel(path, "", "declares entities or a document type, which a URDF never needs")
     try:

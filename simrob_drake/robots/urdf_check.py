@@ -32,6 +32,9 @@ SHAPE_SIZES = {
 }
 """The shapes but for meshes, and how many numbers each of their sizes is."""
 
+MOST_LINKS = 3000
+"""Of a robot: Drake keeps a dozen dense matrices of its joints, 1.2 GB with 3000 of them."""
+
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _WORLD = "world"  # Drake's own link
 
@@ -46,6 +49,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
         InvalidModel: names the file, the element and what would be right.
     """
     refuse = partial(InvalidModel, path)
+    check_size(root, refuse)
     for element in (*root.iterfind("link"), *root.iterfind("joint"), *root.iterfind("material")):
         _check_numbers(element, refuse)
     _check_tree(root, refuse)
@@ -59,6 +63,17 @@ def check_urdf(root: ET.Element, path: Path) -> None:
                 raise refuse(f"link '{name_of(link)}' <{shape.tag}>", problem)
     _check_actuators(root, refuse)
     _check_materials(root, refuse)
+
+
+def check_size(root: ET.Element, refuse: Refuse) -> None:
+    """Check that a robot is none that Drake has no memory for.
+
+    Raises:
+        InvalidModel: it has too many links.
+    """
+    count = len(root.findall("link"))
+    if count > MOST_LINKS:
+        raise refuse("", f"has {count} links; at most {MOST_LINKS} are taken, for memory grows with their square")
 
 
 def _check_numbers(element: ET.Element, refuse: Refuse) -> None:

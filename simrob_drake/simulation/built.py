@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from simrob_drake.blocks.references import Course, SineCourse, corner_times
+from simrob_drake.blocks.references import Course, SineCourse, corner_times, hold
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.own import DRIVABLE, driven_inputs
@@ -44,6 +44,13 @@ class StationDiagrams:
     def play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
         """Let all diagrams give other references, and other pushes at the same places."""
         self.courses, self.forces = dict(courses), dict(forces)
+        self._play(courses, forces)
+
+    def forget(self) -> None:
+        """Let the sources of all diagrams forget their trajectories, which may be long."""
+        self._play({robot.name: hold(np.zeros(len(robot.axes))) for robot in self._station.robots.values()}, {})
+
+    def _play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
         for name in ("whole", "_lean", "_unpushed"):
             if name in self.__dict__:
                 self.__dict__[name].play(courses, forces)
@@ -63,7 +70,7 @@ class StationDiagrams:
             return self.whole
         pushes = [force for force in self.forces.values() if isinstance(force, Push)]
         only_pushes = self._station.scheme == "cenic" and pushes and len(pushes) == len(self.forces)
-        if only_pushes and not any(push.edges[0] <= time < push.edges[1] for push in pushes):
+        if only_pushes and not any(push.start <= time < push.end for push in pushes):
             return self._unpushed
         return self._lean
 

@@ -10,8 +10,9 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem, OutputPort
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import Course, Samples
-from simrob_drake.errors import InvalidParameter, SimrobError, shortened
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
+from simrob_drake.given import drake_asserts, instance
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
 from simrob_drake.progress import note, progress_bar
@@ -22,15 +23,16 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.record.watch import Watch, cut_at_stop
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
+from simrob_drake.simulation.pace import pace_watcher
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
-from simrob_drake.stations.checks import step_findings
 from simrob_drake.stations.closed import ClosedStation, check_course, station_courses
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.stations.station import StationLike, config_of
+from simrob_drake.stations.steps import step_findings
 
 OnStep = Callable[[float, Vector], None]
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
@@ -102,6 +104,7 @@ class Runner:
         self._station = resolve(self.config.model_copy(update={"inputs": (*self.config.inputs, *needed)}))
         self._diagrams: dict[Any, StationDiagrams] = {}
 
+    @drake_asserts()
     def run(
         self,
         *,
@@ -126,6 +129,8 @@ class Runner:
             SimrobError: input that cannot be run at all.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
+        if on_step is not None and not callable(on_step):
+            raise InvalidParameter("on_step", on_step, "a function of time and positions")
         start = _checked_start(config, start)
         given = by_robot(config, reference)
         courses = station_courses(self._station, given, start.references if start else None)
@@ -138,7 +143,8 @@ class Runner:
         stepper = Stepper(config, diagrams.stepped, diagrams.edges, blocks=self._blocks)
         if start is not None:
             start.put(stepper.built.diagram, stepper.built.ports, stepper.simulator.get_mutable_context())
-        run = _Run(config, diagrams.whole, stepper, prepare=lambda: diagrams.play(courses, config.forces))
+        whole = diagrams.whole
+        run = _Run(config, whole, stepper, lambda: whole.play(courses, config.forces), diagrams.forget)
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
         result = run.result(progress=progress, on_step=on_step, references=given, start=start)
@@ -160,6 +166,7 @@ class Runner:
         return known
 
 
+@drake_asserts()
 def simulate_diagram(
     diagram: Diagram,
     ports: StationPorts,
@@ -185,6 +192,8 @@ def simulate_diagram(
     Raises:
         SimrobError: a solver that cannot run the station where it stands.
     """
+    instance(diagram, "diagram", Diagram, "a Diagram of Drake that contains a station")
+    instance(ports, "ports", StationPorts, "what add_station() gave, or station.ports")
     config = with_duration(ports.config, duration)
     built = ClosedStation(diagram, ports)
     names = [
@@ -193,6 +202,8 @@ def simulate_diagram(
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
     stepper = Stepper(config, lambda time: built, sorted(set(ports.edges)), blocks=blocks)
     if context is not None:
+        expected = "a Context of the diagram, such as diagram.CreateDefaultContext() gives"
+        instance(context, "context", Context, expected)
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
     return _Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
 
@@ -206,12 +217,14 @@ class _Run:
         whole: the diagram in which signals are evaluated.
         stepper: what is stepped.
         prepare: gives the whole diagram the references of this run back.
+        forget: takes them from all diagrams, so that they stand in memory once.
     """
 
     config: StationConfig
     whole: ClosedStation
     stepper: Stepper
     prepare: Callable[[], None] | None = None
+    forget: Callable[[], None] = lambda: None
 
     def result(
         self,
@@ -225,10 +238,15 @@ class _Run:
         watchers = [] if on_step is None else [_positions_watcher(self.stepper, on_step)]
         with progress_bar(f"simulating {self.config.name}", self.config.duration, shown=progress) as show:
             if show is not None:
-                watchers.append(lambda context: show(context.get_time()))
+                watchers.append(pace_watcher(self.config, show))
             ports = self.whole.ports
             watch = Watch(ports, Sampler(self.whole.diagram, ports, _NOTHING))
-            recorder = Recorder(self.stepper.simulator, *watchers, look=watch.look if ports.monitors else None)
+            recorder = Recorder(
+                self.stepper.simulator,
+                *watchers,
+                look=watch.look if ports.monitors else None,
+                pace=self.stepper.pace(),
+            )
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
@@ -237,7 +255,7 @@ class _Run:
             return self._evaluated(recorder, watch, outcome, **told)
         except KeyboardInterrupt:  # the run is not to be lost
             note("interrupted; the signals are computed first, interrupt again to abandon them", shown=progress)
-            return self._evaluated(recorder, watch, interrupted(recorder), **told)
+            return self._evaluated(recorder, watch, interrupted(self.config, recorder), **told)
 
     def _evaluated(self, recorder: Recorder, watch: Watch, outcome: Outcome, **told: Any) -> SimulationResult:
         """Sample the signals of a run that has been stepped."""
@@ -259,12 +277,13 @@ class _Run:
                 asked, lambda s, time: watch.holds(stop.name, s, time), self.stepper.step, onset=stop.onset, hold=hold
             )
             sampler.history = asked.history
+        self.forget()
         if outcome.ending == "monitor":
             outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
         outcome, times, values = self._sampled(sampler, outcome)
         positions = ports.plant.plant.num_positions()
         has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
-        return SimulationResult(
+        result = SimulationResult(
             config=self.config,
             plant=ports.plant,
             ending=outcome.ending,
@@ -288,6 +307,8 @@ class _Run:
             ),
             **told,
         )
+        self.forget()
+        return result
 
     def _sampled(self, sampler: Sampler, outcome: Outcome) -> tuple[Outcome, Vector, Vector]:
         """Return how the run ended, times, and values of the signals up to where a block fails."""
@@ -321,10 +342,7 @@ class _Run:
 def _checked_start(config: StationConfig, start: State | None) -> State | None:
     if start is None:
         return State.at_start_of(config)
-    if not isinstance(start, State):
-        raise InvalidParameter("start", shortened(repr(start)), "a State, such as the final_state of a result")
-    if not all(np.isfinite(reference).all() for reference in start.references.values()):
-        raise InvalidParameter("start", "the end of a run in which a block failed", "a state with all references")
+    instance(start, "start", State, "a State, such as the final_state of a result").check()
     return start
 
 

@@ -11,10 +11,13 @@ from pydrake.systems.framework import Context, LeafSystem
 from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.record.watch import Watch
-from simrob_drake.stations.checks import likely_cause
+from simrob_drake.simulation.flight import Flight
+from simrob_drake.simulation.pace import creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.stations.steps import likely_cause
 
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
 
@@ -65,12 +68,16 @@ class Stepper:
         """That of the diagram that is stepped now."""
         return self._simulators[id(self.built)]
 
+    def pace(self) -> Callable[[Context], None] | None:
+        """Return what is to look at each step from now on, and changes the length of the next, if anything does."""
+        return self._pace(self.built, self.simulator)
+
     def run(self, recorder: Recorder, watch: Watch) -> Outcome:
         """Step to the end, or until something ends the run."""
         try:
             status = self._advanced(recorder)
         except KeyboardInterrupt:
-            return interrupted(recorder)
+            return interrupted(self._config, recorder)
         except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
             if recorder.failure is not None:
                 raise
@@ -95,9 +102,10 @@ class Stepper:
             RuntimeError: a state ran away on the way.
         """
         before = int((history.times < time).sum()) - 1
-        simulator = self._simulator(self._diagram_at(float(history.times[before])))
+        built = self._diagram_at(float(history.times[before]))
+        simulator = self._simulator(built)
         history.put(before, simulator.get_mutable_context())
-        recorder = Recorder(simulator)
+        recorder = Recorder(simulator, pace=self._pace(built, simulator))
         simulator.AdvanceTo(time)
         if not recorder.is_sane():
             raise RuntimeError("a state ran away between two recorded ones")
@@ -120,11 +128,17 @@ class Stepper:
             return
         self.built = built
         _copy_state(context, self.simulator.get_mutable_context())
+        recorder.attach(self.simulator, self.pace())
         integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
         self.simulator.Initialize()
-        recorder.attach(self.simulator)
+
+    def _pace(self, built: ClosedStation, simulator: Simulator) -> Callable[[Context], None] | None:
+        solver = self._config.solver
+        if self._config.mode == "kinematic" or not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
+            return None
+        return Flight(built.ports.plant.plant, solver, simulator).look
 
     def _simulator(self, built: ClosedStation) -> Simulator:
         simulator = Simulator(built.diagram)
@@ -157,9 +171,10 @@ class Stepper:
         return Outcome("diverged", DIVERGED, f"diverged at {_time(recorder)}: {first_sentence}; {cause}")
 
 
-def interrupted(recorder: Recorder) -> Outcome:
+def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
     """Return the outcome of a run that its user interrupted."""
-    return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s")
+    told = creeping(config, recorder.times)
+    return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s" + (told and f"; {told}"))
 
 
 def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:

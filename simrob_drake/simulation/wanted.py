@@ -3,15 +3,16 @@
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
-import numpy as np
 import numpy.typing as npt
 from pydantic import ValidationError
-from pydrake.trajectories import Trajectory
+from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.blocks.references import Samples
-from simrob_drake.errors import InvalidParameter, UnknownName, shortened
+from simrob_drake.errors import InvalidParameter, one_of, quoted
+from simrob_drake.frames import Vector, numbers
+from simrob_drake.given import instance, seconds
 from simrob_drake.parts.forces.push import Push
-from simrob_drake.stations.config import StationConfig, check_samples
+from simrob_drake.stations.config import StationConfig, check_effort
 
 Reference: TypeAlias = Trajectory | npt.ArrayLike | Samples
 """A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
@@ -21,16 +22,13 @@ def with_duration(config: StationConfig, duration: Any) -> StationConfig:
     """Return a configuration with a duration [s], its own if that is None.
 
     Raises:
-        InvalidParameter: no positive time, or so long that a run would have too many samples.
+        InvalidParameter: no positive time, or so long that a run would have too many samples or steps.
     """
     if duration is None:
         return config
-    if isinstance(duration, bool) or not isinstance(duration, (int, float, np.number)):
-        raise InvalidParameter("duration", repr(duration), "a positive time [s]")
-    if not (np.isfinite(duration) and duration > 0):
-        raise InvalidParameter("duration", duration, "a positive time [s]")
-    check_samples(float(duration), config.sample_rate)
-    return config.model_copy(update={"duration": float(duration)})
+    longer = config.model_copy(update={"duration": seconds(duration)})
+    check_effort(longer)
+    return longer
 
 
 def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> StationConfig:
@@ -41,6 +39,7 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
     """
     if pushes is None:
         return config
+    instance(pushes, "pushes", Mapping, "a mapping of names to pushes")
     others = {name: force for name, force in config.forces.items() if not isinstance(force, Push)}
     made = dict[str, Push]()
     for name, given in pushes.items():
@@ -48,7 +47,7 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
             made[name] = given if isinstance(given, Push) else Push.model_validate({"kind": "push", **given})
         except (ValidationError, TypeError) as problem:
             expected = "a mapping of at, start, duration and force, as under forces: in a station"
-            raise InvalidParameter(f"pushes: {name}", shortened(repr(given)), expected) from problem
+            raise InvalidParameter(f"pushes: {name}", quoted(given), expected) from problem
     return config.model_copy(update={"forces": {**others, **made}})
 
 
@@ -65,22 +64,24 @@ def by_robot(config: StationConfig, reference: Any) -> dict[str, Trajectory | Sa
         if config.only_robot is None:
             raise InvalidParameter("reference", "one for all", f"a mapping by robot: {', '.join(config.robots)}")
         reference = {config.only_robot: reference}
-    for robot in reference:
-        if robot not in config.robots:
-            raise UnknownName("robot", robot, config.robots)
-    return {robot: _trajectory_or_samples(value) for robot, value in reference.items()}
+    return {one_of("robot", name, config.robots): _trajectory_or_samples(one) for name, one in reference.items()}
 
 
 def _trajectory_or_samples(reference: Any) -> Trajectory | Samples:
     if isinstance(reference, Trajectory):
+        empty = isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1
+        if empty or not reference.rows() or reference.cols() != 1:
+            shape = "no segment" if empty else f"{reference.rows()} x {reference.cols()}"
+            raise InvalidParameter("reference", f"a trajectory of {shape}", "of shape (n, 1), one row a joint")
         return reference
-    try:
-        if isinstance(reference, tuple) and len(reference) == 2:
-            return np.asarray(reference[0], dtype=float), np.asarray(reference[1], dtype=float)
-        rows = np.asarray(reference, dtype=float)
-    except (TypeError, ValueError) as problem:
+    pair = isinstance(reference, tuple) and len(reference) == 2
+    times, positions = map(numbers, reference) if pair else _split(numbers(reference))
+    if times.ndim != 1 or positions.ndim != 2 or not (times.size and positions.size):
         expected = "a trajectory, an array (m, 1 + n) whose first column is the time, or a pair of times and positions"
-        raise InvalidParameter("reference", shortened(repr(reference)), expected) from problem
-    if rows.ndim != 2 or rows.shape[1] < 2:
-        raise InvalidParameter("reference", f"an array of shape {rows.shape}", "of shape (m, 1 + n), the time first")
-    return rows[:, 0], rows[:, 1:]
+        raise InvalidParameter("reference", quoted(reference), expected)
+    return times, positions
+
+
+def _split(rows: Vector) -> tuple[Vector, Vector]:
+    """Return the first column of an array, and the others."""
+    return (rows[:, 0], rows[:, 1:]) if rows.ndim == 2 and rows.size else (rows, rows)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simrob_drake import simulate
-from simrob_drake.csv_files import read_columns
+from simrob_drake.csv_files import column_names, read_columns
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
@@ -87,11 +87,7 @@ def read_log(file: Path, names: Mapping[str, str]) -> tuple[Vector, dict[str, Ve
 
 
 def _of_csv(file: Path) -> dict[str, Vector]:
-    try:
-        header = file.read_text(encoding="utf-8-sig").partition("\n")[0]
-    except (OSError, ValueError) as problem:
-        raise InvalidParameter("--with", str(file), f"a CSV or .mat file that can be read ({problem})") from problem
-    names = [name.strip() for name in header.strip().split(",")]
+    names = column_names(file)
     values, _ = read_columns(file, names)
     return dict(zip(names, values.T, strict=True))
 

@@ -1,9 +1,6 @@
-"""What can be said of a station before it runs: torques, steps, contacts."""
+"""What can be said of a station before it runs: torques, contacts, and what its solver makes of it."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from pydrake.systems.framework import Diagram
@@ -17,30 +14,15 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
 from simrob_drake.stations.standing import standing
+from simrob_drake.stations.steps import Finding, step_findings
 
 _TOUCH = 1e-4
 """Bodies that lie deeper in each other than this at the start are pushed apart [m]."""
 _DROP = 2e-3
 """A robot that starts higher over the floor than this drops on it [m]."""
 
-_EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
-_STABLE = 2.0
-"""An explicit damper on a mass is stable while kd·h / M stays below this (forward Euler on v' = -(kd/M) v)."""
-
 _DEEP = 1e-3  # m: things that rest on each other are less deep in each other
-
-Level = Literal["ok", "warning"]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that a check found."""
-
-    level: Level
-    subject: str
-    text: str
 
 
 def check_station(config: StationConfig) -> list[Finding]:
@@ -61,7 +43,7 @@ def check_station(config: StationConfig) -> list[Finding]:
         else:
             findings += _standing_findings(ports, robot)
     if config.mode == "dynamic":
-        findings += step_findings(config, ports.plant)
+        findings += step_findings(config, ports.plant, closed.courses)
         findings += _contact_findings(diagram, ports)
     return findings + [_declared(signal) for signal in ports.signals if signal.part]
 
@@ -79,26 +61,6 @@ def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -
     context = plant.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant.plant, context, position)
     return -robot.axis_map.efforts(plant.plant.CalcGravityGeneralizedForces(context))
-
-
-def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
-    """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
-    context = plant.plant.CreateDefaultContext()
-    mobility = np.diag(np.linalg.inv(plant.plant.CalcMassMatrix(context)))
-    inertia = 1 / mobility[robot.axis_map.velocity_places]  # as felt with the other joints free
-    with np.errstate(divide="ignore"):
-        return np.asarray(_STABLE * inertia / robot.gains.kd)
-
-
-def likely_cause(config: StationConfig, plant: StationPlant) -> str:
-    """Return the likely cause of a run that diverged, in words."""
-    warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
-    if warnings:
-        return f"likely cause: {warnings[0].text}"
-    if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
-        return "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step"
-    key = "solver.time_step" if isinstance(config.solver, DiscreteSolver) else "solver.max_step or solver.accuracy"
-    return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
 
 
 def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
@@ -142,8 +104,10 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     """Say how a robot with a free base begins: on what it stands, whether it tips over, what its joints hold."""
     config, subject = ports.config, f"{robot.prefix}base"
     found = standing(ports.plant, robot)
-    if config.floor is None or config.contact is None or found is None:
-        missing = "floor" if config.floor is None else "contact" if config.contact is None else "collision shapes"
+    ground = ports.plant.ground
+    nothing = not (ground.has_floor or ground.boxes)
+    if nothing or config.contact is None or found is None:
+        missing = "floor" if nothing else "contact" if config.contact is None else "collision shapes"
         return [Finding("warning", subject, f"the base is free and the robot has no {missing} to stand on: it falls")]
     findings = []
     parts = "feet's" if robot.feet else "collision shapes'"
@@ -166,32 +130,6 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
         weak = abs(torque) > limit
         end = ": the joint will not hold" if weak else sag
         findings.append(Finding("warning" if weak else "ok", f"torque of {robot.prefix}{name}", text + end))
-    return findings
-
-
-def step_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
-    """Compare the servos' damping with the steps of a solver that steps it explicitly."""
-    findings = []
-    solver = config.solver
-    for robot in plant.robots.values():
-        if config.servo_of(robot.name).realization == "implicit":
-            continue
-        steps = largest_explicit_steps(plant, robot)
-        worst = int(np.argmin(steps))
-        joint, largest, unit = f"{robot.prefix}{robot.axes[worst]}", steps[worst], robot.model.units[worst]
-        damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
-        if isinstance(solver, DiscreteSolver):
-            if solver.time_step > largest:
-                remedy = "set servo.realization to implicit, lower servo.kd or solver.time_step"
-                text = f"{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is "
-                findings.append(Finding("warning", "steps", f"{text}{solver.time_step:g} s; {remedy}"))
-            else:
-                findings.append(Finding("ok", "steps", f"{damping} allows steps up to {largest:.2g} s"))
-        elif isinstance(solver, ContinuousSolver) and solver.scheme in _EXPLICIT_SCHEMES:
-            unstable = solver.fixed_steps and bool(solver.max_step > largest)
-            text = f"{damping} keeps the explicit scheme {solver.scheme} below steps of {largest:.2g} s"
-            remedy = f", but solver.max_step is {solver.max_step:g} s; take an implicit scheme such as radau3"
-            findings.append(Finding("warning" if unstable else "ok", "steps", text + remedy * unstable))
     return findings
 
 

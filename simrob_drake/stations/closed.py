@@ -46,13 +46,15 @@ class ClosedStation:
 
     diagram: Diagram
     ports: StationPorts
-    courses: Mapping[str, Course] = field(default_factory=dict)
+    courses: dict[str, Course] = field(default_factory=dict)
     players: Mapping[str, TrajectorySource] = field(default_factory=dict)
 
     def play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
         """Let the sources give other trajectories and pushes."""
         for robot, player in self.players.items():
-            player.UpdateTrajectory(courses[robot])
+            if self.courses[robot] is not courses[robot]:  # a copy of it takes time and memory
+                self.courses[robot] = courses[robot]
+                player.UpdateTrajectory(courses[robot])
         for name, force in forces.items():
             place = f"force.{name}.source"
             if isinstance(force, Push) and self.diagram.HasSubsystemNamed(place):
@@ -109,7 +111,7 @@ def _add_source(
     wanted = [name for name in names if name in ports.inputs and not builder.IsConnectedOrExported(ports.inputs[name])]
     if names[0] not in wanted:
         return None
-    source = add_course(builder, course, name=f"{names[0]}_source", derivatives=len(wanted) > 1)
+    source = add_course(builder, course, name=f"{names[0]}_source", derivatives=names.index(wanted[-1]))
     for name, port in zip(names, (source.position, source.velocity, source.acceleration), strict=True):
         if name in wanted and port is not None:
             builder.Connect(port, ports.inputs[name])
@@ -164,8 +166,12 @@ def check_course(robot: ResolvedRobot, course: Course, duration: float) -> None:
         InvalidParameter: names the joint, the time, the value and the limits.
     """
     times, positions = course_samples(course, duration)
+    if not np.isfinite(positions).all():
+        row, axis = np.argwhere(~np.isfinite(positions))[0]
+        told = f"{positions[row, axis]} at {times[row]:.2f} s"
+        raise InvalidParameter(f"reference of {robot.prefix}{robot.axes[axis]}", told, "a finite number at any time")
     lower, upper = robot.model.axis_limits
-    outside = (positions < lower - 1e-9) | (positions > upper + 1e-9)
+    outside = ~((positions >= lower - 1e-9) & (positions <= upper + 1e-9))  # nor is what is no number inside
     if outside.any():
         row, axis = np.argwhere(outside)[0]
         unit, name = robot.model.user_units[axis], robot.model.unit_names[axis]

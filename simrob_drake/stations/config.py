@@ -20,18 +20,19 @@ from simrob_drake.parts.forces import Forces
 from simrob_drake.parts.monitors import Monitors
 from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
-from simrob_drake.quantities import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
+from simrob_drake.quantities import FASTEST_RATE, ORIGIN, Colour, Duration, Inertia, NotNegative, Pose, Positive, Triple
 from simrob_drake.robots.catalog import AxisValues
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
-from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
 from simrob_drake.yaml_files import FileName, Number, Strict
 
 Input = Literal["feedforward", "reference_velocity", "external_force"]
 Realization = Literal["per_joint", "vector", "implicit"]
-FASTEST_RATE = 1e4  # Hz; ten samples in a step of 1 ms
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
+MOST_STEPS = 10_000_000
+"""Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 
 
 def _every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
@@ -105,7 +106,8 @@ class RobotConfig(_Section):
     import_options: ImportOptions | None = None
     """Choices for the import of the URDF, which then takes place in any case."""
     base: Pose = ORIGIN
-    """Pose of the root link in the world, [x y z Rz Ry Rx]."""
+    """Pose of the root link in the world, [x y z Rz Ry Rx]; over the floor, if that is inclined and the robot stands on
+    feet of its own."""
     initial_deg: AxisValues = 0.0
     """Joint positions at the start, per axis."""
     tcp: str | None = None
@@ -140,7 +142,8 @@ class PieceConfig(Strict):
     parent: str | None = None
     """What it hangs on: `world`, a robot, or another piece (then its TCP); the only robot unless given."""
     frame: str | None = None
-    """A frame of the piece that it hangs on, instead of its TCP; or a tool of the robot, instead of its first one."""
+    """A frame of the piece that it hangs on, instead of its TCP; or a tool or link of the robot, instead of its first
+    tool, or of the root where that is a foot."""
     pose: Pose = ORIGIN
     """Pose in the parent's frame, [x y z Rz Ry Rx]."""
     density: Positive | None = None
@@ -180,10 +183,14 @@ class PieceConfig(Strict):
 
 
 class FloorConfig(Strict):
-    """A square floor around the world's origin, its top at z = 0."""
+    """A square floor around the world's origin, its top at z = 0 there."""
 
     size: Positive = 3.0
     """Length of a side [m]."""
+    incline_deg: Annotated[float, Field(ge=0, le=45)] = 0.0
+    """How steep it is [deg]; robots on their own feet are put upright on it."""
+    heading_deg: Number = 0.0
+    """Which way it rises, counterclockwise from the world's x [deg]."""
 
 
 class JointStops(Strict):
@@ -242,14 +249,14 @@ class StationConfig(_Section):
     start: Path | None = None
     """Where it begins: the `start.json` of a result, in place of the initial postures; relative paths start at the
     station's file."""
-    duration: Positive = 3.0
+    duration: Duration = 3.0
     """Simulated time [s]."""
     sample_rate: Positive = Field(default=100.0, le=FASTEST_RATE)
     """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
 
     @model_validator(mode="after")
-    def _not_too_many_samples(self) -> StationConfig:
-        check_samples(self.duration, self.sample_rate)
+    def _can_be_computed(self) -> StationConfig:
+        check_effort(self)
         return self
 
     @field_validator("robots", "pieces", "sensors", "monitors", "forces", "controllers")
@@ -283,12 +290,23 @@ class StationConfig(_Section):
         return self.robots[robot].reference or self.reference
 
 
-def check_samples(duration: float, rate: float) -> None:
-    """Check that a run of a duration [s] has not more samples, ``rate`` a second [Hz], than a computer can keep.
+def check_effort(config: StationConfig) -> None:
+    """Check that a run has not more samples than a computer can keep, nor more steps than it can do.
 
     Raises:
         InvalidParameter: too many.
     """
+    duration, rate, solver = config.duration, config.sample_rate, config.solver
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
+    if config.mode == "dynamic":
+        key = "time_step" if isinstance(solver, DiscreteSolver) else "max_step"
+        if duration > MOST_STEPS * getattr(solver, key):
+            shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
+            raise InvalidParameter(f"solver.{key}", f"{getattr(solver, key):g} s", shortest)
+    for name, sensor in config.sensors.items():
+        often = getattr(sensor, "rate", None) or 0.0
+        if duration * often > MOST_STEPS:
+            most = f"at most {MOST_STEPS / duration:g} Hz for a duration of {duration:g} s: {MOST_STEPS:g} samples"
+            raise InvalidParameter(f"sensors.{name}.rate", f"{often:g} Hz", most)

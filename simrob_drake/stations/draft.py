@@ -15,20 +15,26 @@ from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import ONLY_ROBOT
+from simrob_drake.stations.trial import gets_through
 
 _STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
 _ROOM = 0.4  # and at most this part of the way to the joint's limit
 
 _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
+_CREEPS = f"# In discrete steps, since {_ARM['scheme']} was tried and creeps: some links are too light for it.\n"
+_DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
 _ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e-3}
 
 
 def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: Path | None = None) -> str:
     """Return the YAML text of a first station for a URDF, raw or imported; its file will be in a folder.
 
-    A robot with a fixed base moves all joints a little way under joint torque. One with a floating base is put on a
-    floor and holds its posture. A robot without inertias moves kinematically. Options of the import are written into
-    the station, and paths start at its folder.
+    A robot with a fixed base moves all joints a little way under joint torque, in continuous time if that was tried
+    and found to get through, else in discrete steps. One with a floating base is put on a floor and holds its posture.
+    A robot without inertias moves kinematically. Options of the import are written into the station, and paths start
+    at its folder.
 
     Raises:
         InvalidModel: the robot cannot be imported.
@@ -44,6 +50,8 @@ def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: P
     if not kinematic:
         content["servo"] = _servo(robot, "implicit" if floating else "per_joint")
     content["reference"] = {"kind": "hold"} if floating else _first_move(robot)
+    if not kinematic and not floating:
+        content["inputs"] = ["reference_velocity"]  # else the damping holds the motion back
     content["floor"] = {"size": 3}
     if floating:
         content["robot"]["base"] = [0.0, 0.0, _height(robot), 0.0, 0.0, 0.0]
@@ -51,9 +59,20 @@ def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: P
     if not kinematic:
         content["solver"] = _ON_FEET if floating else _ARM
     content["duration"] = 3.0
-    return _header(robot, urdf, kinematic) + yaml.safe_dump(
-        content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
+    creeps = not kinematic and not floating and not gets_through(_config(content, urdf))
+    if creeps:
+        content["solver"] = _DISCRETE
+        content["servo"]["realization"] = "implicit"
+    return (
+        _header(robot, urdf, kinematic)
+        + _CREEPS * creeps
+        + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     )
+
+
+def _config(content: dict[str, Any], urdf: Path) -> StationConfig:
+    sections = {key: value for key, value in content.items() if key != "robot"}
+    return StationConfig(name=urdf.stem, robots={ONLY_ROBOT: {**content["robot"], "urdf": urdf}}, **sections)
 
 
 def _header(robot: RobotModel, urdf: Path, kinematic: bool) -> str:

@@ -3,13 +3,15 @@
 import re
 from collections.abc import Mapping
 from copy import deepcopy
+from os.path import exists, isdir, isfile  # which are false for names that no file can have
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
+from simrob_drake.given import instance
 from simrob_drake.parts.controllers.own import OwnController, class_beside
 from simrob_drake.parts.kinds import models_by_kind
 from simrob_drake.parts.references import ReferenceConfig
@@ -55,8 +57,8 @@ def load_station(
         InvalidConfig: an entry that cannot be; the message names file or override, key and what would be right.
     """
     path, overrides = _station_file(name_or_path), {} if overrides is None else overrides
-    if not isinstance(overrides, Mapping):
-        raise InvalidParameter("overrides", shortened(repr(overrides)), "a mapping of keys to values")
+    for key in instance(overrides, "overrides", Mapping, "a mapping of keys to values"):
+        instance(key, "overrides", str, "a mapping whose keys are texts, such as 'servo.kp'")
     try:
         return _loaded(path, overrides, path, allow_code)
     except SimrobError as problem:
@@ -118,17 +120,17 @@ def station_yaml(config: StationConfig) -> str:
 
 def _station_file(name_or_path: str | Path) -> Path:
     if not isinstance(name_or_path, (str, Path)):
-        raise InvalidParameter("station", shortened(repr(name_or_path)), "a name of `simrob list`, or a YAML file")
+        raise InvalidParameter("station", quoted(name_or_path), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)
     if str(name_or_path) in station_names():
         return diagrams_root() / f"{name_or_path}.yaml"
-    if path.is_dir():
+    if isdir(path):
         inside = path / "station.yaml"
-        hint = f"; did you mean {inside}?" if inside.is_file() else ""
+        hint = f"; did you mean {inside}?" if isfile(inside) else ""
         raise InvalidConfig(path, "", f"is a folder, and a station is a name or a YAML file{hint}")
     if path.suffix not in YAML_SUFFIXES:
         raise UnknownName("station", str(name_or_path), station_names())
-    if not path.is_file():
+    if not exists(path):
         raise InvalidConfig(path, "", "there is no such file")
     return path.resolve()
 
@@ -141,15 +143,19 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
         if child is None:
             child = node[part] = {}
         if not isinstance(child, dict):
-            raise InvalidConfig(where, ".".join(key[: depth + 1]), f"is {child!r}, so it has no key '{key[depth + 1]}'")
+            raise InvalidConfig(
+                where, ".".join(key[: depth + 1]), f"is {quoted(child)}, so it has no key '{key[depth + 1]}'"
+            )
         node = child
     section = key[-2] if len(key) > 1 else ""
     if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:
         for other in _ORIGINS[key[-1]]:
             node.pop(other, None)
-    if key[-1] == "kind" and section in _KINDS and node.get("kind") != value:
+    if key[-1] == "kind" and section in _KINDS and isinstance(value, str) and node.get("kind") != value:
         _change_kind(node, _KINDS[section], value)
     if isinstance(value, Mapping) and value and isinstance(node.get(key[-1]), dict):
+        for inner in value:
+            instance(inner, ".".join(key), str, "a section whose keys are texts")
         for inner in sorted(value, key=lambda name: name != "kind"):  # what else is set belongs to the new kind
             _override(content, [*key, inner], value[inner], where)
     else:

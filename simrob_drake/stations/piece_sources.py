@@ -16,8 +16,9 @@ from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.mending import mend
 from simrob_drake.importer.meshes.parts import MeshPart, joined
 from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
-from simrob_drake.importer.meshes.reading import content_of, read_mesh
+from simrob_drake.importer.meshes.reading import mesh_content, read_mesh
 from simrob_drake.importer.meshes.writing import obj_text
+from simrob_drake.interrupts import heard_afterwards
 from simrob_drake.robots.pieces import PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.stations.config import PieceConfig
 from simrob_drake.yaml_files import YAML_SUFFIXES
@@ -74,7 +75,7 @@ def drake_mesh(file: Path) -> Path:
         raise InvalidModel(file, "", f"is no mesh that a piece can have; {', '.join(MESH_FORMATS)} are")
     try:
         others, _ = MeshPlaces(file.resolve(), ()).needed_by(file.resolve())
-        content = [content_of(path) for path in (file, *others.values())]
+        content = [mesh_content(path) for path in (file, *others.values())]
         converted = cache_entry("pieces", made_of=[kind.encode(), *content], made_by=_CODE) / "mesh.obj"
         if not converted.is_file():
             written_at_once(converted, obj_text(_outside_out(_one_part(file, others))).decode())
@@ -93,6 +94,7 @@ def _one_part(file: Path, others: Mapping[str, Path]) -> MeshPart:
     return part
 
 
+@heard_afterwards()
 def _outside_out(part: MeshPart) -> MeshPart:
     """Return a closed mesh with its faces outwards, which its volume depends on; an open one stays as it is."""
     from trimesh import Trimesh

@@ -1,6 +1,7 @@
 """The multibody plant of a station: its robots, pieces and floor."""
 
 import logging
+import re
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -26,14 +27,15 @@ from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, add_piece, piece_robot
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.robots.urdf import with_absolute_meshes
-from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
 from simrob_drake.stations.contact_config import ContactConfig
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.solver_config import DiscreteSolver
 
-logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in record.getMessage())
-"""Drake warns of every half space that deformable bodies could not touch; a station has none of these."""
+_NEEDLESS = re.compile("deformable contact|does not handle joint limits for continuous models")
+"""Warnings of Drake: a station has no deformable bodies, and its joints have stops of its own."""
+
+logging.getLogger("drake").addFilter(lambda record: not _NEEDLESS.search(record.getMessage()))
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
 _FLOOR_THICKNESS = 0.02
@@ -66,13 +68,13 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
     robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
     free_pieces = _add_standing_pieces(plant, resolved, collision)
-    _add_floor(plant, config, collision)
+    _add_floor(plant, resolved, collision)
     apply_materials(plant, scene_graph, resolved)
     plant.Finalize()
     for robot in robots.values():
         for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
             joint.set_default_positions(np.array([sign * angle]))
-    station = StationPlant(plant, scene_graph, robots, free_pieces)
+    station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground)
     check_stiffnesses(plant, scene_graph, resolved)
     _filter_collisions(station, config.contact)
     return station
@@ -97,19 +99,20 @@ def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collis
     return free
 
 
-def _add_floor(plant: MultibodyPlant, config: StationConfig, collision: bool) -> None:
+def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> None:
+    config, tilt = station.config, station.ground.tilt
     if config.floor is None:
         return
     slab = Box(config.floor.size, config.floor.size, _FLOOR_THICKNESS)
     below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
-    plant.RegisterVisualGeometry(plant.world_body(), below, slab, "floor", _FLOOR_COLOUR)
+    plant.RegisterVisualGeometry(plant.world_body(), tilt @ below, slab, "floor", _FLOOR_COLOUR)
     if collision:
         rigid = ProximityProperties()
         if config.contact is not None and config.contact.model != "point":
             AddRigidHydroelasticProperties(1.0, rigid)  # a compliant box on a compliant one would fall back to points
         rigid.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
         rigid.AddProperty("material", "point_contact_stiffness", _FLOOR_STIFFNESS)
-        plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", rigid)
+        plant.RegisterCollisionGeometry(plant.world_body(), tilt, HalfSpace(), "floor", rigid)
 
 
 def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> None:
@@ -142,7 +145,7 @@ def add_robot(
         remedy = "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true"
         where = station.config.robots[robot.name].urdf or model.urdf_path
         raise InvalidModel(where, "", f"the moving links {listed} have no inertia; {remedy}")
-    urdf = _with_pieces(station, robot)
+    urdf = urdf_with_pieces(station, robot)
     instance = add_urdf(plant, urdf, name=robot.name, where=model.urdf_path, collision=collision)
     root = plant.GetFrameByName(model.root, instance)
     if robot.floats:
@@ -164,8 +167,8 @@ def add_robot(
     return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)
 
 
-def _with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:
-    """Return a robot's URDF with the pieces that it carries."""
+def urdf_with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:
+    """Return a robot's URDF with the feet that it wears and the pieces that it carries, mesh names absolute."""
     element = with_absolute_meshes(robot.model.element, robot.model.folder)
     if robot.feet is not None:
         put_on_feet(element, robot.feet)

@@ -19,7 +19,10 @@ _VELOCITY_UNITS = ("m/s",) * 3 + ("rad/s",) * 3
 
 
 def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add ``base_pose``, ``tcp_pose`` and ``tcp_pose.<tool>`` for every robot."""
+    """Add ``base_pose``, ``tcp_pose``, ``tcp_pose.<tool>`` of every robot, ``base_velocity`` (6) of those that float.
+
+    A velocity is the linear one of the root link, then the angular one, in the world's axes [m/s, rad/s].
+    """
     plant = ports.plant.plant
     for robot in ports.plant.robots.values():
         frames = {"base_pose": robot.root, **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()}}
@@ -31,6 +34,9 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
             if name == "base_pose":
                 signals, of_state = [_pose_signal(robot, "base", name)], _free_base(plant, robot)
             ports.add(f"{robot.prefix}{name}", block.GetOutputPort(name), *signals, of_state=of_state)
+        if _is_free(robot):
+            output, pick = f"{robot.prefix}base_velocity", _free_velocity(plant, robot.root.body())
+            ports.add(output, mapped(builder, output, pick, ports.state), of_state=FromState(pick))
         if robot.tcp:
             port = block.GetOutputPort(f"tcp_pose.{robot.tcp}")
             ports.add(f"{robot.prefix}tcp_pose", port, _pose_signal(robot, "tcp", "tcp_pose"))
@@ -46,9 +52,7 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     builder.Connect(ports.state, poses.get_input_port())
     ports.draw("piece_poses", "sensor", wrapped(f"Poses of {', '.join(free)}"))
     for piece, body in free.items():
-        start = plant.num_positions() + body.floating_velocities_start_in_v()
-        pick = np.zeros((6, plant.num_multibody_states()))
-        pick[[3, 4, 5, 0, 1, 2], range(start, start + 6)] = 1.0  # Drake has the angular part first
+        pick = _free_velocity(plant, body)
         for output, port, parts, units, of_state, quantity in (
             ("pose", poses.GetOutputPort(f"piece_pose.{piece}"), XYZ_QUATERNION_NAMES, _POSE_UNITS,
              FromState(_free_pose(plant, body), unit_poses), "position [m]"),
@@ -73,15 +77,25 @@ def _pose_signal(robot: StationRobot, columns: str, output: str) -> Signal:
     return Signal(names, _POSE_UNITS, "pose", f"{robot.prefix}{output}")
 
 
+def _is_free(robot: StationRobot) -> bool:
+    """Tell whether the root link is a free body of the plant, and no part of one."""
+    return robot.floats and robot.root.body().is_floating_base_body() and robot.root.is_body_frame()
+
+
 def _free_base(plant: MultibodyPlant, robot: StationRobot) -> FromState | None:
     """Return how the state tells the base's pose, where the root link's body is free."""
-    body = robot.root.body()
-    if not (robot.floats and body.is_floating_base_body() and robot.root.is_body_frame()):
-        return None
-    return FromState(_free_pose(plant, body), unit_poses)
+    return FromState(_free_pose(plant, robot.root.body()), unit_poses) if _is_free(robot) else None
 
 
 def _free_pose(plant: MultibodyPlant, body: RigidBody) -> Vector:
     """Return the matrix (7, nq + nv) that picks the pose of a free body from the state."""
     places = body.floating_positions_start() + np.array([4, 5, 6, 0, 1, 2, 3])  # Drake has the quaternion first
     return np.asarray(np.eye(plant.num_multibody_states())[places])
+
+
+def _free_velocity(plant: MultibodyPlant, body: RigidBody) -> Vector:
+    """Return the matrix (6, nq + nv) that picks the linear and the angular velocity of a free body from the state."""
+    start = plant.num_positions() + body.floating_velocities_start_in_v()
+    pick = np.zeros((6, plant.num_multibody_states()))
+    pick[[3, 4, 5, 0, 1, 2], range(start, start + 6)] = 1.0  # Drake has the angular part first
+    return pick

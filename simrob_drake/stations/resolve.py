@@ -5,18 +5,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
+from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.sensors import SensorConfig
 from simrob_drake.parts.sensors.sampled import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.pieces import TCP, PieceModel
-from simrob_drake.stations.config import RobotConfig, ServoConfig, StationConfig
+from simrob_drake.stations.config import FloorConfig, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.piece_sources import piece_of
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
@@ -33,6 +35,9 @@ class ResolvedStation(Surroundings):
     config: StationConfig
 
 
+_FOOT = "foot"  # how tools on feet are called, after their side
+
+
 def resolve(config: StationConfig) -> ResolvedStation:
     """Read the robots and pieces of a station.
 
@@ -45,13 +50,14 @@ def resolve(config: StationConfig) -> ResolvedStation:
     for name in config.pieces:
         if name in config.robots or name == WORLD:
             raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
-    robots = {name: _robot(config, name, model, pieces) for name, model in models.items()}
+    ground = _ground(config.floor, pieces)
+    robots = {name: _robot(config, name, model, pieces, ground) for name, model in models.items()}
     return ResolvedStation(
         mode=config.mode,
         scheme=config.solver.scheme if config.mode == "dynamic" else "",
         time_step=config.solver.time_step if isinstance(config.solver, DiscreteSolver) else 0.0,
         has_contact=config.contact is not None,
-        has_floor=config.floor is not None,
+        ground=ground,
         robots=robots,
         pieces=pieces,
         sensors=_sensors(config),
@@ -101,25 +107,53 @@ def _robot_model(entry: RobotConfig) -> RobotModel:
     return load_robot_file(Path(model)) if model.endswith(YAML_SUFFIXES) else load_robot(model)
 
 
-def _robot(config: StationConfig, name: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece]) -> ResolvedRobot:
+def _ground(floor: FloorConfig | None, pieces: Mapping[str, ResolvedPiece]) -> Ground:
+    """Return what there is to stand on: the floor, and the boxes of pieces that are fixed in the world."""
+    places: dict[str, RigidTransform] = {}
+    boxes: list[tuple[RigidTransform, Vector]] = []
+    for piece in pieces.values():
+        if piece.free or piece.parent not in (WORLD, *places):
+            continue
+        place = piece.pose
+        if piece.parent in places:
+            frame = pieces[piece.parent].model.frame_poses[piece.mount.removeprefix(f"{piece.parent}_")]
+            place = places[piece.parent] @ transform_from_pose(frame) @ place
+        places[piece.name] = place
+        solid = [shape for shape in piece.model.shapes if shape.box is not None and shape.collides]
+        boxes += [(place @ transform_from_pose(shape.pose), np.array(shape.box) / 2) for shape in solid]
+    if floor is None:
+        return Ground(has_floor=False, boxes=tuple(boxes))
+    return Ground(float(np.deg2rad(floor.incline_deg)), float(np.deg2rad(floor.heading_deg)), boxes=tuple(boxes))
+
+
+def _robot(
+    config: StationConfig, name: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece], ground: Ground
+) -> ResolvedRobot:
     entry = config.robots[name]
     _check_axes(config, name, model)
     if model.feet is None and entry.feet is not None:
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
+    worn: list[str] = []  # on links that are no tools, and what hangs on such pieces
+    for piece in carried:
+        frame = config.pieces[piece].frame if pieces[piece].parent == name else None
+        if pieces[piece].parent in worn or (frame is not None and frame not in model.tools):
+            worn.append(piece)
+    held = tuple(piece for piece in carried if piece not in worn)
     frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
-    tcp = tool_in_use(model.tools, carried, entry.tcp)
+    tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp and tcp not in frames:
         raise UnknownName(f"tool of {name}", tcp, frames)
     return ResolvedRobot(
         name=name,
         prefix=config.prefix(name),
         model=model,
-        base=transform_from_pose(entry.base),
+        base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
         floats=config.mode == "dynamic" and model.base == "floating",
         gains=servo_gains(model, config.servo_of(name)),
         initial=_initial_position(entry, name, model),
         carried=carried,
+        held=held,
         tool_frames=frames,
         tcp=tcp,
         tcp_offset=entry.tcp_offset,
@@ -251,13 +285,13 @@ def _mount(
 ) -> str:
     """Return the name of the frame of the plant that a piece hangs on; empty for the world.
 
-    On a robot that is one of its own tools, the first unless named, or its root; on a piece one of its frames.
+    On a robot that is one of its tools or links, see :func:`flange`; on a piece one of its frames.
     """
     if parent in robots:
-        tools = robots[parent].tools
-        if frame is not None and frame not in tools:
-            raise UnknownName(f"tool of {parent} for {key}", frame, tools)
-        return flange(tools, robots[parent].root, frame)
+        places = [*robots[parent].tools, *robots[parent].links]
+        if frame is not None and frame not in places:
+            raise UnknownName(f"tool or link of {parent} for {key}", frame, places)
+        return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:
             raise InvalidParameter(key, frame, "left out: it hangs on the world, which has no frames")
@@ -278,8 +312,12 @@ def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None)
 
 
 def flange(own: Mapping[str, str], root: str, tool: str | None = None) -> str:
-    """Return the frame that what a robot carries hangs on: of the tool that is named, else of its first, else its root.
+    """Return the frame that what a robot carries hangs on: of the tool or link that is named, else of its first tool.
 
-    ``own`` are the frames of its tools by name, ``root`` is that of its root link.
+    It is the root where there is none, or where that is a foot: on four legs a load lies on the trunk. ``own`` are the
+    frames of its tools by name, ``root`` is that of its root link.
     """
-    return own[tool] if tool is not None and tool in own else next(iter(own.values()), root)
+    if tool is not None:
+        return own.get(tool, tool)
+    first, frame = next(iter(own.items()), (_FOOT, root))
+    return root if first.endswith(_FOOT) else frame

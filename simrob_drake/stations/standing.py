@@ -17,11 +17,11 @@ _EVEN = 1e-4  # weight of sharing the load evenly, where there are more contacts
 
 @dataclass(frozen=True)
 class Standing:
-    """A robot on a level floor, at rest.
+    """A robot on the ground, at rest.
 
     Attributes:
         mass: of the robot with what it carries [kg].
-        gap: height of the lowest point over the floor [m]; negative if it lies deeper.
+        gap: height of the lowest point over the ground [m]; negative if it lies deeper.
         contacts: how many points carry.
         margin: distance of the centre of mass, seen from above, from the border of the support area [m]; negative
             outside of it, and zero where the points span no area.
@@ -43,8 +43,9 @@ def standing(station: StationPlant, robot: StationRobot) -> Standing | None:
     if not supports:
         return None
     points = np.vstack([on_body for _, on_body in supports])
-    gap = float(points[:, 2].min())
-    carrying = points[:, 2] <= gap + _TOUCHING
+    heights = points[:, 2] - station.ground.beneath(points)
+    gap = float(heights.min())
+    carrying = heights <= gap + _TOUCHING
     frames = [frame for frame, on_body in supports for _ in on_body]
     points, frames = points[carrying], [frame for frame, carries in zip(frames, carrying, strict=True) if carries]
     jacobians = np.array([_lift(plant, context, frame, point) for frame, point in zip(frames, points, strict=True)])
@@ -59,18 +60,26 @@ def standing(station: StationPlant, robot: StationRobot) -> Standing | None:
 
 def _support_points(station: StationPlant, robot: StationRobot, context: Context) -> list[tuple[Frame, Vector]]:
     """Return the points that a robot may stand on in a state, by the frames of its bodies: in the world, (k, 3) [m]."""
-    plant = station.plant
+    plant, tilt = station.plant, station.ground.tilt
+    from_floor = tilt.inverse()
+
+    def seen(points: Vector) -> Vector:
+        return np.asarray((tilt @ points.T).T)
+
     if robot.feet is not None:
         frames = {link: plant.GetFrameByName(link, robot.instance) for link in robot.feet.links}
-        standing = {link: frame.CalcPoseInWorld(context).GetAsMatrix4()[np.newaxis] for link, frame in frames.items()}
-        return [(frames[link], robot.feet.lowest_points(link, pose)[0]) for link, pose in standing.items()]
+        poses = {link: from_floor @ frame.CalcPoseInWorld(context) for link, frame in frames.items()}
+        lowest = {
+            link: robot.feet.lowest_points(link, pose.GetAsMatrix4()[np.newaxis])[0] for link, pose in poses.items()
+        }
+        return [(frames[link], seen(points)) for link, points in lowest.items()]
     inspector = station.scene_graph.model_inspector()
     bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
     shapes = [(body, shape) for body in bodies for shape in plant.GetCollisionGeometriesForBody(body)]
-    poses = [plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(shape) for body, shape in shapes]
+    placed = [from_floor @ plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(s) for body, s in shapes]
     return [
-        (body.body_frame(), lowest_points(inspector.GetShape(shape), pose, shape_corners(inspector, shape)))
-        for (body, shape), pose in zip(shapes, poses, strict=True)
+        (body.body_frame(), seen(lowest_points(inspector.GetShape(shape), pose, shape_corners(inspector, shape))))
+        for (body, shape), pose in zip(shapes, placed, strict=True)
     ]
 
 

@@ -9,7 +9,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from simrob_drake.blocks.events import EventTimes
 from simrob_drake.blocks.wiring import fed
-from simrob_drake.errors import InvalidParameter, shortened
+from simrob_drake.errors import InvalidParameter, quoted
+from simrob_drake.given import drake_asserts, instance
 from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import loops_of, own_blocks
 from simrob_drake.parts.controllers.loop import add_loops
@@ -44,9 +45,10 @@ def config_of(station: StationLike) -> StationConfig:
     if isinstance(station, (str, Path)):
         return load_station(station)
     known = "a name of `simrob list`, a YAML file, what load_station() gives, or a built station"
-    raise InvalidParameter("station", shortened(repr(station)), known)
+    raise InvalidParameter("station", quoted(station), known)
 
 
+@drake_asserts()
 def add_station(builder: DiagramBuilder, config: StationConfig | str | Path) -> StationPorts:
     """Add a station's systems to a diagram under construction, flat, with the plant named ``plant``.
 
@@ -57,6 +59,7 @@ def add_station(builder: DiagramBuilder, config: StationConfig | str | Path) -> 
     Returns:
         the station's ports, with its plant.
     """
+    instance(builder, "builder", DiagramBuilder, "a DiagramBuilder of Drake")
     ports = compose(builder, resolve(config_of(config)))
     if ports.edges:
         builder.AddNamedSystem("edges", EventTimes(ports.edges))

@@ -44,7 +44,9 @@ def attaching() -> Table:
         arm = Arm(load_station(name, {"mode": "dynamic", "pieces.weight": weight}))
         arm.wait(0.01)
         parents = iter(["robot", "world"] * (ROUNDS + 1))
-        wall, processor = _times(lambda arm=arm, parents=parents: arm.cell.attach("weight", next(parents)))
+        wall, processor = _times(
+            lambda arm=arm, parents=parents: arm.cell.attach("weight", next(parents), pose=[0.0] * 6)
+        )
         step, _ = _times(lambda arm=arm: arm.wait(1e-3))
         table.add_row(name, f"{wall:.1f}", f"{processor:.1f}", f"{step:.1f}")
     return table

@@ -17,6 +17,7 @@ from simrob_drake.programs.gaits.quadruped import crawl, trot
 STARTS = (3.0, 3.1, 3.2, 3.3)
 """Moments of the push, some in each phase of a step [s]; the weakest counts."""
 SIDES = {"forward": (1, 0), "backward": (-1, 0), "left": (0, 1), "right": (0, -1)}
+STEPS = {"solver.max_step": 0.01, "solver.error_control": True}
 CLOSE = 0.12  # of the force: where the bisection ends
 
 
@@ -25,7 +26,7 @@ def survives(motion: JointMotion, facing: float, side: tuple[int, int], force: f
     along = facing_rotation(-facing) @ np.array([*side, 0.0])
     for start in STARTS:
         push = {"kind": "push", "start": start, "force": [float(part) for part in force * along]}
-        config = motion.station({"forces.push": push, "duration": 5.0})
+        config = motion.station({"forces.push": push, "duration": 5.0, **STEPS})
         if simulate(config, reference=motion.trajectory(), progress=False).stopped_by is not None:
             return False
     return True
@@ -45,11 +46,11 @@ def largest(motion: JointMotion, facing: float, side: tuple[int, int], guess: fl
 def main(names: list[str]) -> None:
     """Push and print."""
     motions = {
-        "humanoid walk": (walk("humanoid", 20), 8.0),
-        "humanoid real_sole": (walk("humanoid", 20, "real_sole"), 6.0),
-        "roid1 walk": (walk("roid1", 30), 4.0),
-        "zjudancer walk": (walk("zjudancer", 20), 16.0),
-        "yobotics trot": (trot("yobotics", 30), 80.0),
+        "humanoid walk": (walk("humanoid", 16), 8.0),
+        "humanoid real_sole": (walk("humanoid", 16, "real_sole"), 6.0),
+        "roid1 walk": (walk("roid1", 26), 4.0),
+        "zjudancer walk": (walk("zjudancer", 16), 16.0),
+        "yobotics trot": (trot("yobotics", 25), 80.0),
         "yobotics crawl": (crawl("yobotics", 14), 80.0),
     }
     for name in names or motions:

@@ -15,6 +15,7 @@ from simrob_drake.blocks.references import (
     SineCourse,
     add_course,
     corner_times,
+    hermite,
     hold,
     move,
     ramp,
@@ -123,6 +124,19 @@ def test_inside_of_a_cubic_table_there_is_no_corner() -> None:
     assert corners == [0.0, 2.0]  # it starts and ends in motion
 
 
+def test_a_hermite_table_is_the_piecewise_polynomial_of_drake() -> None:
+    random = np.random.default_rng(6)
+    times = np.cumsum(random.uniform(0.01, 0.1, 40))
+    samples, rates = random.normal(size=(2, 40, 3))
+    curve, same = hermite(times, samples, rates), PiecewisePolynomial.CubicHermite(times, samples.T, rates.T)
+    at = np.union1d(times, np.linspace(times[0], times[-1], 300))
+    np.testing.assert_allclose(curve.vector_values(at), same.vector_values(at), atol=1e-13)
+    for order, within in ((1, 1e-11), (2, 1e-8)):  # of up to 1e3, and 1e5
+        derivatives = [each.MakeDerivative(order).vector_values(at) for each in (curve, same)]
+        np.testing.assert_allclose(*derivatives, atol=within)
+    assert corner_times(curve) == [times[0], times[-1]]
+
+
 def test_two_samples_are_a_line() -> None:
     np.testing.assert_allclose(value(table([0, 2], [[0.0], [1.0]]), 0.5), [0.25])
 
@@ -168,24 +182,24 @@ def test_of_a_trajectory_that_is_no_polynomial_only_the_ends_count() -> None:
     assert corner_times(slerp) == [0.5, 2.0]
 
 
-@pytest.mark.parametrize("derivatives", [False, True])
-def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: bool) -> None:
+@pytest.mark.parametrize("derivatives", [0, 1, 2])
+def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: int) -> None:
     builder = DiagramBuilder()
     trajectory = move(START, TARGET, duration=1.0, start_time=0.5)
     diagram = played(builder, add_course(builder, trajectory, derivatives=derivatives))
     np.testing.assert_allclose(signal(diagram, "position", 0.0), START, atol=1e-14)
     np.testing.assert_allclose(signal(diagram, "position", 9.0), TARGET, atol=1e-14)
     np.testing.assert_allclose(signal(diagram, "position", 0.8), value(trajectory, 0.8), atol=1e-14)
-    assert diagram.num_output_ports() == (3 if derivatives else 1)
-    if derivatives:
-        for order, name in ((1, "velocity"), (2, "acceleration")):
+    assert diagram.num_output_ports() == 1 + derivatives
+    for order, name in ((1, "velocity"), (2, "acceleration")):
+        if order <= derivatives:
             np.testing.assert_allclose(signal(diagram, name, 0.8), value(trajectory, 0.8, order), atol=1e-12)
 
 
 @pytest.mark.parametrize(("time", "moving"), [(0.25, False), (1.0, True), (2.75, False)])
 def test_outside_of_a_ramp_the_velocity_is_zero(time: float, moving: bool) -> None:
     builder = DiagramBuilder()
-    source = add_course(builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=True)
+    source = add_course(builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=2)
     expected = (TARGET - START) / 2 if moving else np.zeros(3)
     np.testing.assert_allclose(signal(played(builder, source), "velocity", time), expected, atol=1e-14)
 

@@ -434,7 +434,9 @@ MESHES = [
         "repaired: mm thick",
     ),
     Defect("huge mesh", huge_foot, "repaired: (81920 faces) is now meshes/foot_visual_1.obj; decimated from 81920"),
-    Defect("200 MB", foot_file("a.stl", bytes(200_000_000)), "dropped: a.stl' has 200 MB; the largest that is read"),
+    Defect(
+        "200 MB", foot_file("a.stl", bytes(200_000_000)), "dropped: a.stl' cannot be read (it is larger than 100 MB)"
+    ),
     Defect("unknown format", foot_file("foot.step", FOOT), "dropped: is of a format '.step' that is not read"),
     Defect("STL called OBJ", foot_file("foot.obj", FOOT), "dropped: foot.obj'"),
     Defect("DAE with entities", file("meshes/upper.dae", DAE.replace("<COLL", f"{BOMB}<COLL")), "dropped: entities"),
@@ -614,7 +616,9 @@ INERTIAS = [
     Defect("legs without inertias", bare, "refused: link 'left_shin': has no usable inertia", LEGS),
     Defect("legs, estimated", bare, "defaulted: link 'left_shin': has no inertia; estimated: 0.32 kg", LEGS, ESTIMATE),
     Defect("legs on the world", on_world, "read: fixed base: its root link is the world", LEGS),
-    Defect("legs that stay", bare, "read: link 'trunk': floating base: 2 branches of 3 and more joints", LEGS),
+    Defect(
+        "legs that stay", bare, "read: link 'trunk': floating base: 2 branches of 'trunk' are called as legs are", LEGS
+    ),
 ]
 
 FILES = [
@@ -638,8 +642,8 @@ FILES = [
     Defect(
         "xacro leftover", swap('effort="40"', 'effort="${e}"'), "error: joint 'elbow' <limit>: effort=\"${e}\" is an"
     ),
-    Defect("xacro", swap("<robot", '<robot xmlns:xacro="http://ros.org/wiki/xacro" xacro:a="1"'), "error: xacro"),
-    Defect("50 MB", content(lambda text: text.encode() + b" " * 50_000_000), "error: is larger than 20 MB"),
+    Defect("xacro", swap("</robot>", "<xacro:lost/></robot>"), "error: xacro"),
+    Defect("50 MB", content(lambda text: text.encode() + b" " * 50_000_000), "error: it is larger than 10 MB"),
 ]
 
 DEFECTS = [*RESOLVING, *MESHES, *SHAPES, *NAMES, *TREE, *JOINTS, *DRIVES, *INERTIAS, *FILES]

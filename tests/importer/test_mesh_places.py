@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from simrob_drake.importer.meshes.places import MeshMissing, MeshOutside, MeshPlaces, mesh_files, package_root
+from simrob_drake.importer.meshes.places import MeshMissing, MeshOutside, MeshPlaces, mesh_files
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.packages import package_root
 
 MANIFEST = "<package><name>{}</name></package>"
 
@@ -213,3 +214,12 @@ def test_the_files_of_a_robot_are_listed_once_with_what_they_name(robot: Path) -
         ET.SubElement(element, "mesh", filename=uri)
     listed = mesh_files(element, source=robot, options=ImportOptions())
     assert [path.name for path in listed] == ["a.obj", "a.mtl", "skin.png", "b.dae", "b&w.png", "c.gltf", "c.bin"]
+
+
+def test_what_the_name_of_a_package_leads_to_its_path_does_too(robot: Path) -> None:
+    other = put(robot.parents[2] / "other-main" / "package.xml", MANIFEST.format("other")).parent
+    mesh = put(other / "base.stl")
+    assert MeshPlaces(robot).find(f"file://{mesh}").path == mesh  # as a xacro writes `$(find other)/base.stl`
+    (other / "package.xml").unlink()
+    with pytest.raises(MeshOutside):
+        MeshPlaces(robot).find(f"file://{mesh}")

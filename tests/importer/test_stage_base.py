@@ -27,7 +27,7 @@ WHEEL = ["continuous"]
 @pytest.mark.parametrize(
     ("element", "base", "reason"),
     [
-        (robot([LEG * 2]), "fixed", "no pair of legs and no wheels start at it"),
+        (robot([LEG * 2]), "fixed", "no pair of legs and no wheels carry it"),
         (robot([LEG, LEG]), "floating", "2 branches of 3 and more joints start at it"),
         (robot([LEG, LEG[:2]]), "fixed", "no pair of legs"),
         (robot([LEG, ["fixed", *LEG]]), "floating", "2 branches"),
@@ -69,6 +69,53 @@ def test_legs_hang_down_and_arms_and_fingers_do_not(tmp_path, branches, way, bas
                 moved.remove(old)
             ET.SubElement(moved, "origin", xyz=way)
     assert choose_base(element, ImportOptions(), ImportReport(tmp_path / "a.urdf")) == base
+
+
+def called(*branches: str, way: str = "0 0 -0.3", kind: str = "revolute") -> ET.Element:
+    """Return a robot whose branches are names of joints; ``waist>l_hip`` starts behind another joint."""
+    parts = ['<link name="base"/>']
+    for names in branches:
+        parent, _, rest = names.rpartition(">")
+        parent = parent and f"{parent}_link"
+        for name in rest.split():
+            moved = joint(name, parent or "base", f"{name}_link", kind, f'<origin xyz="{way}"/>')
+            parts += [f'<link name="{name}_link"/>', moved]
+            parent = f"{name}_link"
+    return ET.fromstring(f"<robot name='r'>{''.join(parts)}</robot>")
+
+
+LEGS = ("l_hip l_knee l_ankle", "r_hip r_knee r_ankle")
+ARMS = ("left_shoulder left_elbow left_wrist", "right_shoulder right_elbow right_wrist")
+HAND = [f"{finger}_1 {finger}_2 {finger}_3" for finger in ("thumb", "index_finger", "little_finger")]
+DOG = [f"{leg}_HFE {leg}_KFE" for leg in ("LF", "RF", "LH", "RH")]
+
+
+@pytest.mark.parametrize(
+    ("element", "base", "reason"),
+    [
+        (called(*ARMS), "fixed", "6 joints are called as those of arms and hands are"),  # that hang at zero
+        (called(*HAND), "fixed", "9 joints are called"),  # of a hand that points downward
+        (called("waist neck", *[f"waist>{arm}" for arm in ARMS]), "fixed", "6 joints"),
+        (called(*ARMS, "l_hip", "r_hip"), "fixed", "6 joints"),  # hips alone are no legs
+        (called(*ARMS, *LEGS), "floating", "2 branches of 'base' are called as legs are"),
+        (called(*ARMS, "waist", *[f"waist>{leg}" for leg in LEGS]), "floating", "2 branches of 'waist_link'"),
+        (called("LHipYaw LKnee", "RHipYaw RKnee"), "floating", "2 branches"),
+        (called(*DOG, way="0.1 0 0.2"), "floating", "4 branches"),  # in whichever way its legs point
+        (called(*DOG, "arm_1 arm_2 arm_3"), "floating", "4 branches"),
+        (called("whip_1 whip_2 ship", "telegram_1 telegram_2 chip"), "floating", "as legs do"),  # by shape alone
+        (
+            called("wheel_left", "wheel_right", kind="continuous"),
+            "floating",
+            "2 continuous joints are called as wheels",
+        ),
+        (called("frontWheel", "valve", kind="continuous"), "fixed", "no wheels"),
+        (called("wheel_left", "wheel_right"), "fixed", "no wheels"),  # that turn some degrees
+    ],
+)
+def test_names_tell_legs_and_wheels_from_arms_and_hands(tmp_path, element, base, reason):
+    report = ImportReport(tmp_path / "a.urdf")
+    assert choose_base(element, ImportOptions(), report) == base
+    assert reason in report.entries[0].text
 
 
 @pytest.mark.parametrize("base", ["fixed", "floating"])

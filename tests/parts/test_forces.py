@@ -10,7 +10,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.results.result import SimulationResult
 
 MASS = 0.9048  # kg, of the ball
-FREE = {"gravity": 0, "pieces.ball.pose": [0, 0, 1, 0, 0, 0]}
+FREE = {"gravity": 0, "pieces.ball.pose": [0, 0, 1, 0, 0, 0], "floor": None, "contact": None, "sensors": {}}
 
 
 def ball(forces: dict[str, Any], scheme: str = "cenic", *, until: float = 1.0, step: float = 0.1) -> SimulationResult:
@@ -18,6 +18,7 @@ def ball(forces: dict[str, Any], scheme: str = "cenic", *, until: float = 1.0, s
     overrides = {
         **FREE,
         "solver.max_step": step,
+        "solver.accuracy": 3e-4,
         "solver.scheme": scheme,
         "forces": {name: {"at": "ball", **f} for name, f in forces.items()},
     }
@@ -28,12 +29,12 @@ def velocity(result: SimulationResult) -> np.ndarray:
     return np.array([result[f"piece.ball.v{axis}"][-1] for axis in "xyz"])
 
 
-@pytest.mark.parametrize("scheme", ["cenic", "radau3", "runge_kutta3"])
+@pytest.mark.parametrize("scheme", ["cenic", "radau3", "runge_kutta3", "runge_kutta2", "radau1", "implicit_euler"])
 def test_the_impulse_of_a_push_arrives(scheme: str) -> None:
+    """Also with schemes that look at a step's end, where the force is gone: 5 % of it, with steps of a tenth of it."""
     force = np.array([3.0, -10.0, 1.0])
-    result = ball({"push": {"start": 0.213, "duration": 0.1, "force": force.tolist()}}, scheme)
-    # Schemes with a stage at a step's end find the force gone there; their error control keeps that to a thousandth.
-    np.testing.assert_allclose(velocity(result), force * 0.1 / MASS, rtol=2e-3)
+    result = ball({"push": {"start": 0.213, "duration": 0.1, "force": force.tolist()}}, scheme, step=0.01)
+    np.testing.assert_allclose(velocity(result), force * 0.1 / MASS, rtol=1e-6)
 
 
 def test_pushes_add_up_where_they_overlap() -> None:

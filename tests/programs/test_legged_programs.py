@@ -11,6 +11,7 @@ from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.moves import ActMove, AttachMove, JointMove, ReleaseMove, WalkMove
 
 ARM = {"HomDF": 40}
+TIP = {"target_deg": {"TobD": -80, "TobI": -80}, "duration": 3.0}  # over, by the ankles' turn
 PARCEL = {"parent": "world", "pose": [0.2, -0.3, 0.3, 0, 0, 0]}
 IN_HAND = [0.0, 0.0, -0.05, 0.0, 0.0, 0.0]
 
@@ -47,7 +48,7 @@ class TestOnThePhysics:
         before, left = snapshot(carrier), carrier.cell.frame("parcel").translation()
         result = carrier.simulate()
         assert result is carrier.runs[-1]
-        assert [run.stop_time for run in carrier.runs] == pytest.approx([0.4, 5.6, 0.4, 7.36, 0.4], abs=0.2)
+        assert [run.stop_time for run in carrier.runs] == pytest.approx([0.4, 6.95, 0.4, 7.5, 0.4], abs=0.2)
         assert {run.ending for run in carrier.runs} == {"completed"}
         assert [run.config.pieces["parcel"].parent for run in carrier.runs] == [*["world"] * 2, *["robot"] * 2, "world"]
         for run, later in zip(carrier.runs, carrier.runs[1:], strict=False):
@@ -64,6 +65,11 @@ class TestOnThePhysics:
         carrier.walk(4)
         went = carrier.base_pose.translation()[1]
         assert went < -0.1
+        hand = carrier.pose("right_hand")[:3]
+        with pytest.raises(InvalidParameter, match=r"parcel, .* mm away from robot; it must be within 30 mm"):
+            carrier.attach("parcel")
+        before_it = [hand[0], hand[1] - 0.05, hand[2], 0.3, 0.0, 0.0]  # by 20 mm
+        carrier.cell.attach("parcel", "world", pose=before_it)
         place = carrier.cell.frame("parcel").GetAsMatrix4()
         carrier.attach("parcel")
         np.testing.assert_allclose(carrier.cell.frame("parcel").GetAsMatrix4(), place, atol=1e-9)
@@ -73,7 +79,7 @@ class TestOnThePhysics:
         np.testing.assert_allclose(carrier.cell.frame("parcel").GetAsMatrix4(), seen.GetAsMatrix4(), atol=1e-9)
 
     def test_a_fall_ends_the_program(self, carrier):
-        falls = Program.model_validate({"moves": [{"act": "fall_forward"}, {"target_deg": ARM}, {"attach": "parcel"}]})
+        falls = Program.model_validate({"moves": [TIP, {"act": "bow"}, {"attach": "parcel"}]})
         before = snapshot(carrier)
         result = carrier.run(falls)
         assert result.stopped_by == "fall"
@@ -113,14 +119,14 @@ class TestEditing:
     def test_undo_takes_a_stored_piece_back(self, held):
         held.add_move(ARM, 0.1)
         before = snapshot(held)
-        held.attach("parcel", store=True)
-        assert held.program.moves[-1] == AttachMove.model_validate({"attach": "parcel"})
+        held.attach("parcel", pose=IN_HAND, store=True)
+        assert held.program.moves[-1] == AttachMove.model_validate({"attach": {"piece": "parcel", "pose": IN_HAND}})
         held.undo()
         assert snapshot(held) == before
 
     def test_what_is_not_to_be_stored_is_not(self, carrier):
         carrier.act("wave")
-        carrier.attach("parcel")
+        carrier.attach("parcel", pose=IN_HAND)
         assert carrier.program == Program()
 
     def test_a_program_of_before_is_as_valid(self, held, tmp_path):
@@ -162,21 +168,22 @@ class TestTools:
         assert held.cell.model.robots["robot"].tcp == "left_hand"
 
     def test_the_other_hand_takes_it_over(self, held):
-        place = held.cell.frame("parcel").GetAsMatrix4()
         for tool in ("left_hand", "right_hand", "left_foot"):
-            held.attach("parcel", tool, store=True)
+            held.attach("parcel", tool, pose=IN_HAND, store=True)
             assert held.cell.config.pieces["parcel"].frame == tool
+            place = (transform_from_pose(held.pose(tool)) @ transform_from_pose(IN_HAND)).GetAsMatrix4()
             np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), place, atol=1e-9)
         held.add_move({"CadIF": 30}, 0.2)
         moved = held.cell.frame("parcel").GetAsMatrix4()
         assert np.linalg.norm(moved[:3, 3] - place[:3, 3]) > 0.05  # the foot has taken it along
-        assert held.program.moves[0].model_dump(mode="json") == {"attach": {"piece": "parcel", "tool": "left_hand"}}
+        kept = {"piece": "parcel", "tool": "left_hand", "pose": IN_HAND}
+        assert held.program.moves[0].model_dump(mode="json") == {"attach": kept}
         held.simulate()
         np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), moved, atol=1e-9)
 
     def test_a_piece_that_is_carried_carries_another(self, held):
-        held.attach("stand", "left_hand")
-        held.attach("parcel", "stand")
+        held.attach("stand", "left_hand", pose=IN_HAND)
+        held.attach("parcel", "stand", pose=[0.0, 0.0, 0.03, 0.0, 0.0, 0.0])
         assert held.cell.config.pieces["parcel"].parent == "stand"
 
     def test_on_its_feet_it_takes_with_the_left_hand(self, carrier):
@@ -203,8 +210,8 @@ class TestErrors:
         [
             ({"walk": {"steps": 4, "gait": "trot"}}, UnknownName, "^move 1: there is no gait of humanoid 'trot'"),
             ({"walk": {"steps": 4, "amplitude": 30}}, OutOfReach, "^move 1: the leg of right_foot is out of reach"),
-            ({"walk": {"steps": 1}}, InvalidParameter, "^move 1: steps is 1; it must be at least 2"),
-            ({"walk": {"steps": 0}}, InvalidParameter, "^move 1: steps is 0; it must be at least 2"),
+            ({"walk": {"steps": -1}}, InvalidParameter, "^move 1: steps is -1; it must be at least 1"),
+            ({"walk": {"steps": 0}}, InvalidParameter, "^move 1: steps is 0; it must be at least 1"),
             (
                 {"walk": {"steps": 4, "amplitud": 2}},
                 UnknownName,
@@ -235,7 +242,7 @@ class TestErrors:
                 do()
 
     def test_pieces_alone_take_no_time(self, held):
-        held.attach("parcel", store=True)
+        held.attach("parcel", pose=IN_HAND, store=True)
         with pytest.raises(InvalidParameter, match="without a move that takes time"):
             held.simulate()
 

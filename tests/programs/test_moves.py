@@ -270,7 +270,7 @@ class TestBadInput:
                 {"duration": 1, "speed": 0.1},
                 "the time of the move is given by duration and speed; it must be given by one",
             ),
-            ({"duration": 0}, "duration is 0; it must be a positive number"),
+            ({"duration": 0}, "duration is 0; it must be a positive time"),
             ({"speed": -1}, "speed is -1"),
             ({"times": [1, 2]}, "1 times"),
             ({"times": [[np.nan]]}, "1 times"),

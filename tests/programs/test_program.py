@@ -84,7 +84,7 @@ class TestFiles:
         ("text", "message"),
         [
             ("moves: [{target_deg: {a: 1}", "is not YAML"),
-            ("moves:\n  - {target_deg: {a: 1}}\n  - {target_deg: {a: ", "line 3"),
+            ("moves:\n  - {target_deg: {a: 1}}\n  - {target_deg: {a: ", "line 4"),
             ("- 1", "must hold a mapping"),
             ("movs: []", "movs: unknown key; did you mean 'moves'?"),
             ("moves: 3", "moves: "),

@@ -102,7 +102,7 @@ def test_a_run_that_began_in_another_ones_end_can_be_run_again(result, tmp_path)
     np.testing.assert_array_equal(Workcell(folder / "station.yaml").position("robot"), result.axes("q")[-1])
 
 
-@pytest.mark.parametrize(("content", "what"), [(None, "cannot be read"), ("{}", "holds no state")])
+@pytest.mark.parametrize(("content", "what"), [(None, r"cannot be read \(No such .*\)"), ("{}", "holds no state")])
 def test_a_start_that_is_none_is_refused(tmp_path, content, what):
     if content is not None:
         (tmp_path / "start.json").write_text(content)
@@ -116,7 +116,7 @@ def test_a_trajectory_outside_of_the_run_is_saved_as_what_it_was_a_hold(tmp_path
     result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
     again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
     np.testing.assert_allclose(again.axes("q_ref"), held)
-    np.testing.assert_array_equal(again.axes("q_ref"), result.axes("q_ref"))
+    np.testing.assert_allclose(again.axes("q_ref"), result.axes("q_ref"), rtol=0, atol=1e-15)  # rounding of the spline
 
 
 def test_a_robot_is_named_where_there_is_not_just_one(result):

@@ -13,6 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import OutputError
 from simrob_drake.results.plots.files import save_plots
+from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure
 from simrob_drake.results.plots.joint_plots import side_groups
 from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.plant import add_plant
@@ -281,3 +282,12 @@ def test_a_long_reason_is_told_to_its_end(result, drawn):
     assert len(titles) == 6
     assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
     assert not any(box.overlaps(title) for box in boxes for title in titles)
+
+
+def test_of_hundreds_of_axes_a_figure_shows_the_first_and_says_so(result):
+    values = np.zeros_like(result.times)
+    stacks = [Stack(f"joint_{place}", [Plot("torque [N·m]", [Curve(values, "torque", "0")])]) for place in range(300)]
+    figure = grid_figure(result, "joint torques", stacks)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [f"joint_{place}" for place in range(48)]
+    assert "joint torques: the first 48 of 300" in texts(figure)
+    assert "the first" not in texts(grid_figure(result, "joint torques", stacks[:48]))

@@ -1,9 +1,14 @@
 """The recording, the live view and the camera of both."""
 
 import base64
+import gc
+import os
 import re
 import socket
+import sys
+from pathlib import Path
 from time import perf_counter
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -11,9 +16,10 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.results.animation import recording
-from simrob_drake.results.animation.camera import FIELD_OF_VIEW, camera_on, frame_times
+from simrob_drake.results.animation.camera import FIELD_OF_VIEW, WINDOW_ASPECT, camera_on, frame_times
+from simrob_drake.results.animation.drawn import open_meshcat
 from simrob_drake.results.animation.live import LiveView
-from simrob_drake.results.animation.recording import open_meshcat, save_recording
+from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.results.animation.scene import Scene
 
 
@@ -38,8 +44,16 @@ def listens(address: str, port: int) -> bool:
         return client.connect_ex((address, port)) == 0
 
 
-def port_of(url: str) -> int:
-    return int(url.rsplit(":", 1)[1])
+def listening():
+    """Return the addresses and ports, in hexadecimal, at which this process listens."""
+    sockets = {os.readlink(file) for file in Path("/proc/self/fd").iterdir() if file.is_symlink()}
+    rows = [line.split() for line in Path("/proc/self/net/tcp").read_text().splitlines()[1:]]
+    return [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in sockets]
+
+
+def place_of(url: str) -> tuple[str, int]:
+    parts = urlsplit(url)
+    return parts.hostname, parts.port
 
 
 def test_the_page_holds_the_motion_of_every_link_and_plays_at_once(page):
@@ -50,35 +64,64 @@ def test_the_page_holds_the_motion_of_every_link_and_plays_at_once(page):
     assert any(b"tool_path/robot" in message for message in messages(page))
 
 
+def test_contact_spheres_that_touched_are_shown_where_they_are(tmp_path):
+    """Four at the corners of each sole of roid1; the ball looks like its own sphere, which is not drawn twice."""
+    feet = {b"l_foot": 0, b"r_foot": 0}
+    for station in ("roid1_dynamic", "bouncing_ball"):
+        run = simulate(load_station(station), duration=0.2, progress=False)
+        told = messages(save_recording(run, tmp_path / "spheres.html").read_text(encoding="utf-8"))
+        drawn = [one for one in told if b"set_object" in one and b"contact_sphere_" in one]
+        assert all(b"SphereGeometry" in one for one in drawn)
+        for foot in feet:
+            feet[foot] += sum(foot in one for one in drawn)
+        assert station == "roid1_dynamic" or not drawn
+    assert feet == {b"l_foot": 4, b"r_foot": 4}
+
+
 def test_the_page_needs_no_other_file(page):
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=[\"']?(?!data:)", page)
 
 
 def test_the_camera_is_in_the_page(page, result):
-    view = camera_on(Scene(result.config).extents_of_run(result), aspect=recording.ASPECT)
+    view = camera_on(Scene(result.config).extents_of_run(result), aspect=WINDOW_ASPECT)
     height = np.array(view.eye[2], dtype=">f8").tobytes()
     assert any(b"/Cameras/default" in message and height in message for message in messages(page))
 
 
 def test_recording_leaves_nothing_that_listens(result, tmp_path, monkeypatch):
-    ports = []
+    opened_at = []
 
     def opened():
         meshcat = open_meshcat()
-        ports.append(meshcat.port())
-        assert listens("127.0.0.1", ports[0])
+        opened_at.append(place_of(meshcat.web_url()))
+        assert listens(*opened_at[0])
         return meshcat
 
     monkeypatch.setattr(recording, "open_meshcat", opened)
     save_recording(result, tmp_path / "recording.html")
-    assert not listens("127.0.0.1", ports[0])
+    assert not listens(*opened_at[0])
 
 
-def test_meshcat_listens_on_the_loopback_address_alone():
-    meshcat = open_meshcat()
-    assert meshcat.web_url() == f"http://127.0.0.1:{meshcat.port()}"
-    assert listens("127.0.0.1", meshcat.port())
-    assert not listens("127.0.0.2", meshcat.port())  # on Linux it would answer, if all addresses were listened on
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have one loopback address")
+def test_meshcat_listens_at_a_loopback_address_that_nobody_guesses():
+    before = set(listening())
+    first, second = open_meshcat(), open_meshcat()
+    (one, port), (other, _) = place_of(first.web_url()), place_of(second.web_url())
+    assert one.startswith("127.")
+    assert one != other
+    assert listens(one, port)
+    known = {"0100007F", "00000000"}  # 127.0.0.1, where a page in a browser would look first, and every address
+    assert known.isdisjoint(place.split(":")[0] for place in set(listening()) - before)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc tells what a process listens at")
+def test_while_a_view_is_open_nothing_else_listens(result):
+    gc.collect()
+    before = len(listening())
+    view = LiveView(result.config)
+    gc.collect()
+    assert len(listening()) == before + 1
+    view.close()
 
 
 def test_what_cannot_be_recorded_is_said(result, tmp_path):
@@ -128,23 +171,22 @@ def test_the_live_view_keeps_pace_with_the_clock_and_changes_nothing(result):
 
 def test_a_live_view_takes_a_free_port_and_gives_it_back(result):
     first, second = LiveView(result.config), LiveView(result.config)
-    ports = [port_of(first.url), port_of(second.url)]
-    assert ports[0] != ports[1]
-    assert all(listens("127.0.0.1", port) for port in ports)
+    places = [place_of(first.url), place_of(second.url)]
+    assert places[0] != places[1]
+    assert all(listens(*place) for place in places)
     first.close()
-    assert not listens("127.0.0.1", ports[0])
+    assert not listens(*places[0])
     first.on_step(1.0, np.zeros(6))  # a closed view ignores what comes
     second.close()
 
 
 def test_the_live_view_draws_even_pictures_between_steps(result, monkeypatch):
     drawn = []
-    monkeypatch.setattr(Scene, "draw", lambda scene, positions, time=0.0: drawn.append((time, *positions[:1])))
     view = LiveView(result.config)
-    drawn.clear()
+    monkeypatch.setattr(Scene, "place", lambda scene, positions: drawn.append(positions[0]))
     for time in (0.0, 0.05, 0.2):
         view.on_step(time, np.full(6, 3 * time))
     view.on_step(0.25, np.full(6, np.nan))  # a diverging run's last state
     view.close()
     times = np.arange(7) / 30
-    np.testing.assert_allclose(drawn, np.column_stack([times, 3 * times]), atol=1e-12)
+    np.testing.assert_allclose(drawn, 3 * times, atol=1e-12)

@@ -8,6 +8,7 @@ from pydrake.multibody.tree import MultibodyForces
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import SimulationResult, load_station, simulate
+from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import transform_from_xyz_quaternion
 
 STEP, KD, SPEEDING = 0.02, 5.0, 5.0
@@ -55,3 +56,16 @@ def test_the_pose_of_a_free_base_is_that_of_its_frame() -> None:
     told = transform_from_xyz_quaternion(result.pose("base")[-1])
     np.testing.assert_allclose(told.GetAsMatrix4(), root.CalcPoseInWorld(context).GetAsMatrix4(), atol=1e-12)
     assert (result.pose("base")[:, 3] >= 0).all()
+
+
+def test_contacts_of_many_times_are_those_of_each() -> None:
+    result = simulate(load_station("box_on_floor", {"duration": 0.5}))  # which falls, lands and lies
+
+    def pressing(times: np.ndarray) -> list[float]:
+        return [Contacts.of(found).forces[:, 2].sum() for found in result.contacts_at(times)]
+
+    times = np.linspace(0, 0.5, 11)
+    together = pressing(times)
+    np.testing.assert_array_equal(together, [pressing(times[row : row + 1])[0] for row in range(len(times))])
+    assert together[0] == 0
+    assert together[-1] != 0

@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.simulink.comparing import compare, read_log
 
 
@@ -68,5 +68,5 @@ def test_logs_that_cannot_be(tmp_path):
         read_log(file, {"y": "q.joint_1"})
     with pytest.raises(InvalidParameter, match="--map"):
         compare(load_station("double_pendulum"), *read_log(file, {}))
-    with pytest.raises(InvalidParameter, match="can be read"):
+    with pytest.raises(InvalidConfig, match="cannot be read"):
         read_log(tmp_path / "none.csv", {})

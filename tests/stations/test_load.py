@@ -93,7 +93,10 @@ WRONG = [
     ({"pieces.load.scale": 2}, r"pieces\.load: .*a scale goes with a mesh"),
     ({"pieces.load.mesh": "a.stl"}, r"pieces\.load: .*either a model or a mesh"),
     ({"pieces.load.frame": "tpc"}, r"no frame of gripper 'tpc'; did you mean 'tcp'\?"),
-    ({"pieces.gripper.frame": "tcp"}, r"no tool of robot for pieces\.gripper\.frame 'tcp'; known: tool0"),
+    (
+        {"pieces.gripper.frame": "tcp"},
+        r"no tool or link of robot for pieces\.gripper\.frame 'tcp'; known: base_link, .* tool0",
+    ),
     ({"inputs": ["feedforwrd"]}, r"inputs: there is no 'feedforwrd'; did you mean 'feedforward'\?"),
     ({"duration": -1}, r"duration: .*greater than 0"),
     ({"duraton": 1}, r"duraton: unknown key; did you mean 'duration'\?"),
@@ -169,7 +172,7 @@ def test_samples_are_not_more_than_fit():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("robot: [", r"is not YAML: while parsing a flow .* \(line 1, column \d+\)$"),
+        ("robot: [", r"is not YAML: while parsing a flow .* \(line \d+, column \d+\)$"),
         ("- a\n- b", "must hold a mapping"),
         ("robot: {model: irb120}\nduration: 1\nduration: 2", "'duration' stands twice"),
         ("description: nothing else", "robots is empty; .*something that moves"),

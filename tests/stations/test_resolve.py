@@ -24,7 +24,13 @@ def test_the_tool_in_use_is_the_named_one_else_the_outermost_piece_else_the_firs
 
 @pytest.mark.parametrize(
     ("own", "tool", "frame"),
-    [(OWN, None, "hand_frame"), (OWN, "camera", "camera_frame"), ({}, None, "trunk"), (OWN, "box", "hand_frame")],
+    [
+        (OWN, None, "hand_frame"),
+        (OWN, "camera", "camera_frame"),
+        ({}, None, "trunk"),
+        (OWN, "shank", "shank"),
+        ({"left_foot": "LF"}, None, "trunk"),
+    ],
 )
 def test_pieces_hang_on_a_tool_of_the_robot_else_on_its_root(own, tool, frame) -> None:
     assert flange(own, "trunk", tool) == frame

@@ -174,3 +174,16 @@ def test_a_link_without_inertia_is_refused_for_dynamics_and_moves_kinematically(
     with pytest.raises(SimrobError, match="moving links link_6 have no inertia"):
         simulate(load_station("irb120_dynamic", robot))
     assert simulate(load_station("irb120_kinematic", robot), duration=0.1).ending == "completed"
+
+
+def test_the_velocity_of_a_base_is_that_of_its_pose():
+    station = build_station(load_station("humanoid_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}}))
+    context = station.CreateDefaultContext()
+    plant = station.ports.plant.plant
+    state = plant.GetMyMutableContextFromRoot(context)
+    velocities = np.random.default_rng(0).normal(size=plant.num_velocities())
+    plant.SetVelocities(state, velocities)
+    root = station.ports.plant.robots["robot"].root
+    expected = root.CalcSpatialVelocityInWorld(plant.GetMyContextFromRoot(context))
+    told = station.GetOutputPort("base_velocity").Eval(context)
+    assert told == pytest.approx(np.concatenate([expected.translational(), expected.rotational()]))

@@ -1,6 +1,7 @@
 """Look into the bytes of a mesh file before a library does: what it asks for, and that nothing grows beyond it."""
 
 import json
+import math
 import re
 import struct
 import xml.etree.ElementTree as ET
@@ -10,6 +11,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 from xml.sax.saxutils import unescape
 
+from simrob_drake.errors import shortened
+from simrob_drake.files import content_of
+
 MESH_FORMATS = (".stl", ".dae", ".obj", ".gltf", ".glb", ".ply", ".off")
 LARGEST_FILE = 100_000_000
 """Larger files are not read [bytes]: the largest mesh of a robot that is worth simulating has a tenth of it."""
@@ -18,6 +22,8 @@ _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _MOST_NODES = 20_000
 _MOST_ITEMS = 30_000_000
 _MOST_BYTES = 300_000_000
+_MOST_TAGS = 1_000_000
+_LARGEST_HEADER = 20_000_000  # bytes of JSON
 
 
 def references(path: Path) -> list[str]:
@@ -27,9 +33,11 @@ def references(path: Path) -> list[str]:
         OSError: the file cannot be read.
     """
     scan = {".obj": _libraries, ".mtl": _maps, ".dae": _images, ".gltf": _uris, ".glb": _uris}.get(path.suffix.lower())
-    if scan is None or path.stat().st_size > LARGEST_FILE:
+    if scan is None:
         return []
-    return list(dict.fromkeys(name for name in scan(path.read_bytes()) if name and not name.startswith("data:")))
+    return list(
+        dict.fromkeys(name for name in scan(content_of(path, LARGEST_FILE)) if name and not name.startswith("data:"))
+    )
 
 
 def gltf_header(data: bytes) -> Any:
@@ -38,6 +46,8 @@ def gltf_header(data: bytes) -> Any:
         if len(data) < 20:
             return None
         data = data[20 : 20 + int(struct.unpack("<I", data[12:16])[0])]
+    if len(data) > _LARGEST_HEADER:
+        return None
     try:
         return json.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError):
@@ -54,8 +64,8 @@ def _maps(data: bytes) -> list[str]:
 
 
 def _images(data: bytes) -> list[str]:
-    images = re.findall(rb"<image\b[^>]*>(.*?)</image>", data, re.DOTALL)  # elsewhere <init_from> names an image
-    found = (re.search(rb"<init_from>\s*(?:<ref>)?\s*([^<>]+?)\s*<", image) for image in images)
+    images = (part.partition(b"</image>")[0] for part in re.split(rb"<image\b", data)[1:])
+    found = (re.search(rb"<init_from>\s*+(?:<ref>)?([^<>]+)<", image) for image in images)  # elsewhere it names one
     return [unescape(_text(match.group(1))) for match in found if match]
 
 
@@ -109,7 +119,10 @@ def _stl(data: bytes) -> tuple[bytes, list[str]]:
     if count == 0:
         raise UnreadableMesh("holds no triangles")
     end = _STL_HEADER + count * _STL_FACE
-    return data[:end], [f"{len(data) - end} bytes after its last face left out"] if len(data) > end else []
+    beyond = data[end:]
+    if len(beyond) % _STL_FACE == 0 and beyond.strip(b"\0"):
+        raise UnreadableMesh(f"counts {count} faces, and {there} are there")
+    return data[:end], [f"{len(beyond)} bytes after its last face left out"] if beyond else []
 
 
 def _obj(data: bytes) -> tuple[bytes, list[str]]:
@@ -120,14 +133,27 @@ def _obj(data: bytes) -> tuple[bytes, list[str]]:
 def _dae(data: bytes) -> tuple[bytes, list[str]]:
     """Refuse document types, entities, archives, and nodes that multiply; tell the up axis."""
     _refuse_document_type(data)
+    if data.count(b"<") > _MOST_TAGS:
+        raise UnreadableMesh(f"has more than {_MOST_TAGS // 2} elements")
     try:
         root = ET.fromstring(data)
     except (ET.ParseError, ValueError, LookupError) as problem:
         raise UnreadableMesh(f"is not readable as DAE ({problem})") from problem
     if _node_count(root) > _MOST_NODES:
         raise UnreadableMesh(f"has more than {_MOST_NODES} nodes, or nodes within themselves")
+    unit = root.find("{*}asset/{*}unit")
+    meter = "1" if unit is None else unit.get("meter", "1")
+    if not _is_length(meter):
+        raise UnreadableMesh(f"has a unit of {shortened(meter)} m")
     up = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
     return data, [] if up == "Z_UP" else [f"its up axis {up} is ignored, as ROS does"]
+
+
+def _is_length(text: str) -> bool:
+    try:
+        return 0 < float(text) < math.inf
+    except ValueError:
+        return False
 
 
 def _refuse_document_type(data: bytes) -> None:

@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import MeshPart
+from simrob_drake.interrupts import heard_afterwards
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
@@ -66,6 +67,7 @@ def is_hull(part: MeshPart) -> bool:
     return abs(volume - _convex(solid).volume) <= 1e-6 * volume
 
 
+@heard_afterwards()
 def box_of(points: Vector) -> tuple[Vector, RigidTransform, float]:
     """Return the size (3,) [m] and the pose of the tightest box around points (n, 3), and how thick it was made.
 
@@ -102,6 +104,7 @@ def _thick(points: Vector) -> tuple[Vector, float]:
     return points, least if flat.any() else 0.0
 
 
+@heard_afterwards()
 def _convex(points: Vector) -> ConvexHull:
     from scipy.spatial import ConvexHull, QhullError  # slow to load, and only imports of meshes need it
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.parts import Faces, MeshPart, face_count, mean_colour, size_of, unit
+from simrob_drake.interrupts import heard_afterwards
 
 MOST_FACES = 50_000
 """A shape with more is decimated; with its own texture, which decimation loses, from four times as many on."""
@@ -42,6 +43,7 @@ def mend(part: MeshPart) -> MeshPart:
     return replace(merged, vertices=vertices[used], faces=(np.cumsum(used) - 1)[merged.faces])
 
 
+@heard_afterwards()
 def shaded(part: MeshPart) -> MeshPart:
     """Return a part with normals: its own, or smooth ones over curved surfaces with edges where faces meet sharply."""
     if part.normals is not None:
@@ -75,6 +77,7 @@ def decimate(parts: Sequence[MeshPart]) -> list[MeshPart]:
     return [_fewer_faces(part, max(100, len(part.faces) * MOST_FACES // total)) for part in parts]
 
 
+@heard_afterwards()
 def _fewer_faces(part: MeshPart, target: int) -> MeshPart:
     from fast_simplification import simplify
 

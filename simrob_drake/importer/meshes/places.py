@@ -1,31 +1,21 @@
-"""Find the file behind the name of a mesh, or the folder of a package, and only where meshes may be read from."""
+"""Find the file behind the name of a mesh, and only where meshes may be read from."""
 
-import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from os.path import exists, isdir, isfile  # which are false for names that no file can have
+from os.path import exists, isfile  # which are false for names that no file can have
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from simrob_drake.errors import shortened
 from simrob_drake.importer.meshes.checks import references
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.packages import find_package, manifest_name, package_root, sorted_entries
 
 _NETWORK = ("http", "https", "ftp")
-_LEVELS = 4
-"""How far up from a URDF the manifest of its package is looked for, and from a package others are."""
 _ENDS = 12
 """How many parts of a path that is wrong at its beginning are tried."""
-_INNER = ("urdf", "urdfs", "xacro", "robot", "robots", "description", "model", "models")
-"""Names of folders that lie inside a package and hold its URDF."""
-
-MANIFEST = "package.xml"
-_DEPTH = 3
-"""How far down below a folder of ``--mesh-path``."""
-_FOLDERS = 5000
-"""How many folders are looked into at most, so that ``--mesh-path /`` ends."""
 
 
 class MeshMissing(Exception):
@@ -107,7 +97,7 @@ class MeshPlaces:
             except MeshMissing:
                 missing.append(name)
                 continue
-            if path.suffix.lower() == ".obj":  # its libraries name textures
+            if path.suffix.lower() == ".obj" != found[name].suffix.lower():  # its libraries name textures
                 inner, lost = self.needed_by(found[name])
                 found |= inner
                 missing += lost
@@ -178,21 +168,8 @@ class MeshPlaces:
         return list(dict.fromkeys((_resolved(self.root), *map(_resolved, packages), *self.mesh_path)))
 
     def _allowed(self, path: Path) -> bool:
+        self._package(manifest_name(package_root(path)))  # what its package's name may be used for, its path may, too
         return any(path.is_relative_to(folder) for folder in self._roots())
-
-
-def package_root(source: Path) -> Path:
-    """Return the folder of a URDF's own package.
-
-    It is the nearest one with a ``package.xml``. Without any it is the URDF's folder, or the one above where the
-    folder's name says that it is only a part of the package.
-    """
-    folder = source.parent
-    for candidate in [folder, *folder.parents][: _LEVELS + 1]:
-        if isfile(candidate / MANIFEST):
-            return candidate
-    inner = folder.name.lower() in _INNER and folder.parent != Path(folder.anchor)
-    return folder.parent if inner else folder
 
 
 def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:
@@ -244,7 +221,7 @@ def _in_any_case(path: Path) -> Path | None:
         if part == ".." or exists(exact):
             folder = exact
             continue
-        close = next((name for name in _sorted_entries(folder) if name.lower() == part.lower()), None)
+        close = next((name for name in sorted_entries(folder) if name.lower() == part.lower()), None)
         if close is None:
             return None
         folder = folder / close
@@ -256,68 +233,3 @@ def _resolved(path: Path) -> Path:
         return path.resolve()
     except (OSError, RuntimeError, ValueError):  # links that go in a circle, names that no file can have
         return path.absolute()
-
-
-def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | None:
-    """Return the folder of the package ``name``, as in ``package://name/...``; None if there is none that may be read.
-
-    ``root`` is the folder of the package that asks; folders that the user allows come last.
-    """
-    if not re.fullmatch(r"\w[\w.-]*", name):  # no way up, no hidden folder
-        return None
-    around = [root, *root.parents][:_LEVELS]
-    for folder in (*around, *_children(around[1:3])):
-        if _may_be(folder, name, beside=root.parent):
-            return folder
-    below = (folder for top in mesh_path for folder in _below(top))
-    return next((folder for folder in below if folder.name == name or _manifest_name(folder) == name), None)
-
-
-def _may_be(folder: Path, name: str, *, beside: Path) -> bool:
-    """Return whether a folder is that package by its manifest, or by its name at a place where packages lie."""
-    if _manifest_name(folder) == name:
-        return True
-    private = folder == Path.home() or folder.parent == Path(folder.anchor)  # neither /etc nor a home is a package
-    return (
-        folder.name == name
-        and not private
-        and (isfile(folder / MANIFEST) or folder.parent == beside or beside.is_relative_to(folder))
-    )
-
-
-def _manifest_name(folder: Path) -> str:
-    """Return the name in a folder's ``package.xml``; empty without one. Read as text: no parser, no entities."""
-    try:
-        with (folder / MANIFEST).open(encoding="utf-8", errors="replace") as file:
-            found = re.search(r"<name>\s*([^<]*?)\s*</name>", file.read(100_000))
-    except (OSError, ValueError):
-        return ""
-    return found.group(1) if found else ""
-
-
-def _children(folders: Iterable[Path]) -> Iterator[Path]:
-    for folder in folders:
-        yield from _folders_in(folder)
-
-
-def _below(top: Path) -> Iterator[Path]:
-    """Yield a folder and those below it, the near ones first."""
-    level, seen = [top], 0
-    for _ in range(_DEPTH + 1):
-        yield from level
-        seen += len(level)
-        if seen > _FOLDERS:
-            return
-        level = [child for folder in level for child in _folders_in(folder)]
-
-
-def _folders_in(folder: Path) -> list[Path]:
-    names = [name for name in _sorted_entries(folder) if not name.startswith(".")]
-    return [path for path in (folder / name for name in names[:_FOLDERS]) if isdir(path)]
-
-
-def _sorted_entries(folder: Path) -> list[str]:
-    try:
-        return sorted(os.listdir(folder))
-    except (OSError, ValueError):
-        return []

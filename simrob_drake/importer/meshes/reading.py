@@ -14,9 +14,11 @@ from xml.etree.ElementTree import ParseError
 
 import numpy as np
 
+from simrob_drake.files import NotRead, TooLarge, content_of
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
 from simrob_drake.importer.meshes.parts import MeshPart, Rgba, of_one_look, usable
+from simrob_drake.interrupts import heard_afterwards
 
 _MOST_FACES = 1_500_000
 """More take more than a gigabyte of memory to decimate."""
@@ -59,6 +61,7 @@ class MeshFile:
     notes: list[str] = field(default_factory=list)
 
 
+@heard_afterwards()
 def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     """Read a mesh file that may be read, with the ``others`` that it may ask for, by the names that it uses for them.
 
@@ -71,7 +74,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     kind = path.suffix.lower()
     if kind not in MESH_FORMATS:
         raise UnreadableMesh(f"is of a format '{kind}' that is not read; {', '.join(MESH_FORMATS)} are")
-    data = content_of(path)
+    data = mesh_content(path)
     content, notes = checked(data, kind)
     try:
         with _quiet():
@@ -84,22 +87,17 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     return MeshFile(parts, data if kind == ".obj" else b"", notes)
 
 
-def content_of(path: Path) -> bytes:
+def mesh_content(path: Path) -> bytes:
     """Return the bytes of a mesh, or of a file that it is made of.
 
     Raises:
         UnreadableMesh: it is too large, or cannot be read.
     """
     try:
-        size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise UnreadableMesh(
-                f"has {size / 1e6:.0f} MB; the largest that is read has {LARGEST_FILE / 1e6:.0f} MB, "
-                "so decimate it (in MeshLab or Blender) to less than 100000 faces"
-            )
-        return path.read_bytes()
-    except OSError as problem:
-        raise UnreadableMesh(f"cannot be read ({problem.strerror or problem})") from problem
+        return content_of(path, LARGEST_FILE)
+    except NotRead as problem:
+        hint = "; decimate it, in MeshLab or Blender" if isinstance(problem, TooLarge) else ""
+        raise UnreadableMesh(f"cannot be read ({problem}){hint}") from problem
 
 
 def _loaded(data: bytes, kind: str, others: Mapping[str, Path]) -> Any:
@@ -147,9 +145,9 @@ def _resolver(others: Mapping[str, Path]) -> Any:
 
         def get(self, key: str) -> bytes:
             path = others.get(key.strip())
-            if path is None or path.stat().st_size > LARGEST_FILE:
+            if path is None:
                 raise FileNotFoundError(key)
-            data = path.read_bytes()
+            data = content_of(path, LARGEST_FILE)
             return decoded(data).encode() if path.suffix.lower() == ".mtl" else data
 
         def keys(self) -> list[str]:
@@ -191,6 +189,9 @@ def _unit(mesh: Any) -> float:
 def _looks(mesh: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
     """Yield the parts of one geometry, each with one colour or texture."""
     plain = _plain(mesh)
+    lost = np.count_nonzero(~np.isfinite(plain.vertices[plain.faces]).all(axis=(1, 2)))
+    if lost:
+        notes.append(f"{lost} faces with a corner that is no finite number left out")
     visual = mesh.visual
     if visual.kind == "texture":
         yield _textured(plain, mesh, kind)

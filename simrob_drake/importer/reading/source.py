@@ -4,15 +4,15 @@ import codecs
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
+from os.path import exists, isdir  # which are false for names that no file can have
 from pathlib import Path
 
+from simrob_drake.files import NotRead, content_of
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.reading.xacro import XACRO, expanded
 from simrob_drake.importer.reading.xml_tree import parse_tree
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import DRAKE
-
-MAX_BYTES = 20_000_000
-"""Of a description: published ones stay far below a tenth of it, for meshes are files of their own."""
+from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 
 _OTHER_FORMATS = {
     "sdf": "an SDF file, which describes models and worlds for Gazebo",
@@ -39,7 +39,7 @@ _COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
 _HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>")
 
 
-def read_source(path: Path, report: ImportReport) -> ET.Element:
+def read_source(path: Path, report: ImportReport, options: ImportOptions | None = None) -> ET.Element:
     """Return the ``robot`` element of a URDF or xacro file, with every change noted in the report.
 
     Elements and attributes of foreign namespaces, which no simulation uses, are left out; those of Drake stay.
@@ -50,7 +50,7 @@ def read_source(path: Path, report: ImportReport) -> ET.Element:
     text = decoded(_content(path, report), report)
     robot, comments = parse_tree(text, report)
     if _is_xacro(robot, path):
-        text = expanded(path, report)
+        text = expanded(path, options or ImportOptions(), report)
         robot, comments = parse_tree(text, report)
         if _is_xacro(robot, path):
             raise report.refusal("", "still holds xacro elements after its expansion")
@@ -79,6 +79,8 @@ def decoded(content: bytes, report: ImportReport) -> str:
         raise report.refusal("", "is a binary file, not the text of a URDF")
     if not text.strip():
         raise report.refusal("", "is empty")
+    if text.count("<") > MOST_TAGS:
+        raise report.refusal("", f"has more than {MOST_TAGS} tags")
     return _well_formed(text, report)
 
 
@@ -88,9 +90,10 @@ def _well_formed(text: str, report: ImportReport) -> str:
     if declaration:
         text = text.replace(declaration.group(1), "", 1)
         report.add("repaired", "", "blanks before <?xml ...?>, which must be the first; left out")
-    bad = [comment for comment in _COMMENT.findall(text) if "--" in comment or comment.endswith("-")]
+    end = text.rfind("-->") + 3  # beyond, each comment would be searched for an end that is not there
+    bad = [comment for comment in _COMMENT.findall(text, 0, end) if "--" in comment or comment.endswith("-")]
     if bad:
-        text = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text)
+        text = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text[:end]) + text[end:]
         report.add("repaired", "", f"{len(bad)} comment(s) hold --, which XML forbids; mended")
     return text
 
@@ -108,20 +111,14 @@ def _decoded(content: bytes, encodings: tuple[str, ...], report: ImportReport) -
 
 
 def _content(path: Path, report: ImportReport) -> bytes:
+    if isdir(path):
+        raise report.refusal("", "is a folder; name the URDF file in it")
+    if not exists(path):
+        raise report.refusal("", "there is no such file")
     try:
-        if path.is_dir():
-            raise report.refusal("", "is a folder; name the URDF file in it")
-        if not path.exists():
-            raise report.refusal("", "there is no such file")
-        if not path.is_file():
-            raise report.refusal("", "is no regular file")
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as problem:
-        raise report.refusal("", f"cannot be read: {problem.strerror or problem}") from problem
-    if len(content) > MAX_BYTES:
-        raise report.refusal("", f"is larger than {MAX_BYTES // 1_000_000} MB; a URDF names its meshes, not holds them")
-    return content
+        return content_of(path, LARGEST_URDF)
+    except NotRead as problem:
+        raise report.refusal("", f"cannot be read: {problem}") from problem
 
 
 def _is_xacro(robot: ET.Element, path: Path) -> bool:

@@ -1,76 +1,73 @@
-"""Expand xacro files with xacro itself, where it is installed: as a Python package or as a program."""
+"""Expand xacro files with xacro itself, where it is installed."""
 
 import importlib.util
-import shutil
+import json
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 from simrob_drake.errors import shortened
+from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.report import ImportReport
 
 XACRO = "xacro:"
 """What stands before the names of xacro's elements."""
 
-TIME_LIMIT = 30.0
+TIME_LIMIT = 20.0
 """Of an expansion [s]: a xacro can call itself for ever."""
 
 MAX_OUTPUT = 20_000_000  # bytes
-_RUN_PACKAGE = "import sys, xacro; sys.exit(xacro.main())"
 
 
-def expanded(path: Path, report: ImportReport) -> str:
-    """Return the text of a xacro file's expansion.
-
-    It runs in a process of its own with a time limit: a xacro evaluates expressions and includes other files.
+def expanded(path: Path, options: ImportOptions, report: ImportReport) -> str:
+    """Return the text of a xacro file's expansion, which runs in a process of its own.
 
     Raises:
         InvalidModel: xacro is not installed, complains, or does not end.
     """
-    command = _command()
-    if command is None:
-        by_hand = f"expand it: xacro {path.name} > {path.stem}_plain.urdf"  # never onto the file itself
-        raise report.refusal("", f"is a xacro file; install xacro (pip install xacro) or {by_hand}")
+    if not _is_installed():
+        raise report.refusal("", 'is a xacro file, which needs another package: pip install "simrob-drake[xacro]"')
+    given = {"mesh_path": [str(folder) for folder in options.mesh_path], "arguments": _arguments(options, report)}
+    module = "simrob_drake.importer.reading.expansion"
+    command = [sys.executable, "-P", "-X", "utf8", "-m", module, str(path.absolute()), json.dumps(given)]
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         try:
             done = subprocess.run(
-                [*command, str(path.absolute())],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=errors,
-                timeout=TIME_LIMIT,
-                check=False,
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, timeout=TIME_LIMIT, check=False
             )
         except subprocess.TimeoutExpired as problem:
             raise report.refusal("", f"xacro did not end within {TIME_LIMIT:g} s") from problem
-        except OSError as problem:
-            raise report.refusal("", f"xacro cannot be run: {problem.strerror or problem}") from problem
-        errors.seek(0)
-        complaint = errors.read(MAX_OUTPUT).decode("utf-8", errors="replace")
         if done.returncode != 0:
-            raise report.refusal("", f"xacro cannot expand it: {_said(complaint)}")
+            errors.seek(0)
+            complaint = errors.read(MAX_OUTPUT).decode("utf-8", errors="replace")
+            raise report.refusal("", f"xacro cannot expand it: {_said(complaint, done.returncode)}")
         output.seek(0)
         text = output.read(MAX_OUTPUT + 1).decode("utf-8", errors="replace")
     if len(text) > MAX_OUTPUT:
         raise report.refusal("", f"expands to more than {MAX_OUTPUT // 1_000_000} MB")
-    return text.lstrip()
+    return text
 
 
-def _command() -> list[str] | None:
+def _is_installed() -> bool:
     package = importlib.util.find_spec("xacro")
-    if package is not None and package.origin is not None:  # a robot's folder of that name has no origin
-        return [sys.executable, "-P", "-c", _RUN_PACKAGE]
-    program = shutil.which("xacro")
-    return None if program is None else [program]
+    return package is not None and package.origin is not None  # a robot's folder of that name has no origin
 
 
-def _said(complaint: str) -> str:
-    """Return what xacro says first, or at the end of a traceback."""
-    lines = [line.strip() for line in complaint.splitlines() if line.strip()]
-    if not lines:
-        return "no reason given"
-    if lines[0].startswith("Traceback"):
-        return shortened(lines[-1], 300)
-    start = next((index for index, line in enumerate(lines) if line.startswith("error")), 0)  # after its warnings
-    return shortened(" ".join(lines[start:]), 300)
+def _arguments(options: ImportOptions, report: ImportReport) -> dict[str, str]:
+    """Return the values of a xacro's arguments by their names."""
+    values = {}
+    for text in options.xacro_arg:
+        name, means, value = text.partition(":=")
+        if not (name.strip() and means):
+            raise report.refusal("", f"--xacro-arg '{shortened(text)}' is not of the form NAME:=VALUE")
+        values[name.strip()] = value.strip()
+    return values
+
+
+def _said(complaint: str, code: int) -> str:
+    """Return what xacro says last, after its warnings."""
+    lines = complaint.strip().splitlines()
+    said = shortened(lines[-1], 400) if lines else f"its process ended with code {code}"
+    missing = said.startswith("Undefined substitution argument")
+    return f"{said}; give it with --xacro-arg NAME:=VALUE" if missing else said

@@ -1,23 +1,30 @@
-"""Whether a robot stands on its foot or floats."""
+"""Whether a robot stands on its foot or floats: by what the file says, else by names, else by shape."""
 
 import re
 import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, outward, root_link
+from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, name_of, outward, root_link
 from simrob_drake.robots.urdf_elements import pose_of
 
 FLOATING_MARK = "simrob_base"
 """Attribute of a robot from the repair of its joints to the choice of its base: a floating joint held its root."""
 
 _WORLD = re.compile(r"(robot_)?world(_link)?(_\d+)?", re.IGNORECASE)
-_LEG_JOINTS = 3
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")  # of left_leg2, LeftLeg, LLeg
+_SIDE = r"(?:[lrfhbm]{0,2}|left|right|front|rear|hind|back|mid|middle)"
+_LEG = re.compile(_SIDE + r"(?:legs?|hip|thigh|knee|calf|shank|shin|ankle|foot|feet|toe|coxa|femur|tibia|haa|hfe|kfe)")
+_ARM = re.compile(_SIDE + r"(?:(?:fore|upper|lower)?arms?|shoulder|elbow|wrist|palm|hand|gripper|fingers?|thumb|index)")
+_WHEEL = re.compile(_SIDE + r"(?:wheels?)")
+_LEG_JOINTS, _NAMED_LEG_JOINTS = 3, 2  # called legs may have two: hip and knee
 _FINGERS = 5  # a hand has no more; insects have six legs, which start sideways
-_WHEELS = 3
+_WHEELS, _NAMED_WHEELS = 3, 2
 
 Base = Literal["fixed", "floating"]
 
@@ -40,26 +47,67 @@ def find_base(robot: ET.Element, options: ImportOptions) -> tuple[Base, str]:
         return "floating", "a floating joint held it"
     if _WORLD.fullmatch(root):
         return "fixed", "its root link is the world"
-    joints = joints_at(robot)
-    rigid = [root, *(link_of(joint, "child") for joint in outward(joints, root, rigid=True))]
-    starts = [joint for link in rigid for joint in joints[link] if joint.get("type") != "fixed"]
-    branches = [[start, *outward(joints, link_of(start, "child"))] for start in starts]
-    long = [branch for branch in branches if _movable(branch) >= _LEG_JOINTS]
+    starts = joints_at(robot)
+    stands = _named(robot, starts, root) or _shaped(starts, root)
+    if stands:
+        return "floating", stands
+    arms = sum(_is_called(_ARM, joint) for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS)
+    called = f"; {arms} joints are called as those of arms and hands are" if arms else ""
+    return "fixed", f"no pair of legs and no wheels carry it{called}"
+
+
+def _named(robot: ET.Element, starts: Mapping[str, list[ET.Element]], root: str) -> str:
+    """Return why names say that a robot stands on legs or wheels, wherever they start; empty if they do not."""
+    movable, legged, legs = Counter[str](), set[str](), Counter[str]()
+    joints = outward(starts, root)
+    body = {root: root}  # the first link of all that is rigid with a link
+    for joint in joints:
+        child = link_of(joint, "child")
+        body[child] = body[link_of(joint, "parent")] if joint.get("type") == "fixed" else child
+    for joint in reversed(joints):
+        parent, child = link_of(joint, "parent"), link_of(joint, "child")
+        moves = joint.get("type") != "fixed"
+        is_leg = child in legged or _is_called(_LEG, joint)
+        movable[parent] += movable[child] + moves
+        if is_leg:
+            legged.add(parent)
+            legs[body[parent]] += moves and movable[child] + 1 >= _NAMED_LEG_JOINTS
+    for link, count in legs.items():
+        if count >= 2:
+            return f"{count} branches of '{link}' are called as legs are"
+    wheels = sum(_is_called(_WHEEL, joint) for joint in joints if joint.get("type") == "continuous")
+    return f"{wheels} continuous joints are called as wheels are" if wheels >= _NAMED_WHEELS else ""
+
+
+def _is_called(words: re.Pattern[str], joint: ET.Element) -> bool:
+    """Whether a joint, or the link behind it, has one of the words in its name."""
+    found = _WORD.findall(f"{name_of(joint)} {link_of(joint, 'child')}")
+    return any(words.fullmatch(word.lower()) for word in found)
+
+
+def _shaped(starts: Mapping[str, list[ET.Element]], root: str) -> str:
+    """Return why what starts at the root looks like legs or wheels; empty if nothing does."""
+    rigid = [root, *(link_of(joint, "child") for joint in outward(starts, root, rigid=True))]
+    first = [joint for link in rigid for joint in starts[link] if joint.get("type") != "fixed"]
+    branches = [[joint, *outward(starts, link_of(joint, "child"))] for joint in first]
+    long = [branch for branch in branches if _movable(branch) >= _LEG_JOINTS and not _is_arm(branch)]
     legs = len(long) if len(long) > _FINGERS else sum(map(_hangs_down, long))
     if legs >= 2:
-        return "floating", f"{legs} branches of {_LEG_JOINTS} and more joints start at it, as legs do"
+        return f"{legs} branches of {_LEG_JOINTS} and more joints start at it, as legs do"
     wheels = sum(branch[0].get("type") == "continuous" and _movable(branch) <= 2 for branch in branches)
-    if wheels >= _WHEELS:
-        return "floating", f"{wheels} continuous joints start at it, as wheels do"
-    return "fixed", "no pair of legs and no wheels start at it"
+    return f"{wheels} continuous joints start at it, as wheels do" if wheels >= _WHEELS else ""
 
 
 def _movable(joints: list[ET.Element]) -> int:
     return sum(joint.get("type") in MOVABLE_JOINTS for joint in joints)
 
 
+def _is_arm(branch: list[ET.Element]) -> bool:
+    return any(_is_called(_ARM, joint) for joint in branch)
+
+
 def _hangs_down(branch: list[ET.Element]) -> bool:
-    """Whether a branch leads downward at zero, by more than half of its way: arms and fingers do not."""
+    """Whether a branch leads downward at zero, by more than half of its way: most arms and fingers do not."""
     start = link_of(branch[0], "child")
     poses = {start: pose_of(branch[0])}
     for joint in branch[1:]:

@@ -2,7 +2,7 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.base import find_base
-from simrob_drake.importer.repairs.names import free_name
+from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import (
@@ -43,10 +43,10 @@ _STRONGEST = 1e5  # N·m or N; efforts above stand for "no limit" and are no mea
 
 def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Give every movable joint of a robot one simple transmission, an effort and a velocity, in place."""
-    driven: set[str] = set()
+    movable, driven = dict.fromkeys(movable_joints(robot)), set[str]()
     for drive in list(robot.iterfind("transmission")):
-        _settle(robot, drive, driven, report)
-    idle = [joint for joint in movable_joints(robot) if joint not in driven]
+        _settle(robot, drive, movable, driven, report)
+    idle = [joint for joint in movable if joint not in driven]
     for joint in idle:
         _add(robot, joint, None)
     if idle:
@@ -56,10 +56,11 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
     _repair_efforts(robot, options, report)
 
 
-def _settle(robot: ET.Element, drive: ET.Element, driven: set[str], report: ImportReport) -> None:
+def _settle(
+    robot: ET.Element, drive: ET.Element, movable: Collection[str], driven: set[str], report: ImportReport
+) -> None:
     """Keep a transmission that Drake reads; of any other, make a motor of their own for its joints."""
     where, joints = f"transmission '{name_of(drive)}'", _joints(drive)
-    movable = set(movable_joints(robot))
     wanted = [joint for joint in joints if joint in movable and joint not in driven]
     kind = _kind(drive)
     if len(joints) == len(wanted) == 1 and kind.endswith(SIMPLE) and _is_plain(drive):
@@ -77,11 +78,11 @@ def _settle(robot: ET.Element, drive: ET.Element, driven: set[str], report: Impo
     report.add("repaired" if wanted else "dropped", where, _why(joints, wanted, kind, movable))
 
 
-def _why(joints: list[str], wanted: list[str], kind: str, movable: set[str]) -> str:
+def _why(joints: list[str], wanted: list[str], kind: str, movable: Collection[str]) -> str:
     if not wanted:
         if not joints:
             return "drives no joint"
-        what = "has a motor already" if set(joints) <= movable else "is no joint that moves"
+        what = "has a motor already" if all(joint in movable for joint in joints) else "is no joint that moves"
         return f"'{', '.join(joints)}' {what}"
     listed = "', '".join(wanted)
     made = f"{SIMPLE} of '{listed}'"
@@ -147,12 +148,11 @@ def _positive(text: str | None) -> bool:
 
 def _part_motors(robot: ET.Element, report: ImportReport) -> None:
     """Give every motor a name of its own."""
-    taken: set[str] = set()
+    free = FreeNames()
     for drive in robot.iterfind("transmission"):
         for actuator in drive.iterfind("actuator"):
             name = name_of(actuator)
-            new = free_name(name, taken)
-            taken.add(new)
+            new = free.take(name)
             if new != name:
                 actuator.set("name", new)
                 report.add("repaired", f"transmission '{name_of(drive)}'", f"a second motor called '{name}'; '{new}'")

@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 
 from simrob_drake.errors import shortened
 from simrob_drake.importer.meshes.library import Mesh, Scale
-from simrob_drake.importer.repairs.names import free_name
+from simrob_drake.importer.repairs.names import FreeNames, free_name
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import name_of
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
@@ -23,6 +23,7 @@ class ShapeNames:
 
     robot: ET.Element
     _stems: dict[str, str] = field(default_factory=dict, init=False)
+    _free: FreeNames = field(default_factory=FreeNames, init=False)
     _counts: dict[tuple[str, str], int] = field(default_factory=dict, init=False)
 
     def next(self, link: ET.Element, role: str) -> str:
@@ -38,7 +39,7 @@ class ShapeNames:
     def _stem(self, link: str) -> str:
         if link not in self._stems:
             clean = re.sub(r"[^A-Za-z0-9_]", "_", link)[:80] or "link"
-            free = free_name(clean.lower(), map(str.lower, self._stems.values()))  # some disks do not tell A from a
+            free = self._free.take(clean.lower())  # some disks do not tell A from a
             self._stems[link] = clean + free[len(clean) :]
         return self._stems[link]
 

@@ -9,7 +9,7 @@ from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.importer.repairs.numbers import mend_numbers
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, name_of, outward
-from simrob_drake.robots.urdf_check import SHAPE_SIZES, check_parents
+from simrob_drake.robots.urdf_check import SHAPE_SIZES, check_parents, check_size
 
 _GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")
 _SHAPES = {"mesh", *SHAPE_SIZES}
@@ -39,6 +39,7 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     Raises:
         InvalidModel: a defect of which no repair is sure.
     """
+    check_size(robot, report.refusal)
     _keep_known_elements(robot, options, report)
     repair_names(robot, report)
     mend_numbers(robot, report)

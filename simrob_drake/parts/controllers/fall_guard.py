@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import Vector, lean
 from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.yaml_files import Number
@@ -25,7 +26,7 @@ class FallGuard(LoopSection):
 
     kind: Literal["fall_guard"]
     height: Positive | None = None
-    """Height of the base below which it acts [m]."""
+    """Height of the base over the ground beneath, below which it acts [m]."""
     tilt_deg: Positive | None = None
     """Angle from how the base stood at the start beyond which it acts."""
     posture_deg: dict[str, Number] = Field(min_length=1)
@@ -53,6 +54,7 @@ class FallGuard(LoopSection):
             duration=self.duration,
             height=-math.inf if self.height is None else self.height,
             tilt=math.inf if self.tilt_deg is None else math.radians(self.tilt_deg),
+            ground=site.plant.ground,
             up=robot.base.rotation().inverse() @ np.array([0.0, 0.0, 1.0]),
             reset_after=math.inf if self.reset_after is None else self.reset_after,
         )
@@ -75,6 +77,7 @@ class ProtectivePosture(SampledBlock):
         height: float,
         tilt: float,
         up: Vector,
+        ground: Ground | None = None,
         reset_after: float = math.inf,
     ) -> None:
         """Make the block.
@@ -83,14 +86,16 @@ class ProtectivePosture(SampledBlock):
             period: between samples [s].
             posture: where all axes go, shape (n,) [rad].
             duration: of the way there [s].
-            height: of the base below which it acts [m].
+            height: of the base over the ground below which it acts [m].
             tilt: angle from upright beyond which it acts [rad].
             up: what of the base points up while it stands upright, shape (3,).
+            ground: beneath it; the plane z = 0 unless given.
             reset_after: how long all must be well before it lets go [s].
         """
         self.units = {"target": "rad"}
         self._posture, self._duration = posture, duration
         self._height, self._tilt, self._up, self._reset_after = height, tilt, up.tolist(), reset_after
+        self._ground = ground or Ground()
         zero = np.zeros(len(posture))
         memory = {"target": zero, "active": np.zeros(1), "elapsed": np.zeros(1), "origin": zero, "well": np.zeros(1)}
         reads = {"base_pose": 7, "reference": len(posture)}
@@ -98,8 +103,8 @@ class ProtectivePosture(SampledBlock):
 
     def falls(self, base_pose: Vector) -> bool:
         """Tell whether a pose of the base (7,) is beyond a threshold."""
-        _, _, z, *quaternion = base_pose.tolist()
-        return bool(z < self._height or lean(self._up, *quaternion) > self._tilt)
+        _, _, _, *quaternion = base_pose.tolist()
+        return bool(self._ground.height(base_pose) < self._height or lean(self._up, *quaternion) > self._tilt)
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next point of the way to the posture, if the robot falls or has fallen."""

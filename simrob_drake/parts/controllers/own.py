@@ -7,13 +7,14 @@ import importlib.util
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from os.path import isfile
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 
-from simrob_drake.errors import InvalidParameter, UnknownName, shortened
+from simrob_drake.errors import InvalidParameter, UnknownName, quoted
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.loop import declare_output
 from simrob_drake.parts.site import Site
@@ -88,12 +89,12 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
         pairs = [(_name_of(block), block) for block in blocks]
     else:
         expected = "a list of LeafSystems, or a mapping of names to them"
-        raise InvalidParameter("blocks", shortened(repr(blocks)), expected)
+        raise InvalidParameter("blocks", quoted(blocks), expected)
     named: dict[str, LeafSystem] = {}
     for name, block in pairs:
         if not isinstance(block, LeafSystem):
             expected = "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())"
-            raise InvalidParameter(f"blocks: {name}", shortened(repr(block)), expected)
+            raise InvalidParameter(f"blocks: {name}", quoted(block), expected)
         if any(block is other for other in named.values()):
             raise InvalidParameter(f"blocks: {name}", "given twice", "a block of its own")
         if not (isinstance(name, str) and name.isidentifier()):
@@ -187,7 +188,7 @@ def class_beside(text: str, folder: Path) -> str:
     """
     place, colon, name = text.partition(":")
     file = folder / (place if place.endswith(".py") else f"{place}.py")
-    return f"{file}{colon}{name}" if place.endswith(".py") or file.is_file() else text
+    return f"{file}{colon}{name}" if place.endswith(".py") or isfile(file) else text
 
 
 def _place_of(kind: Any) -> str:

@@ -7,31 +7,43 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.parts.forces.force import ForceSection
-from simrob_drake.quantities import NotNegative, Positive, Triple
+from simrob_drake.quantities import Duration, Instant, Triple
+
+_JUST_BEFORE = 1e-11  # [s]
 
 
 class Push(ForceSection):
     """A constant force for a while."""
 
     kind: Literal["push"]
-    start: NotNegative = 0.0
+    start: Instant = 0.0
     """When it begins [s]."""
-    duration: Positive = 0.1
+    duration: Duration = 0.1
     """How long it lasts [s]."""
     force: Triple
     """Along x, y and z of what is pushed [N]."""
 
     @property
-    def edges(self) -> tuple[float, float]:
-        """When it begins and ends [s]; no step goes across: a scheme that freezes its inputs would miss a part."""
-        return self.start, self.start + self.duration
+    def end(self) -> float:
+        """When it ends [s]."""
+        return self.start + self.duration
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """When it begins and ends, and just before [s]; no step goes across.
+
+        A scheme that freezes its inputs would miss a part of it, and one with a stage at a step's end finds there what
+        comes after the edge: that step is as short as can be.
+        """
+        edges = self.start - _JUST_BEFORE, self.start, self.end - _JUST_BEFORE, self.end
+        return tuple(edge for edge in edges if edge >= 0)
 
     def course(self) -> Trajectory:
         """Return the force over time, shape (3, 1) [N]."""
         force, nothing = np.array(self.force), np.zeros(3)
-        begin, end = self.edges
-        times, values = [0.0, begin, end, end + 1.0], [nothing, force, nothing, nothing]  # a hold needs an end
-        return PiecewisePolynomial.ZeroOrderHold(times[begin == 0 :], np.array(values[begin == 0 :]).T)
+        times, values = [0.0, self.start, self.end, self.end + 1.0], [nothing, force, nothing, nothing]  # a hold ends
+        known = slice(self.start == 0, None)
+        return PiecewisePolynomial.ZeroOrderHold(times[known], np.array(values[known]).T)
 
     def source(self) -> TrajectorySource:
         """Return the block that gives the force (3) [N]."""

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.primitives import Sine
 
 from simrob_drake.parts.forces.force import ForceSection
-from simrob_drake.quantities import Positive, Triple
+from simrob_drake.quantities import Frequency, Triple
 from simrob_drake.yaml_files import Number
 
 
@@ -16,7 +16,7 @@ class SineForce(ForceSection):
     kind: Literal["sine"]
     amplitude: Triple
     """Largest force along x, y and z of what it acts on [N]."""
-    frequency: Positive
+    frequency: Frequency
     """Swings a second [Hz]."""
     phase_deg: Number = 0.0
     """Angle at the start."""

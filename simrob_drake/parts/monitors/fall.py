@@ -20,7 +20,7 @@ class Fall(PoseMonitorSection):
 
     kind: Literal["fall"]
     height: Positive | None = None
-    """Height of its origin below which it has fallen [m]."""
+    """Height of its origin over the ground beneath, below which it has fallen [m]."""
     tilt_deg: Positive | None = None
     """Angle from how it stood at the start beyond which it has fallen."""
 
@@ -30,16 +30,21 @@ class Fall(PoseMonitorSection):
             raise ValueError("a fall needs a bound: height or tilt_deg")
         return self
 
+    def faller(self, only_robot: str | None) -> str | None:
+        """Return the robot that it watches, of a station with one robot or several; None if it watches a piece."""
+        return None if self.piece is not None else self.robot or only_robot
+
     def condition(self, name: str, station: Surroundings) -> Condition:
         """Return what ends a run; its excess is the larger part of a bound by which it is exceeded."""
         who, watched, start = self.watched_pose(name, station, "base_pose")
+        ground = station.ground
         tilt = None if self.tilt_deg is None else math.radians(self.tilt_deg)
         up: list[float] = (start.rotation().inverse() @ np.array([0.0, 0.0, 1.0])).tolist()
 
         def parts(pose: Vector) -> tuple[float, float]:
             """Return the parts by which height and tilt exceed their bounds, -1 for a bound that is not given."""
-            _, _, z, *quaternion = pose.tolist()
-            low = -1.0 if self.height is None else 1 - z / self.height
+            _, _, _, *quaternion = pose.tolist()
+            low = -1.0 if self.height is None else 1 - ground.height(pose) / self.height
             return low, -1.0 if tilt is None else lean(up, *quaternion) / tilt - 1
 
         def excess(pose: Vector) -> float:

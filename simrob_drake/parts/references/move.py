@@ -9,7 +9,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import positions_told
 from simrob_drake.parts.references.reference import Reference, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.quantities import Duration, Instant
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
 
@@ -19,9 +19,9 @@ class ToOnePosture(Reference):
     kind: str
     target_deg: AxisValues = 0.0
     """Posture at the end, per axis."""
-    duration: Positive = 1.0
+    duration: Duration = 1.0
     """Time that the move takes [s]."""
-    start: NotNegative = 0.0
+    start: Instant = 0.0
     """When it begins [s]."""
 
     def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:

@@ -10,9 +10,10 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import sequence
 from simrob_drake.frames import Vector
+from simrob_drake.given import SHORTEST
 from simrob_drake.parts.references.reference import Reference, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.quantities import Positive
+from simrob_drake.quantities import Duration
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 from simrob_drake.yaml_files import Strict
 
@@ -20,7 +21,7 @@ from simrob_drake.yaml_files import Strict
 class Waypoint(Strict):
     """A posture and the time to be there."""
 
-    time: Positive
+    time: Duration
     """When to be there [s]."""
     target_deg: AxisValues
     """Posture, per axis; a mapping leaves the other axes where they were."""
@@ -36,8 +37,8 @@ class Sequence(Reference):
     @model_validator(mode="after")
     def _sorted(self) -> Sequence:
         times = [target.time for target in self.targets]
-        if any(later <= earlier for earlier, later in pairwise(times)):
-            raise ValueError("the times of a sequence rise from target to target")
+        if any(later - earlier < SHORTEST for earlier, later in pairwise(times)):
+            raise ValueError(f"the times of a sequence rise from target to target, by {SHORTEST:g} s or more")
         return self
 
     def axis_values(self) -> dict[str, AxisValues | None]:

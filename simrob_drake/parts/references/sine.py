@@ -9,7 +9,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import positions_told
 from simrob_drake.parts.references.reference import Reference
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.quantities import Positive
+from simrob_drake.quantities import Frequency
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
 
@@ -19,7 +19,7 @@ class SineWave(Reference):
     kind: Literal["sine"]
     amplitude_deg: AxisValues = 10.0
     """Largest distance from the middle, per axis."""
-    frequency: Positive = 0.5
+    frequency: Frequency = 0.5
     """Swings a second [Hz]."""
     phase_deg: AxisValues = 0.0
     """Angle at the start, per axis; 0 starts in the middle."""

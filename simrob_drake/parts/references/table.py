@@ -10,11 +10,14 @@ from simrob_drake.blocks.references import Samples, hermite, table
 from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidConfig
 from simrob_drake.frames import Vector
+from simrob_drake.given import SHORTEST
 from simrob_drake.parts.references.reference import Reference
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
 
 TIME_COLUMN = "time"
+_MOST_VALUES = 500_000
+"""More take a gigabyte of memory in a run."""
 
 Interpolation = Literal["cubic", "linear", "hermite"]
 
@@ -40,13 +43,23 @@ class Table(Reference):
         """Return the times (m,) [s] and the values (m, n), or (m, 2n) with speeds, of the file.
 
         Raises:
-            InvalidConfig: the file cannot be read, lacks a column, or holds something that is no number.
+            InvalidConfig: the file cannot be read, lacks a column, holds something that is no number, times that do
+                not rise, or far too many rows.
         """
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
-        values, _ = read_columns(self.file, [TIME_COLUMN, *names])
+        values, lines = read_columns(self.file, [TIME_COLUMN, *names])
         if len(values) < 2:
             raise InvalidConfig(self.file, "", "holds fewer than two rows of values")
-        return values[:, 0], values[:, 1:]
+        if values.size > _MOST_VALUES:
+            most = _MOST_VALUES // values.shape[1]
+            raise InvalidConfig(self.file, "", f"holds {len(values)} rows; thin it out to at most {most}")
+        times = values[:, 0]
+        close = np.flatnonzero(np.diff(times) < SHORTEST)
+        if close.size:
+            before, after = times[close[0] : close[0] + 2]
+            told = f"time {after:g} s after {before:g} s; times must rise by {SHORTEST:g} s or more from row to row"
+            raise InvalidConfig(self.file, f"line {lines[close[0] + 1]}", told)
+        return times, values[:, 1:]
 
     def caption(self, model: RobotModel) -> str:
         """Return it in words."""

@@ -19,13 +19,13 @@ SIDES = ("right_foot", "left_foot")
 
 
 def walk(
-    robot: str | RobotModel, steps: int, name: str = "walk", *, amplitude: float = 1.0, **changes: Any
+    robot: str | RobotModel | Walker, steps: int, name: str = "walk", *, amplitude: float = 1.0, **changes: Any
 ) -> JointMotion:
     """Plan a walk of a robot with two legs.
 
     Args:
-        robot: its name, or its model.
-        steps: how many, at least two; the last one brings the feet side by side.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
+        steps: how many full steps ahead; ``ramp_steps`` and the one that brings the feet side by side come in addition.
         name: of the walk in the robot's `gaits.yaml`.
         amplitude: scales length, way sideways and turn of the steps.
         changes: parameters of :class:`Walk` to change.

@@ -51,6 +51,15 @@ def rotations_about(direction: Vector, angles: Vector) -> Vector:
     return np.asarray(Rotation.from_rotvec(np.outer(angles, direction)).as_matrix())
 
 
+def upright(gravity: Vector) -> Vector:
+    """Return the rotation, (3, 3), that brings the z axis to the opposite of gravity (3,), about a horizontal axis."""
+    about = np.cross(UP, -gravity)
+    sine = float(np.linalg.norm(about))
+    if sine == 0:
+        return np.eye(3)
+    return np.asarray(rotations_about(about / sine, np.array([np.arctan2(sine, -gravity[2])]))[0])
+
+
 def facing_rotation(facing_deg: float) -> Vector:
     """Return the rotation of a root that looks along the world's x, shape (3, 3).
 

@@ -5,17 +5,20 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydrake.trajectories import PiecewisePolynomial, Trajectory
+from pydrake.trajectories import Trajectory
 
+from simrob_drake.blocks.references import hermite
 from simrob_drake.frames import Vector, poses_from_matrices
+from simrob_drake.parts.monitors import Fall
 from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import ROBOT_FILE, AxisValues, RobotModel
-from simrob_drake.stations.config import FloorConfig, ServoConfig, StationConfig
+from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
 from simrob_drake.stations.solver_config import ContinuousSolver
 
-MAX_STEP = 0.01
-"""Of the scheme `cenic` [s]: references stand still over a step."""
+MAX_STEP = 0.005
+"""Of the scheme `cenic` [s]: references stand still over a step. Steps of this length are as good as longer ones with
+error control, which work out each step thrice, and take half to three quarters of their time."""
 _BESIDE = 1.0  # floor beyond the way that a motion goes [m]
 
 
@@ -31,6 +34,7 @@ class JointMotion:
         root: planned poses of the root in the world, shape (m, 4, 4).
         servo: gains of the servos for it, in place of the station's: kp, kd.
         feed_velocity: whether the servos are told the reference's velocity, too.
+        falls: whether it ends on the floor, as it shall.
     """
 
     model: RobotModel
@@ -40,6 +44,7 @@ class JointMotion:
     root: Vector
     servo: Mapping[str, AxisValues] = field(default_factory=dict)
     feed_velocity: bool = True
+    falls: bool = False
 
     @property
     def duration(self) -> float:
@@ -55,7 +60,7 @@ class JointMotion:
 
     def trajectory(self) -> Trajectory:
         """Return the angles as a smooth curve through the samples (cubics with their velocities)."""
-        return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
+        return hermite(self.times, self.positions, self.velocities)
 
     def station(self, overrides: Mapping[str, Any] | None = None, *, name: str | None = None) -> StationConfig:
         """Return the robot's dynamic station, set to begin this motion; its trajectory is the reference to give it.
@@ -84,7 +89,8 @@ class JointMotion:
         """Return a station on which a robot can perform the motion; a kinematic one is as it was.
 
         Its servos have the motion's gains, and are told the velocity if it feeds it; the floor is large enough
-        wherever the robot goes; steps of `cenic` are short enough for servos to follow.
+        wherever the robot goes; steps of `cenic` are short enough for servos to follow, and of one length unless
+        the station says `error_control` itself. If the robot shall fall, no monitor of its fall is left.
 
         Args:
             config: the station.
@@ -100,10 +106,22 @@ class JointMotion:
         changes: dict[str, Any] = {"robots": {**config.robots, robot: entry}}
         if config.floor is not None and "floor.size" not in given:
             way = np.linalg.norm(self.root[:, :2, 3] - self.root[0, :2, 3], axis=1).max()
-            changes["floor"] = FloorConfig(size=max(config.floor.size, float(np.ceil(2.0 * (start + way + _BESIDE)))))
+            size = max(config.floor.size, float(np.ceil(2.0 * (start + way + _BESIDE))))
+            changes["floor"] = config.floor.model_copy(update={"size": size})
         if self.feed_velocity and "inputs" not in given:
             changes["inputs"] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
+        if self.falls and "monitors" not in given:
+            changes["monitors"] = {
+                name: each
+                for name, each in config.monitors.items()
+                if not (isinstance(each, Fall) and each.faller(config.only_robot) == robot)
+            }
         solver = config.solver
-        if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic" and "solver.max_step" not in given:
-            changes["solver"] = solver.model_copy(update={"max_step": min(solver.max_step, MAX_STEP)})
+        if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic":
+            steps: dict[str, Any] = {}
+            if "solver.max_step" not in given:
+                steps["max_step"] = min(solver.max_step, MAX_STEP)
+            if "solver.accuracy" not in given and "error_control" not in solver.model_fields_set:
+                steps["error_control"] = False
+            changes["solver"] = solver.model_copy(update=steps)
         return config.model_copy(update=changes)

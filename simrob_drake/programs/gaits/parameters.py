@@ -13,6 +13,8 @@ from simrob_drake.robots.catalog import AxisValues, RobotModel, robot_names
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 GAITS_FILE = "gaits.yaml"
+Pace = Annotated[Number, Field(gt=0, le=100)]
+"""Time of a step, or of a part of one [s]."""
 
 
 class Bearing(Strict):
@@ -51,7 +53,7 @@ class _Planned(_Gait):
 class _Stepping(_Planned):
     """What gaits have that go in equal steps, on a straight line or a circle."""
 
-    step_time: Positive
+    step_time: Pace
     """From one footfall, of a foot or a pair, to the next [s]."""
     step_length: Number = 0.0
     """How far each step brings the robot ahead; negative walks backward [m]."""
@@ -60,8 +62,8 @@ class _Stepping(_Planned):
     turn_deg: Number = 0.0
     """How far each step turns it to the left [deg]."""
     ramp_steps: int = Field(default=3, ge=0)
-    """Steps in which the step length grows at the start and shrinks at the end."""
-    settle: Positive = 0.6
+    """Steps in which the step length grows at the start and shrinks at the end, which go in addition."""
+    settle: Pace = 0.6
     """Time to shift the weight at the start and at the end [s]."""
 
 
@@ -84,7 +86,7 @@ class Trot(_Stepping):
     """A gait on four legs, diagonal pairs in turn."""
 
     ramp_steps: int = Field(default=4, ge=0)
-    """Steps in which the step length grows at the start and shrinks at the end."""
+    """Steps in which the step length grows at the start and shrinks at the end, which go in addition."""
     lift: Positive = 0.05
     """Height of the swinging feet [m]."""
     lead: Number = 0.0
@@ -96,7 +98,7 @@ class Trot(_Stepping):
 class Crawl(_Planned):
     """A gait on four legs, one leg at a time."""
 
-    leg_time: Positive
+    leg_time: Pace
     """From one leg's footfall to the next one's [s]."""
     stride: Number = 0.0
     """How far each leg goes when its turn comes [m]."""
@@ -106,7 +108,7 @@ class Crawl(_Planned):
     """Part of the leg's time in which all feet stand and the trunk goes over the next three."""
     inside: Positive = 0.04
     """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
-    settle: Positive = 0.8
+    settle: Pace = 0.8
     """Time to stand before the first leg and after the last one [s]."""
 
 
@@ -117,7 +119,7 @@ class Stand(_Planned):
     """Which foot is up."""
     height: Positive = 0.03
     """How high [m]."""
-    seconds: Positive = 5.0
+    seconds: Pace = 5.0
     """How long it stays there [s]."""
     inside: Positive = 0.04
     """How far inside of the three standing feet's triangle the zero-moment point stays [m]."""
@@ -130,7 +132,7 @@ SolvedGait = Walk | Trot | Crawl | Stand
 class March(_Gait):
     """A walk on two legs by joint angles, joined by straight lines: the thesis's manner."""
 
-    move_time: Positive = 1.0
+    move_time: Pace = 1.0
     """Of each sub-move [s]."""
     start_deg: AxisValues
     """Posture at the start and at the end [deg]."""
@@ -149,7 +151,7 @@ class Posing(Strict):
     """Posture at the start [deg]."""
     targets: Annotated[tuple[Waypoint, ...], Field(min_length=1)]
     """Postures, and when to be there; axes that are left out stay."""
-    repeat: int = Field(default=1, ge=1)
+    repeat: int = Field(default=1, ge=1, le=1000)
     """How often to go through the targets."""
     held: bool = False
     """Whether it is for a robot that is held by its trunk."""
@@ -159,6 +161,10 @@ class Posing(Strict):
     """Kind of feet; the default one unless given."""
     rest: NotNegative = 1.0
     """Time to stay in the last posture [s]."""
+    feed_velocity: bool = True
+    """Whether the servos are told the reference's velocity, too; not so in the thesis."""
+    falls: bool = False
+    """Whether it ends on the floor: monitors of the robot's fall do not watch it then."""
 
 
 class Gaits(Strict):

@@ -11,8 +11,6 @@ from simrob_drake.frames import Vector
 
 SAMPLE = 0.01
 """Time between the samples of a plan [s]."""
-FEWEST_STEPS = 2
-"""Of a gait that ends as it begins: the last step brings the feet together."""
 
 
 @dataclass(frozen=True)
@@ -100,14 +98,14 @@ def _ratio(part: Vector, whole: float) -> Vector:
     return np.clip(part / whole, 0.0, 1.0) if whole > 0 else np.asarray(part >= 0, dtype=float)
 
 
-def check_steps(steps: int, fewest: int = FEWEST_STEPS) -> None:
-    """Check that a gait goes enough steps.
+def check_steps(steps: int) -> None:
+    """Check that a gait goes some steps.
 
     Raises:
         InvalidParameter: it does not.
     """
-    if steps < fewest:
-        raise InvalidParameter("steps", steps, f"at least {fewest}")
+    if steps < 1:
+        raise InvalidParameter("steps", steps, "at least 1")
 
 
 def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:
@@ -117,8 +115,11 @@ def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0
 
 
 def ramp_shares(steps: int, ramp_steps: int) -> Vector:
-    """Return how much of the full step each step goes ahead, shape (steps,): rising, level, falling, the last one 0."""
-    number = np.arange(steps, dtype=float)
-    rising = (number + 1) / (ramp_steps + 1)
-    falling = (steps - 1 - number) / (ramp_steps + 1)
-    return np.minimum(1.0, np.minimum(rising, falling))
+    """Return how much of the full step each footfall goes ahead: rising, level, falling, the last one 0.
+
+    All together they go as far as so many full steps: one footfall is added for each step of a ramp, which is no longer
+    than the way, and one that brings the feet together.
+    """
+    ramp = min(ramp_steps, steps)
+    number = np.arange(steps + ramp + 1, dtype=float)
+    return np.asarray(np.minimum(1.0, np.minimum(number + 1, steps + ramp - number) / (ramp + 1)))

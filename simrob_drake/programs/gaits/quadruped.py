@@ -17,18 +17,16 @@ PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left
 """Feet that a trot swings together."""
 CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_right_foot")
 """Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
-FEWEST_LEGS = 1
-"""Of a crawl."""
 
 
 def trot(
-    robot: str | RobotModel, steps: int, name: str = "trot", *, amplitude: float = 1.0, **changes: Any
+    robot: str | RobotModel | Walker, steps: int, name: str = "trot", *, amplitude: float = 1.0, **changes: Any
 ) -> JointMotion:
     """Plan a trot: diagonal pairs in turn; the last step brings the feet under the hips.
 
     Args:
-        robot: its name, or its model.
-        steps: how many, at least two.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
+        steps: how many full steps ahead; ``ramp_steps`` and the last one come in addition.
         name: of the trot in the robot's `gaits.yaml`.
         amplitude: scales length, way sideways and turn of the steps.
         changes: parameters of :class:`Trot` to change.
@@ -58,12 +56,12 @@ def trot(
 
 
 def crawl(
-    robot: str | RobotModel, legs: int, name: str = "crawl", *, amplitude: float = 1.0, **changes: Any
+    robot: str | RobotModel | Walker, legs: int, name: str = "crawl", *, amplitude: float = 1.0, **changes: Any
 ) -> JointMotion:
     """Plan a crawl: one leg after the other, the zero-moment point well inside of the other three feet.
 
     Args:
-        robot: its name, or its model.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
         legs: how many legs swing in all; a multiple of four ends as it began.
         name: of the crawl in the robot's `gaits.yaml`.
         amplitude: scales the stride.
@@ -76,7 +74,7 @@ def crawl(
     """
     walker = Walker.of(robot)
     gait: Crawl = walker.gait("crawls", name, changes, amplitude)
-    check_steps(legs, FEWEST_LEGS)
+    check_steps(legs)
     start = _stance(walker, gait)
     place = {foot: at.copy() for foot, at in start.items()}
     shift = gait.shift * gait.leg_time
@@ -93,11 +91,11 @@ def crawl(
     return _solved(walker, gait, start, phases)
 
 
-def three_legs(robot: str | RobotModel, name: str = "three_legs", **changes: Any) -> JointMotion:
+def three_legs(robot: str | RobotModel | Walker, name: str = "three_legs", **changes: Any) -> JointMotion:
     """Plan to lift one foot and stand on the other three.
 
     Args:
-        robot: its name, or its model.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
         name: of the stand in the robot's `gaits.yaml`.
         changes: parameters of :class:`Stand` to change, such as ``foot``.
 

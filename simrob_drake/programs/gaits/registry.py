@@ -14,8 +14,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.programs.gaits.phases import FEWEST_STEPS
-from simrob_drake.programs.gaits.quadruped import FEWEST_LEGS, crawl, three_legs, trot
+from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
 from simrob_drake.robots.catalog import RobotModel
 
@@ -26,21 +25,20 @@ class Section:
 
     Attributes:
         plan: makes the motion of the robot's model, the steps if any, the gait's name, and changed parameters.
-        fewest: steps that it goes; 0 for gaits that go none. Those that do are told how many, and how large they are
-            (``amplitude``).
+        steps: whether it goes steps: it is then told how many, and how large they are (``amplitude``).
         on_feet: whether it is for a robot that stands on the feet that it is made for.
     """
 
     plan: Callable[..., JointMotion]
-    fewest: int = 0
+    steps: bool = False
     on_feet: bool = True
 
 
 SECTIONS: Mapping[str, Section] = {
-    "walks": Section(walk, FEWEST_STEPS),
-    "trots": Section(trot, FEWEST_STEPS),
-    "crawls": Section(crawl, FEWEST_LEGS),
-    "marches": Section(march, FEWEST_STEPS),
+    "walks": Section(walk, steps=True),
+    "trots": Section(trot, steps=True),
+    "crawls": Section(crawl, steps=True),
+    "marches": Section(march, steps=True),
     "stands": Section(three_legs),
     "sequences": Section(posing, on_feet=False),
 }
@@ -56,7 +54,7 @@ def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Section
         InvalidParameter: a robot without gaits.
     """
     gaits = load_gaits(robot)
-    fitting = {key: section for key, section in SECTIONS.items() if (section.fewest > 0) == steps}
+    fitting = {key: section for key, section in SECTIONS.items() if section.steps == steps}
     return {name: (section, own) for key, section in fitting.items() for name, own in getattr(gaits, key).items()}
 
 

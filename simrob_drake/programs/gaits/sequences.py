@@ -18,11 +18,11 @@ from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.robots.catalog import AxisValues, RobotModel
 
 
-def posing(robot: str | RobotModel, name: str, **changes: Any) -> JointMotion:
+def posing(robot: str | RobotModel | Walker, name: str, **changes: Any) -> JointMotion:
     """Return one of a robot's sequences of postures.
 
     Args:
-        robot: its name, or its model.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
         name: of the sequence in the robot's `gaits.yaml`.
         changes: parameters of :class:`Posing` to change.
 
@@ -43,23 +43,24 @@ def posing(robot: str | RobotModel, name: str, **changes: Any) -> JointMotion:
             postures.append(_vector(model, target.target_deg, postures[-1]))
     if (np.diff(times) <= 0).any():
         raise InvalidParameter("targets", f"at {[target.time for target in gait.targets]} s", "one after the other")
-    return _motion(walker, gait.feet, times, postures, gait.ramps, gait.rest)
+    motion = _motion(walker, gait.feet, times, postures, gait.ramps, gait.rest)
+    return replace(motion, feed_velocity=gait.feed_velocity, falls=gait.falls)
 
 
 def march(
-    robot: str | RobotModel, steps: int, name: str = "march", *, amplitude: float = 1.0, **changes: Any
+    robot: str | RobotModel | Walker, steps: int, name: str = "march", *, amplitude: float = 1.0, **changes: Any
 ) -> JointMotion:
     """Return a walk by joint angles in the thesis's manner: each step a few sub-moves, left and right in turn.
 
     Args:
-        robot: its name, or its model.
-        steps: how many, at least two; the first and the last one are half as long.
+        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
+        steps: how many full steps ahead; the first and the last one are half as long, so there is one more.
         name: of the march in the robot's `gaits.yaml`.
         amplitude: scales how far all joints go from the posture at the start, which keeps their proportions.
         changes: parameters of :class:`March` to change.
 
     Raises:
-        InvalidParameter: fewer than two steps, or an amplitude that is not positive.
+        InvalidParameter: no step, or an amplitude that is not positive.
         UnknownName: no such march.
     """
     walker = Walker.of(robot)
@@ -72,9 +73,9 @@ def march(
     left = [_vector(model, posture, start) for posture in gait.left]
     moves = {0: left, 1: [mirrored(model, posture) for posture in left]}
     postures = [start]
-    for step in range(steps):
+    for step in range(steps + 1):
         share = amplitude * (0.5 if step == 0 else 1.0)
-        sub_moves = moves[step % 2] if step < steps - 1 else [*moves[step % 2][:-1], start]
+        sub_moves = moves[step % 2] if step < steps else [*moves[step % 2][:-1], start]
         postures += [start + share * (posture - start) for posture in sub_moves]
     times = np.arange(len(postures)) * gait.move_time
     motion = _motion(walker, gait.feet, list(times), postures, "linear", gait.rest)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import Skeleton, skeleton_of
 from simrob_drake.programs.gaits.feet import Foot, feet_of
 from simrob_drake.programs.gaits.parameters import Gaits, load_gaits
+from simrob_drake.programs.gaits.zmp import LEVEL
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.yaml_files import validated
 
@@ -25,20 +26,27 @@ class Walker:
     """What planners know of a robot."""
 
     skeleton: Skeleton
+    """The robot, with what it carries."""
     gaits: Gaits
+    gravity: Vector = field(default_factory=LEVEL.copy)
+    """In the frame of the ground, the robot looking along x, shape (3,) [m/s²]."""
+    differs: bool = False
+    """Whether it carries something or stands on a slope, which its gaits are not made for."""
 
     @classmethod
-    def of(cls, robot: str | RobotModel) -> Walker:
+    def of(cls, robot: str | RobotModel | Walker) -> Walker:
         """Return what planners know of a robot, which has a ``gaits.yaml`` beside its ``robot.yaml``.
 
         Args:
-            robot: a robot of the package by its name, or any other's model.
+            robot: a robot of the package by its name, any other's model, or what is known of it already.
 
         Raises:
             UnknownName: no such robot.
             InvalidParameter: a robot without gaits, or whose joints do not all turn.
             InvalidConfig: a file with a wrong entry.
         """
+        if isinstance(robot, Walker):
+            return robot
         gaits = load_gaits(robot)
         return cls(skeleton_of(robot), gaits)
 

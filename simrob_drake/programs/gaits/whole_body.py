@@ -2,7 +2,8 @@ r"""From a course of feet and zero-moment point to the joint angles of the whole
 
 The trunk first follows the linear inverted pendulum. The motion so found has another zero-moment point than was asked
 for, since legs and arms have masses of their own; what is missing drives the pendulum again, and the trunk is moved by
-as much (Kajita's preview of the error, 2003). A few rounds bring it to millimetres.
+as much (Kajita's preview of the error, 2003). A few rounds bring it to millimetres. All this is done in the
+frame of the ground: on a slope it is gravity that leans, and the trunk stays upright against it.
 
 A trunk on legs without ankle roll cannot go sideways while the soles stay flat: it leans instead. Its lean
 :math:`\varphi` moves the centre of mass by :math:`k\varphi`, and acts like a pendulum of another height, :math:`Z/k`
@@ -13,13 +14,14 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
-from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about
+from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about, upright
 from simrob_drake.programs.gaits.legs import leg_angles
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import SolvedGait, Walk
 from simrob_drake.programs.gaits.phases import SAMPLE, Course
 from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
+from simrob_drake.rows import parts
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 ROUNDS = 4
@@ -40,6 +42,7 @@ class WholeBody:
             bearing.lean_arms_deg, "lean_arms_deg"
         )  # of each axis, a radian of lean to the right
         self._swing = np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg"))
+        self._upright = upright(walker.gravity)
         self._kind = gait.feet if isinstance(gait, Walk) else None
         self.feet = walker.feet(self._kind)
         self.leans = any(len(foot.axes) == 4 for foot in self.feet)
@@ -54,20 +57,20 @@ class WholeBody:
         count = len(self.course.times)
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))
-        wanted = self.course.zmp
-        place, lean = com_from_zmp(wanted, step=SAMPLE, height=height), np.zeros(count)
+        wanted, pull = self.course.zmp, -float(self.walker.gravity[2])
+        place, lean = com_from_zmp(wanted, step=SAMPLE, height=height, gravity=pull), np.zeros(count)
         angles, root = self._postures(place, lean, angles)
-        zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
+        zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE, self.walker.gravity)
         for _ in range(rounds):
             missing = wanted - zmp
-            move = com_from_zmp(missing, step=SAMPLE, height=height)
+            move = com_from_zmp(missing, step=SAMPLE, height=height, gravity=pull)
             if self.leans:
-                lean = lean + com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height)[:, 0] / factor
+                lean = lean + com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height, gravity=pull)[:, 0] / factor
                 move[:, 1] = 0.0
             place = place + move
             self._roll(angles, root)
             angles, root = self._postures(place, lean, angles)
-            zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE)
+            zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE, self.walker.gravity)
         return self._in_the_world(angles, root), zmp
 
     def _postures(self, place: Vector, lean: Vector, angles: Vector) -> tuple[Vector, Vector]:
@@ -75,22 +78,28 @@ class WholeBody:
 
         The trunk goes over places (m, 2) [m] of the floor, and leans to the right by angles (m,) [rad].
         """
+        angles, root = angles.copy(), np.empty((len(lean), 4, 4))
+        for part in parts(len(lean)):
+            angles[part], root[part] = self._postures_of(part, place[part], lean[part], angles[part])
+        return angles, root
+
+    def _postures_of(self, part: slice, place: Vector, lean: Vector, angles: Vector) -> tuple[Vector, Vector]:
         course, bearing = self.course, self.gait.bearing
         count = len(lean)
-        turned = rotations_about(UP, course.heading)
+        turned = rotations_about(UP, course.heading[part])
         rotation = (
             turned @ rotations_about(LEFT, np.full(count, np.deg2rad(bearing.pitch_deg))) @ rotations_about(AHEAD, lean)
         )
-        rotation = rotation @ facing_rotation(self.facing_deg)
+        rotation = self._upright @ rotation @ facing_rotation(self.facing_deg)
         root = stacked(np.column_stack([place, np.full(count, bearing.height)]), rotation)
-        angles = self._with_arms(angles, lean)
+        angles = self._with_arms(part, angles, lean)
         apart = np.zeros(count)
         for foot in self.feet:
-            path = course.feet[foot.name]
+            path = course.feet[foot.name][part]
             goal = path[:, :3] + foot.over * UP
-            goal[:, :2] += self._rolled[foot.name]
+            goal[:, :2] += self._rolled[foot.name][part]
             target = stacked(goal, rotations_about(UP, path[:, 3]))
-            angles = leg_angles(self.skeleton.model, foot, target, root, angles, course.times)
+            angles = leg_angles(self.skeleton.model, foot, target, root, angles, course.times[part])
             if self.leans:  # which moves the root sideways
                 apart += (goal - foot.poses(angles, root)[:, :3, 3])[:, 1] / len(self.feet)
         root[:, 1, 3] += apart
@@ -103,12 +112,12 @@ class WholeBody:
                 standing = self.course.feet[foot.name][:, 2] <= 0
                 self._rolled[foot.name] = rolled(foot.poses(angles, root)[:, :3, :3], standing, foot.over)
 
-    def _with_arms(self, angles: Vector, lean: Vector) -> Vector:
+    def _with_arms(self, part: slice, angles: Vector, lean: Vector) -> Vector:
         """Return the angles with the axes that are in no leg set: posture, counterweight of a lean, and swing."""
         free = [axis for axis in range(angles.shape[1]) if not any(axis in foot.axes for foot in self.feet)]
         right, left = np.maximum(lean, 0.0), np.maximum(-lean, 0.0)
         course = self.course.feet
-        stride = course["left_foot"][:, 0] - course["right_foot"][:, 0] if "left_foot" in course else 0.0 * lean
+        stride = course["left_foot"][part, 0] - course["right_foot"][part, 0] if "left_foot" in course else 0.0 * lean
         other = mirrored(self.skeleton.model, self._arms)
         all_ = self._posture + np.outer(right, self._arms) + np.outer(left, other)
         all_ = all_ + np.outer(stride, self._swing)

@@ -1,9 +1,10 @@
 r"""The zero-moment point of a whole robot in motion, and the motion of the centre of mass that gives it.
 
-For mass points :math:`m_i` at :math:`(x_i, y_i, z_i)` over a floor at :math:`z = 0` (Vukobratović 1972)
+For mass points :math:`m_i` at :math:`(x_i, y_i, z_i)` over a floor at :math:`z = 0` (Vukobratović 1972), with gravity
+:math:`(g_x, g_y, -g)` in the frame of the floor,
 
 .. math::
-    p_x = \frac{\sum m_i \left[(\ddot z_i + g)\, x_i - \ddot x_i\, z_i\right]}{\sum m_i (\ddot z_i + g)} ,
+    p_x = \frac{\sum m_i \left[(\ddot z_i + g)\, x_i - (\ddot x_i - g_x)\, z_i\right]}{\sum m_i (\ddot z_i + g)} ,
 
 and the same for y. Where it lies inside of the area that the feet span, the feet stay flat.
 
@@ -25,10 +26,12 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import Skeleton
 
+LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+"""Gravity over a level floor [m/s²]."""
 _CHUNK = 1000  # postures at a time, so that memory stays small
 
 
-def whole_body_zmp(skeleton: Skeleton, root: Vector, angles: Vector, step: float) -> Vector:
+def whole_body_zmp(skeleton: Skeleton, root: Vector, angles: Vector, step: float, gravity: Vector = LEVEL) -> Vector:
     """Return the zero-moment point of a motion.
 
     Args:
@@ -36,6 +39,7 @@ def whole_body_zmp(skeleton: Skeleton, root: Vector, angles: Vector, step: float
         root: its poses, shape (m, 4, 4).
         angles: of all axes, shape (m, n) [rad].
         step: between the samples [s].
+        gravity: in the frame of the poses, whose z axis is the normal of the floor, shape (3,) [m/s²].
 
     Returns:
         shape (m, 2) [m]; at the ends of the motion, which count as rest, it is below the centre of mass.
@@ -45,14 +49,16 @@ def whole_body_zmp(skeleton: Skeleton, root: Vector, angles: Vector, step: float
         first, last = max(start - 1, 0), min(start + _CHUNK + 1, len(angles))
         frames = skeleton.frames(angles[first:last], root[first:last])
         inside = slice(start - first, start - first + min(_CHUNK, len(angles) - start))
-        result[start : start + _CHUNK] = _of_points(skeleton.mass_points(frames), skeleton.point_masses, step)[inside]
+        points = skeleton.mass_points(frames)
+        result[start : start + _CHUNK] = _of_points(points, skeleton.point_masses, step, gravity)[inside]
     return result
 
 
-def _of_points(points: Vector, masses: Vector, step: float) -> Vector:
+def _of_points(points: Vector, masses: Vector, step: float, gravity: Vector) -> Vector:
     acceleration = np.zeros_like(points)
     acceleration[1:-1] = (points[2:] - 2.0 * points[1:-1] + points[:-2]) / step**2
-    lifting = masses * (acceleration[..., 2] + STANDARD_GRAVITY)
+    acceleration -= gravity
+    lifting = masses * acceleration[..., 2]
     turning = masses * points[..., 2]
     moment = np.einsum("mk,mkx->mx", lifting, points[..., :2]) - np.einsum("mk,mkx->mx", turning, acceleration[..., :2])
     return np.asarray(moment / lifting.sum(axis=1, keepdims=True))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,14 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.site import StationPlant
+from simrob_drake.results.record.events import begins_of
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import headings, legged_robots
 
 FIELD_OF_VIEW = np.deg2rad(35.0)
 """Vertical opening of the cameras [rad]; narrow, so that links keep their proportions."""
+WINDOW_ASPECT = 1.4
+"""Width over height of a browser window that still shows all: most are wider."""
 
 _ASIDE = float(np.deg2rad(-50.0))  # of the eye from where a robot faces: it stands to the right of its front
 _ELEVATION = np.deg2rad(20.0)
@@ -83,12 +86,28 @@ def walked_way(result: RecordedRun) -> Way | None:
     base = result.pose("base", walking[0])
     times = np.linspace(0.0, framed_time(result), max(round(framed_time(result) / _EVERY), 1) + 1)
     places = [np.interp(times, result.times, column) for column in base[:, :2].T]
-    if np.hypot(*(column - column[0] for column in places)).max() < _WALK * base[0, 2]:
+    ground = result.plant.ground
+    height = base[0, 2] - ground.beneath(base[:1, :3])[0]
+    if np.hypot(*(column - column[0] for column in places)).max() < _WALK * height:
         return None
     smooth = [np.convolve(np.pad(column - column[0], _HALF, mode="edge"), _MEAN, "valid") for column in places]
 
     def way(at: Vector) -> Vector:
-        return np.column_stack([*(np.interp(at, times, column) for column in smooth), np.zeros(len(at))])
+        gone = np.column_stack([*(np.interp(at, times, column) for column in smooth), np.zeros(len(at))])
+        return np.asarray(gone + np.outer(ground.floor_heights(gone), [0.0, 0.0, 1.0]))
+
+    return way
+
+
+def followed_way(runs: Sequence[RecordedRun]) -> Way | None:
+    """Return how far a camera goes beside a robot in runs that follow each other; None where it never walks."""
+    walked = [(begin, run.stop_time, walked_way(run)) for begin, run in zip(begins_of(runs), runs, strict=False)]
+    if not any(way for _, _, way in walked):
+        return None
+
+    def way(at: Vector) -> Vector:
+        parts = [way(np.clip(at - begin, 0.0, length)) for begin, length, way in walked if way is not None]
+        return np.asarray(sum(parts))
 
     return way
 

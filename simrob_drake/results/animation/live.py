@@ -1,20 +1,22 @@
 """A browser window that shows a station while it is simulated, run after run."""
 
-import gc
 from time import perf_counter, sleep
 
 import numpy as np
+from pydrake.geometry import Meshcat, Role
 
 from simrob_drake.frames import Vector
-from simrob_drake.results.animation.camera import camera_on, side
-from simrob_drake.results.animation.recording import ASPECT, draw_tool_paths, look, open_meshcat
+from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
+from simrob_drake.results.animation.drawn import commands, draw_geometry, draw_tool_paths, look, pose_commands
 from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.animation.window import Window
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.state import State
 from simrob_drake.stations.config import StationConfig
 
 FRAME = 1 / 30
 """Simulated time from one picture to the next [s]."""
+_PREFIXES = {"station": Role.kIllustration}
 
 
 class LiveView:
@@ -32,9 +34,10 @@ class LiveView:
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        self._meshcat = open_meshcat()
-        self.url: str = self._meshcat.web_url()
+        self._window = Window()
+        self.url = self._window.url
         self._config: StationConfig | None = None
+        self._scene: Scene | None = None
         self._next_frame = self._clock_at_zero = 0.0
         self._paths = 0
         self.draw(config, state)
@@ -42,17 +45,16 @@ class LiveView:
     def draw(self, config: StationConfig, state: State | None = None) -> None:
         """Show a station in a state, outside of any run; its robots and pieces are loaded anew where they changed."""
         if config != self._config:
-            self._scene: Scene | None = Scene(config, meshcat=self._meshcat)
-            self._config = config
-            points, azimuth = self._scene.extents(self._scene.initial[np.newaxis]), side(self._scene.station)
-            look(self._meshcat, camera_on(points, aspect=ASPECT, azimuth=azimuth))
+            self._scene, self._config = Scene(config), config
+            self._tell_scene(self._scene)
         if self._scene is not None:
-            self._scene.draw(self._scene.initial if state is None else state.of_plant(self._scene.station)[0])
+            self._show(self._scene, self._scene.initial if state is None else state.of_plant(self._scene.station)[0])
         self._last: tuple[float, Vector] | None = None
 
     def add_paths(self, result: RecordedRun) -> None:
         """Leave the ways of the tools in a run as lines."""
-        draw_tool_paths(self._meshcat, result, self._paths)
+        number = self._paths
+        self._window.tell(f"paths {number}", commands(lambda meshcat: draw_tool_paths(meshcat, result, number)))
         self._paths += 1
 
     def on_step(self, time: float, positions: Vector) -> None:
@@ -70,15 +72,29 @@ class LiveView:
         while self._next_frame <= time:
             part = (self._next_frame - start) / (time - start) if time > start else 1.0
             self._wait_for(self._next_frame)
-            self._scene.draw(low + part * (positions - low), self._next_frame)
+            self._show(self._scene, low + part * (positions - low))
             self._next_frame += FRAME
         self._last = (time, positions.copy())
 
     def close(self) -> None:
         """Close the window and its port; what comes after is not shown."""
+        if self._scene is not None:
+            self._window.close()
         self._scene = None
-        del self._meshcat
-        gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
+
+    def _tell_scene(self, scene: Scene) -> None:
+        points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
+        scene.place(scene.initial)
+
+        def draw(meshcat: Meshcat) -> None:
+            draw_geometry(meshcat, scene.query(), _PREFIXES)
+            look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=azimuth))
+
+        self._window.tell("scene", [{"type": "delete", "path": "/drake/station"}, *commands(draw)])
+
+    def _show(self, scene: Scene, positions: Vector) -> None:
+        scene.place(positions)
+        self._window.tell("poses", pose_commands(scene.query(), _PREFIXES))
 
     def _wait_for(self, time: float) -> None:
         """Sleep until the clock has come to a simulated time [s]; time that was lost is not made up for."""

@@ -1,10 +1,11 @@
 """A run's motion in pictures, rendered without display or browser: a strip of frames and a video."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
-from simrob_drake.folders import writing
+from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
@@ -29,11 +30,12 @@ from simrob_drake.results.animation.camera import (
     Way,
     aspect_of,
     camera_on,
+    followed_way,
     frame_times,
     side,
-    walked_way,
 )
 from simrob_drake.results.animation.scene import RENDERER, Scene, with_floor_under
+from simrob_drake.results.record.events import begins_of, events_of
 from simrob_drake.results.record.run import RecordedRun
 
 Image = npt.NDArray[np.uint8]
@@ -44,45 +46,61 @@ _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
 _WIDEST = 5.8  # width of a strip, in heights of a frame
 _VIDEO_SIZE = 960, 540  # pixels; even, as H.264 needs them
 _BACKGROUND = np.array([0.98, 0.98, 0.98])
-_ASPECTS = 0.6, 1.6  # narrowest and widest picture
+_ASPECTS = 0.6, 2.4  # narrowest and widest picture
+_PLACES = 200  # of a way, under which the floor has lines
 _SHADOW_MAP = 1024  # pixels a side
 
 
-def film_strip(result: RecordedRun, *, frames: int = 7, height: int = 360) -> bytes:
-    """Return frames at even times, side by side, with the time under each, as PNG.
+def film_strip(
+    runs: RecordedRun | Sequence[RecordedRun], *, frames: int | Literal["events"] = 7, height: int = 360
+) -> bytes:
+    """Return frames side by side, with the time under each, as PNG.
 
     The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
     every 0.1 m.
 
     Args:
-        result: the run.
-        frames: how many, from the start to the end of the run.
+        runs: one, or several that follow each other; pieces may change hands between them.
+        frames: how many, at even times from the start to the end; or one for each event: a contact that begins, the end
+            of a move, a piece that is attached or detached, and what stopped the run.
         height: of a frame [pixels].
 
     Raises:
-        InvalidParameter: fewer than two frames, or a height of less than 16 pixels.
+        InvalidParameter: no run, fewer than two frames, or a height of less than 16 pixels.
     """
-    if frames < 2:
-        raise InvalidParameter("frames", frames, "at least 2")
+    runs = [runs] if isinstance(runs, RecordedRun) else list(runs)
+    if not runs:
+        raise InvalidParameter("runs", "empty", "some: what was run last")
+    if frames != "events" and frames < 2:
+        raise InvalidParameter("frames", frames, 'at least 2, or "events"')
     if height < 16:
         raise InvalidParameter("height", height, "at least 16 [pixels]")
-    times = np.linspace(0.0, result.stop_time, frames)
-    studio = Studio(result, height=height, oversampling=2)
-    strip = BytesIO()
-    _strip(list(studio.images(times)), _captions(times, studio.way)).savefig(strip, dpi=_DPI, format="png")
+    events = events_of(runs) if frames == "events" else []
+    times = np.array([time for time, _ in events]) if events else np.linspace(0.0, begins_of(runs)[-1], int(frames))
+    studio = Studio(runs, height=height, oversampling=2)
+    captions, strip = _captions(times, studio.way), BytesIO()
+    if events:
+        captions = [f"{caption}\n{text}" for caption, (_, text) in zip(captions, events, strict=True)]
+    _strip(list(studio.images(times)), captions).savefig(strip, dpi=_DPI, format="png")
     return strip.getvalue()
 
 
-def save_film_strip(result: RecordedRun, file: Path, *, frames: int = 7, height: int = 360) -> Path:
+def save_film_strip(
+    runs: RecordedRun | Sequence[RecordedRun],
+    file: Path,
+    *,
+    frames: int | Literal["events"] = 7,
+    height: int = 360,
+) -> Path:
     """Write a :func:`film_strip` to a file, ``.png``, and return that.
 
     Raises:
         InvalidParameter: as there.
         OutputError: the file cannot be written.
     """
-    strip = film_strip(result, frames=frames, height=height)
-    with writing(file):
-        file.write_bytes(strip)
+    strip = film_strip(runs, frames=frames, height=height)
+    with replaced_at_once(file) as work:
+        work.write_bytes(strip)
     return file
 
 
@@ -107,12 +125,19 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
     times = frame_times(result.stop_time, frames_per_second)
     if not file.parent.is_dir():
         raise OutputError(f"{file} cannot be written: there is no folder {file.parent}")
-    encoding = {"quality": 8, "macro_block_size": 2, "output_params": ["-preset", "veryfast"]}
-    writer = write_frames(str(file), _VIDEO_SIZE, fps=frames_per_second, **encoding)
-    with writing(file), closing(writer):
-        writer.send(None)
-        for image in Studio(result, height=height, width=width).images(times):
-            writer.send(np.ascontiguousarray(image))
+    encoding = {
+        "quality": 8,
+        "macro_block_size": 2,
+        "output_params": ["-preset", "veryfast"],
+        "ffmpeg_log_level": "fatal",
+    }
+    images = Studio([result], height=height, width=width).images(times)
+    with replaced_at_once(file) as work:
+        with closing(write_frames(str(work), _VIDEO_SIZE, fps=frames_per_second, **encoding)) as writer:
+            writer.send(None)
+            for image in images:
+                writer.send(np.ascontiguousarray(image))
+        _check_video(work)
     return file
 
 
@@ -130,6 +155,16 @@ def frame_writer() -> Callable[..., Any]:
     return writer
 
 
+def _check_video(file: Path) -> None:
+    """Read a video to its end: ffmpeg is silent about a disk that is full."""
+    from imageio_ffmpeg import count_frames_and_secs
+
+    try:
+        count_frames_and_secs(str(file))
+    except RuntimeError as problem:
+        raise OutputError(f"{file} cannot be written: it broke off, the disk may be full") from problem
+
+
 def _captions(times: Vector, way: Way | None) -> list[str]:
     """Return what stands under the frames: the time, and how far from its start a robot is that walks."""
     if way is None:
@@ -141,7 +176,8 @@ def _captions(times: Vector, way: Way | None) -> list[str]:
 def _strip(images: list[Image], captions: list[str]) -> Figure:
     """Put images side by side with captions, in as many rows as keep them large where they are wide."""
     height, width = images[0].shape[:2]
-    below = max(round(_CAPTION * height), 14)
+    lines = max(caption.count("\n") for caption in captions) + 1
+    below = max(round(_CAPTION * height), 14) * lines
     columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
     rows = -(-len(images) // columns)
     total = columns * (width + _GAP) - _GAP, rows * (height + below)
@@ -150,12 +186,12 @@ def _strip(images: list[Image], captions: list[str]) -> Figure:
         left, bottom = number % columns * (width + _GAP), (rows - 1 - number // columns) * (height + below)
         figure.figimage(image, left, bottom + below)
         middle = (left + width / 2) / total[0], (bottom + below / 2) / total[1]
-        figure.text(*middle, text, ha="center", va="center", fontsize=0.6 * below * 72 / _DPI, color="0.25")
+        figure.text(*middle, text, ha="center", va="center", fontsize=0.6 * below / lines * 72 / _DPI, color="0.25")
     return figure
 
 
 class Studio:
-    """A station before a camera that has the whole motion of a run in its picture.
+    """A station before a camera that has the whole motion of runs in its picture.
 
     It stands still, but for a robot that walks: beside that it goes, and lines on the floor show the way.
 
@@ -163,11 +199,13 @@ class Studio:
         way: of the camera; None where it stands still.
     """
 
-    def __init__(self, result: RecordedRun, *, height: int, width: int | None = None, oversampling: int = 1) -> None:
+    def __init__(
+        self, runs: Sequence[RecordedRun], *, height: int, width: int | None = None, oversampling: int = 1
+    ) -> None:
         """Set the camera up.
 
         Args:
-            result: the run.
+            runs: each begun where the one before ended; their times [s] are counted on.
             height: of the images [pixels].
             width: of the images [pixels]; chosen to suit the motion unless given.
             oversampling: pixels a side that are rendered for one of the image: more make smoother edges.
@@ -175,14 +213,18 @@ class Studio:
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        self._result = result
-        self.way = walked_way(result)
-        engine = MakeRenderEngineVtk(_engine_params())
-        gone = None if self.way is None else self.way(result.times)
-        config = result.config if gone is None else with_floor_under(result.config, gone)
-        self._scene = Scene(config, engine=engine, way=gone)
-        azimuth = side(self._scene.station)
-        points = self._scene.extents_of_run(result, self.way)
+        self._runs, self._begins = runs, begins_of(runs)
+        self.way = way = followed_way(runs)
+        self._scenes: list[Scene] = []
+        seen: list[Vector] = []
+        for begin, run in zip(self._begins, runs, strict=False):
+            if not self._scenes or run.config.pieces != runs[len(self._scenes) - 1].config.pieces:
+                gone = None if way is None else way(np.linspace(0.0, self._begins[-1], _PLACES))
+                config = run.config if gone is None else with_floor_under(run.config, gone)
+                scene = Scene(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
+            self._scenes.append(scene)
+            seen.append(scene.extents_of_run(run, None if way is None else partial(_later, way, begin)))
+        azimuth, points = side(self._scenes[0].station), np.vstack(seen)
         width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
         self._shape = height, oversampling, width, oversampling, 3
@@ -194,12 +236,18 @@ class Studio:
     def images(self, times: Vector) -> Iterator[Image]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
         ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
-        for positions, way in zip(self._result.positions_at(times), ways, strict=True):
-            self._scene.place(positions)
-            query, pose = self._scene.query(), _pose(self._camera.moved(way))
+        numbers = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self._runs) - 1)
+        for time, way, number in zip(times, ways, numbers, strict=True):
+            scene, run = self._scenes[number], self._runs[number]
+            scene.place(run.positions_at(np.clip([time - self._begins[number]], 0.0, run.stop_time))[0])
+            query, pose = scene.query(), _pose(self._camera.moved(way))
             rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), pose)
             colours = rendered.data[:, :, :3].reshape(self._shape)
             yield colours.mean(axis=(1, 3)).astype(np.uint8) if self._shape[1] > 1 else colours[:, 0, :, 0].copy()
+
+
+def _later(way: Way, begin: float, times: Vector) -> Vector:
+    return way(times + begin)
 
 
 def _engine_params() -> RenderEngineVtkParams:

@@ -1,6 +1,6 @@
 // What a recording adds to Meshcat's page: lines on the floor, a lamp straight above whose shadows tell what is over
 // what, a view that goes along with a robot that walks, and switches. RUN is written before this:
-//   way     how far the robot has gone in each frame, [x, y] [m]; empty where nobody walks
+//   way     how far the robot has gone in each frame, [x, y, z] [m]; empty where nobody walks
 //   rate    frames of the animation in a second
 //   middle  of what is seen in the first frame, [x, y, z], and radius of a ball around that [m]
 //   lines   on the floor, [begin, end] of [x, y, z] [m], and their spacing [m]; none without a floor
@@ -44,16 +44,16 @@
     return box;
   };
   const follow = way.length ? add_switch("follow the robot", true, () => {}) : null;
-  add_switch("axes", false, (on) => viewer.set_property(["Axes"], "visible", on));
+  add_switch("axes, 0.5 m long", false, (on) => viewer.set_property(["Axes"], "visible", on));
   if (lines.length) bar.append(`lines on the floor every ${spacing} m`);
 
   // The world goes by: a camera that moved would go on looking at where it began.
   const gone = (time) => {
     const frame = Math.min(time * rate, way.length - 1);
     const [low, high] = [way[Math.floor(frame)], way[Math.ceil(frame)]];
-    return low ? low.map((from, axis) => from + (frame % 1) * (high[axis] - from)) : [0, 0];
+    return low ? low.map((from, axis) => from + (frame % 1) * (high[axis] - from)) : [0, 0, 0];
   };
-  let seen = [0, 0];
+  let seen = [0, 0, 0];
   const update = viewer.animator.update.bind(viewer.animator);
   viewer.animator.update = () => {
     // A part whose motion ends before the others' would begin again before them.
@@ -61,9 +61,9 @@
     update();
     const now = gone(viewer.animator.time);
     if (follow?.checked) seen = now;
-    for (const name of ["drake", "Axes"]) viewer.scene_tree.find([name]).object.position.set(-seen[0], -seen[1], 0);
-    const [x, y] = [0, 1].map((axis) => middle[axis] + now[axis] - seen[axis]);
-    lamp.position.set(x, y, middle[2] + 3 * radius);
-    lamp.target.position.set(x, y, middle[2]);
+    for (const name of ["drake", "Axes"]) viewer.scene_tree.find([name]).object.position.set(...seen.map((part) => -part));
+    const [x, y, z] = middle.map((from, axis) => from + now[axis] - seen[axis]);
+    lamp.position.set(x, y, z + 3 * radius);
+    lamp.target.position.set(x, y, z);
   };
 })();

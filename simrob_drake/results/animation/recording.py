@@ -1,35 +1,30 @@
-"""A run's motion as one HTML file that any browser plays, and the Meshcat windows of the package."""
+"""A run's motion as one HTML file that any browser plays."""
 
 import gc
 import json
-import logging
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
+from pydrake.geometry import GeometryId, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraphInspector, Sphere
 from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
 from pydrake.multibody.plant import ContactResults
 
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.folders import writing
+from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera, camera_on, frame_times, side, walked_way
+from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, frame_times, side, walked_way
+from simrob_drake.results.animation.drawn import draw_tool_paths, look, open_meshcat
 from simrob_drake.results.animation.scene import SPACING, Scene, floor_lines, with_floor_under
 from simrob_drake.results.record.run import RecordedRun
 
-ASPECT = 1.4
-"""Width over height of a browser window that still shows all: most are wider."""
-
 _SCRIPT = Path(__file__).with_suffix(".js")
 _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
-_TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
-_PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(0.10, 0.55, 0.30, 1.0)]
 _ARROW, _RADIUS = 0.12, 0.003  # m: length of the arrow of a typical large force, and its thickness
 _LARGE = 95  # percentile of the forces that is drawn at that length: a blow may be longer
+_SPHERE = Rgba(0.95, 0.35, 0.15, 0.6)  # through which the arrow shows
 _SMALLEST = 0.01  # part of that force that is still drawn
-_AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
 
 
 def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float = 32.0) -> Path:
@@ -49,41 +44,9 @@ def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float 
     """
     page = _page(result, frame_times(result.stop_time, frames_per_second), frames_per_second)
     gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
-    with writing(file):
-        file.write_text(page, encoding="utf-8")
+    with replaced_at_once(file) as work:
+        work.write_text(page, encoding="utf-8")
     return file
-
-
-def open_meshcat() -> Meshcat:
-    """Return a Meshcat window that listens on this computer only, at the first free port."""
-    logger = logging.getLogger("drake")
-    level = logger.level
-    logger.setLevel(logging.WARNING)  # where Meshcat listens is for the caller to say
-    try:
-        meshcat = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
-    finally:
-        logger.setLevel(level)
-    meshcat.SetProperty("/Background", "top_color", _TOP)
-    meshcat.SetProperty("/Background", "bottom_color", _BOTTOM)
-    meshcat.SetProperty("/Grid", "visible", False)
-    meshcat.SetProperty("/Axes", "visible", False)
-    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", _AMBIENT)
-    return meshcat
-
-
-def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
-    """Draw the ways of the tools in a run as lines; ``number`` keeps those of other runs."""
-    for index, robot in enumerate(result.plant.robots.values()):
-        if robot.tcp:
-            path: Vector = result.pose("tcp", robot.name)[:, :3].T
-            colour = _PATH_COLOURS[index % len(_PATH_COLOURS)]
-            meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
-
-
-def look(meshcat: Meshcat, camera: Camera) -> None:
-    """Put the camera of a Meshcat window in its place."""
-    meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
-    meshcat.SetCameraPose(camera.eye, camera.target)
 
 
 def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
@@ -94,14 +57,16 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     _record(meshcat, scene, result, times, frames_per_second)
     draw_tool_paths(meshcat, result)
     points = scene.extents_of_run(result, way)
-    look(meshcat, camera_on(points, aspect=ASPECT, azimuth=side(scene.station)))
+    look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=side(scene.station)))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    tilt = scene.station.ground.tilt.rotation().matrix()
+    lines = floor_lines(gone @ tilt, size=config.floor.size) if config.floor else np.zeros((0, 2, 3))
     run = {
-        "way": [] if way is None else np.round(gone[:, :2], 4).tolist(),
+        "way": [] if way is None else np.round(gone, 4).tolist(),
         "rate": frames_per_second,
         "middle": middle.tolist(),
         "radius": float(np.linalg.norm(points - middle, axis=1).max()),
-        "lines": floor_lines(gone, size=config.floor.size).round(4).tolist() if config.floor else [],
+        "lines": (lines @ tilt.T).round(4).tolist(),
         "spacing": SPACING,
     }
     script = f"<script>const RUN = {json.dumps(run)};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
@@ -131,10 +96,13 @@ def _draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, s
     """
     if result.contacts_at is None:
         return
-    forces = np.vstack([Contacts.of(results).forces for results in result.contacts_at(times)])
-    sizes = np.linalg.norm(forces, axis=1)
+    contacts = Contacts.together([Contacts.of(results) for results in result.contacts_at(times)])
+    sizes = np.linalg.norm(contacts.forces, axis=1)
     if not sizes.size:
         return
+    _draw_spheres(
+        meshcat, result.plant.scene_graph.model_inspector(), {each for pair in contacts.pairs for each in pair}
+    )
     large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
     params = ContactVisualizerParams(
         prefix="contact_forces",
@@ -148,3 +116,17 @@ def _draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, s
         context.SetTime(time)
         arrows.contact_results_input_port().FixValue(context, Value[ContactResults](results))
         arrows.ForcedPublish(context)
+
+
+def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set[GeometryId]) -> None:
+    """Show the contact spheres that ever touched anything on their bodies, where the body's looks do not show them."""
+    for shape in touched:
+        sphere, frame = inspector.GetShape(shape), inspector.GetFrameId(shape)
+        looks = [inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)]
+        if isinstance(sphere, Sphere) and not any(
+            isinstance(look, Sphere) and look.radius() >= sphere.radius() for look in looks
+        ):
+            body = inspector.GetName(frame).replace("::", "/")
+            path = f"station/{body}/contact_sphere_{shape.get_value()}"
+            meshcat.SetObject(path, sphere, _SPHERE)
+            meshcat.SetTransform(path, inspector.GetPoseInFrame(shape))

@@ -1,22 +1,24 @@
 """A robot in the browser, with a slider for every joint."""
 
-import gc
 import math
 from time import monotonic, sleep
 
 import numpy as np
-from pydrake.geometry import MeshcatVisualizer, MeshcatVisualizerParams, Role
-from pydrake.multibody.meshcat import JointSliders
+from pydrake.geometry import Meshcat, QueryObject, Role
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.visualization import AddFrameTriadIllustration
 
-from simrob_drake.results.animation.camera import camera_on
-from simrob_drake.results.animation.recording import ASPECT, look, open_meshcat
+from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on
+from simrob_drake.results.animation.drawn import commands, draw_geometry, look, pose_commands
+from simrob_drake.results.animation.window import Control, Window
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 
 _TRIAD = 0.12  # length of a tool frame's axes, as a part of the robot's size
 _STOP = "Stop"
 _FRAME = 1 / 30  # s between two looks at the sliders
+_STEP = 0.01  # of a slider [rad or m]
+_PREFIXES = {"robot": Role.kIllustration, "collision": Role.kProximity}
 _SMALLEST = 0.1  # what a robot's size counts as, at least [m]
 _WITHOUT_LIMITS = np.pi  # how far a slider goes where the joint has no limit [rad or m]
 
@@ -37,8 +39,6 @@ class RobotView:
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        self._meshcat = open_meshcat()
-        self.url: str = self._meshcat.web_url()
         lone = lone_robot(robot)
         builder, size = lone.builder, max(lone.size, _SMALLEST)
         self._plant = plant = lone.plant
@@ -50,39 +50,52 @@ class RobotView:
                 length=_TRIAD * size,
                 radius=_TRIAD * size / 25,
             )
-        for role, prefix in ((Role.kIllustration, "robot"), (Role.kProximity, "collision")):
-            shown = role == Role.kIllustration
-            params = MeshcatVisualizerParams(role=role, prefix=prefix, visible_by_default=shown)
-            MeshcatVisualizer.AddToBuilder(builder, lone.scene_graph, self._meshcat, params)
-        limits = {"lower_limit": -_WITHOUT_LIMITS, "upper_limit": _WITHOUT_LIMITS}
-        self._sliders = builder.AddSystem(JointSliders(self._meshcat, plant, **limits))
         self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._query = lone.scene_graph.get_query_output_port()
+        self._window = Window(_sliders(plant) | {_STOP: Control(key="Escape")})
+        self.url = self._window.url
         margin = np.array([[-1.0], [1.0]]) * size / 4
-        look(self._meshcat, camera_on(np.vstack([lone.origins() + side for side in margin]), aspect=ASPECT))
+        camera = camera_on(np.vstack([lone.origins() + side for side in margin]), aspect=WINDOW_ASPECT)
+
+        def draw(meshcat: Meshcat) -> None:
+            draw_geometry(meshcat, self._geometry(), _PREFIXES, hidden="collision")
+            look(meshcat, camera)
+
+        self._window.tell("robot", commands(draw))
 
     def run(self, timeout: float = math.inf) -> None:
-        """Move the robot as the sliders say, until "Stop" is pressed in the browser or ``timeout`` [s] is over.
-
-        The loop is ours, since that of ``JointSliders`` lets no Ctrl+C through.
-        """
-        context = self._diagram.CreateDefaultContext()
-        own, of_plant = (part.GetMyMutableContextFromRoot(context) for part in (self._sliders, self._plant))
+        """Move the robot as the sliders say, until "Stop" is pressed in the browser or ``timeout`` [s] is over."""
+        of_plant = self._plant.GetMyMutableContextFromRoot(self._context)
         end, shown = monotonic() + timeout, np.empty(0)
-        self._meshcat.AddButton(_STOP, "Escape")
-        while self._meshcat.GetButtonClicks(_STOP) == 0 and monotonic() < end:
-            wanted = self._sliders.get_output_port().Eval(own)
+        while not self._window.controls[_STOP].value and monotonic() < end:
+            wanted = np.array(list(self.sliders().values()))
             if not np.array_equal(wanted, shown):
                 self._plant.SetPositions(of_plant, wanted)
-                self._diagram.ForcedPublish(context)
+                self._window.tell("poses", pose_commands(self._geometry(), _PREFIXES))
                 shown = wanted
             sleep(_FRAME)
-        self._meshcat.DeleteButton(_STOP)
 
     def sliders(self) -> dict[str, float]:
         """Return where the slider of each joint is [rad or m]."""
-        return {name: self._meshcat.GetSliderValue(name) for name in self._meshcat.GetSliderNames()}
+        return {name: control.value for name, control in self._window.controls.items() if name != _STOP}
 
     def close(self) -> None:
         """Close the window and its port."""
-        del self._sliders, self._plant, self._diagram, self._meshcat
-        gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
+        self._window.close()
+
+    def _geometry(self) -> QueryObject:
+        graph = self._query.get_system()
+        query: QueryObject = self._query.Eval(graph.GetMyContextFromRoot(self._context))
+        return query
+
+
+def _sliders(plant: MultibodyPlant) -> dict[str, Control]:
+    """Return a slider for each of the plant's positions, in their order, where they are by default."""
+    names = plant.GetPositionNames(add_model_instance_prefix=False, always_add_suffix=False)
+    values = plant.GetPositions(plant.CreateDefaultContext()).tolist()
+    lower, upper = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
+    lower = np.where(np.isfinite(lower), lower, -_WITHOUT_LIMITS).tolist()
+    upper = np.where(np.isfinite(upper), upper, _WITHOUT_LIMITS).tolist()
+    figures = zip(names, values, lower, upper, strict=True)
+    return {name: Control(value, low, high, _STEP) for name, value, low, high in figures}

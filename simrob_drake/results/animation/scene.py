@@ -71,7 +71,7 @@ class Scene(PosedStation):
             if engine is not None:
                 station.scene_graph.AddRenderer(RENDERER, engine)
             if way is not None and config.floor is not None:
-                add_floor_grid(station.scene_graph, way, size=config.floor.size)
+                add_floor_grid(station.scene_graph, way, size=config.floor.size, tilt=station.ground.tilt)
             if meshcat is not None:
                 params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
                 self.visualizer = MeshcatVisualizer.AddToBuilder(builder, station.scene_graph, meshcat, params)
@@ -131,10 +131,10 @@ def with_floor_under(config: StationConfig, way: Vector) -> StationConfig:
 
 
 def floor_lines(around: Vector, *, size: float) -> Vector:
-    """Return where lines of whole tenths of a metre on a floor begin and end, shape (n, 2, 3) [m].
+    """Return where lines of whole tenths of a metre on a floor begin and end, in its frame, shape (n, 2, 3) [m].
 
     Args:
-        around: places that they lie about, shape (m, 3) [m].
+        around: places in that frame that they lie about, shape (m, 3) [m].
         size: side of the square floor [m].
     """
     low = np.maximum(around.min(axis=0) - _AROUND, -size / 2)
@@ -148,18 +148,19 @@ def floor_lines(around: Vector, *, size: float) -> Vector:
     return np.array(lines)
 
 
-def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float) -> None:
+def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: RigidTransform) -> None:
     """Draw the lines on a floor of a size [m] about a way (m, 3) [m]; for rendered images only.
 
     Args:
         scene_graph: where to; not yet in a context.
         way: along which lines are drawn.
         size: side of the square floor.
+        tilt: pose of the floor in the world.
     """
     source = scene_graph.RegisterSource("floor_grid")
-    for number, (begin, end) in enumerate(floor_lines(way, size=size)):
+    for number, (begin, end) in enumerate(floor_lines((tilt.inverse() @ way.T).T, size=size)):
         shape = Box(*np.maximum(end - begin, (_WIDTH, _WIDTH, 2 * _TOP)))
-        line = GeometryInstance(RigidTransform((begin + end) / 2 - (0.0, 0.0, _TOP)), shape, f"line_{number}")
+        line = GeometryInstance(tilt @ RigidTransform((begin + end) / 2 - (0.0, 0.0, _TOP)), shape, f"line_{number}")
         looks = PerceptionProperties()
         looks.AddProperty("phong", "diffuse", _COLOUR)
         line.set_perception_properties(looks)

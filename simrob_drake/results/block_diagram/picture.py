@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.folders import writing
+from simrob_drake.folders import replaced_at_once
 from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
@@ -62,8 +62,8 @@ def save_block_picture(config: StationConfig, file: Path) -> Path:
         raise InvalidParameter("the picture's file", file.name, f"one of .dot, .mmd, {', '.join(DRAWN_SUFFIXES)}")
     text = station_mermaid(config) if suffix == ".mmd" else station_dot(config)
     content = _drawn(text, suffix[1:]) if suffix in DRAWN_SUFFIXES else text.encode()
-    with writing(file):
-        file.write_bytes(content)
+    with replaced_at_once(file) as work:
+        work.write_bytes(content)
     return file
 
 

@@ -37,6 +37,7 @@ _DIGIT = 0.64 * _TICK / 72  # inches
 _SMALLEST = {"m": 1e-3, "deg": 0.1, "N": 0.01, "N·m": 0.01, "m/s": 1e-3}  # span of an axis: less is noise
 _TRUSTED = 0.95  # the part of a diverging run that sets the scale
 _HUGE = 1e9  # nobody reads larger values off a plot
+_MOST = 48  # stacks of a figure; 300 would take a minute and half a gigabyte
 _INK = 25.0  # curves that go up and down more often than this per plot are drawn thin
 
 
@@ -87,12 +88,14 @@ def grid_figure(
     Args:
         result: the run, for its times and its end.
         title: what is shown.
-        stacks: in the order of reading.
+        stacks: in the order of reading; only so many are drawn as somebody may look at, which the title says.
         columns: stacks in a row; at most three, or about as many as rows, unless given.
         width: of the figure, at least [inches].
         beside: room to the right of each stack [inches]; with some, plots of several curves have their legend there.
         span: the part of the run to show; all of it unless given.
     """
+    if len(stacks) > _MOST:
+        title, stacks = f"{title}: the first {_MOST} of {len(stacks)}", stacks[:_MOST]
     columns = columns or (len(stacks) if len(stacks) <= 3 else int(np.ceil(np.sqrt(len(stacks)))))
     grid = _Grid(result, stacks, columns)
     grid.draw(span or (0.0, result.stop_time), legends=beside > 0)

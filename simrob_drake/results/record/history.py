@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -14,6 +15,7 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.rows import parts
 
 RUNAWAY = 1e8
 """A position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged."""
@@ -21,7 +23,6 @@ RUNAWAY = 1e8
 
 _LOOK_EVERY = 20  # steps
 _ROUNDING = 1e-9  # by how much a time may lie outside of the run [s]
-_NONE = np.zeros(0)
 
 
 class Recorder:
@@ -37,6 +38,7 @@ class Recorder:
         simulator: Simulator,
         *watchers: Callable[[Context], None],
         look: Callable[[History], bool] | None = None,
+        pace: Callable[[Context], None] | None = None,
     ) -> None:
         """Begin to record, with the state that the simulator starts from.
 
@@ -44,35 +46,36 @@ class Recorder:
             simulator: whose monitor this becomes.
             watchers: called after each accepted step.
             look: called now and then with the steps since the last call; True ends the run.
+            pace: called at the start and after each accepted step; it may change the length of the next ones.
         """
-        self.times: list[float] = []
+        self.times = array("d")
         self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
-        self._continuous: list[Vector] = []
-        self._discrete: list[list[Vector]] = []
+        self._states: list[array[float]] = []  # of the continuous part and each discrete group, one state after another
         self._abstract: list[list[AbstractValue]] = []
         self._watchers, self._look, self._seen = watchers, look, 0
-        self.attach(simulator)
+        self.attach(simulator, pace)
 
-    def attach(self, simulator: Simulator) -> None:
+    def attach(self, simulator: Simulator, pace: Callable[[Context], None] | None = None) -> None:
         """Go on with a simulator whose context has the same layout, from the state that it is in."""
+        self._pace = pace
         self._system = simulator.get_system()
         context = simulator.get_context()
-        self._has_continuous = context.num_continuous_states() > 0
-        self._groups = range(context.num_discrete_state_groups())
+        groups = range(context.num_discrete_state_groups())
+        self._sizes = [context.num_continuous_states(), *(context.get_discrete_state(group).size() for group in groups)]
+        self._states = self._states or [array("d") for _ in self._sizes]
         self._values = range(context.num_abstract_states())
         self._keep(context)
         simulator.set_monitor(self._keep)
 
     def _keep(self, context: Context) -> EventStatus:
         time = context.get_time()
+        if self._pace is not None:
+            self._pace(context)
         if self.times and time == self.times[-1]:  # an event at a step's end: what it left counts
-            for kept in (self.times, self._continuous, self._discrete, self._abstract):
-                del kept[-1:]
-        self.times.append(time)
-        self._continuous.append(context.get_continuous_state_vector().CopyToVector() if self._has_continuous else _NONE)
-        self._discrete.append([context.get_discrete_state(group).value().copy() for group in self._groups])
-        if self._values:
-            self._abstract.append([context.get_abstract_state(index).Clone() for index in self._values])
+            del self.times[-1:], self._abstract[-1:]
+            for size, states in zip(self._sizes, self._states, strict=True):
+                del states[len(states) - size :]
+        self._copy(context)
         try:
             for watcher in self._watchers:
                 watcher(context)
@@ -86,6 +89,15 @@ class Recorder:
                 return EventStatus.ReachedTermination(self._system, "a monitor ended the run")
         return EventStatus.DidNothing()
 
+    def _copy(self, context: Context) -> None:
+        self.times.append(context.get_time())
+        if self._sizes[0]:
+            self._states[0].frombytes(context.get_continuous_state_vector().CopyToVector().tobytes())
+        for group, states in enumerate(self._states[1:]):
+            states.frombytes(context.get_discrete_state(group).value().tobytes())
+        if self._values:
+            self._abstract.append([context.get_abstract_state(index).Clone() for index in self._values])
+
     def look(self) -> bool:
         """Show the steps since the last look; tell whether they end the run."""
         if self._look is None or self._seen >= len(self.times):
@@ -96,7 +108,8 @@ class Recorder:
 
     def is_sane(self) -> bool:
         """Tell whether the last recorded state is made of numbers of a size that a robot can have."""
-        return bool(_sane(np.concatenate([self._continuous[-1], *self._discrete[-1]])[np.newaxis]).all())
+        last = self._rows(slice(len(self.times) - 1, None))
+        return all(_sane(values).all() for values in (last.continuous, *last.discrete))
 
     def history(self, count: int | None = None) -> History:
         """Return what was recorded so far, up to the last sane state; its first ``count`` steps where that is given."""
@@ -106,13 +119,19 @@ class Recorder:
         return whole if kept == len(whole.times) else self._rows(slice(0, kept))
 
     def _rows(self, rows: slice) -> History:
-        groups = [np.array(group) for group in zip(*self._discrete[rows], strict=True)]
-        return History(np.array(self.times[rows]), np.array(self._continuous[rows]), groups, self._abstract[rows])
+        first, last, _ = rows.indices(len(self.times))
+        everything = last - first == len(self.times)  # of which there shall be no second copy
+        continuous, *groups = (
+            np.asarray(states if everything else states[first * size : last * size]).reshape(last - first, size)
+            for size, states in zip(self._sizes, self._states, strict=True)
+        )
+        return History(np.asarray(self.times[rows]), continuous, groups, self._abstract[rows])
 
 
 def _sane(states: Vector) -> npt.NDArray[np.bool_]:
     """Tell which rows of values hold numbers below RUNAWAY; infinite is a monitor's "not yet"."""
-    return np.asarray((np.isinf(states) | (np.abs(states) < RUNAWAY)).all(axis=1))
+    found = [(np.isinf(states[part]) | (np.abs(states[part]) < RUNAWAY)).all(axis=1) for part in parts(len(states))]
+    return np.concatenate(found)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import Samples
-from simrob_drake.errors import UnknownName
+from simrob_drake.errors import one_of
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.state import State
@@ -70,9 +70,7 @@ class RecordedRun:
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
-        if name not in self.names:
-            raise UnknownName("signal", name, self.names)
-        return self.values[:, self.names.index(name)]
+        return self.values[:, self.names.index(one_of("signal", name, self.names))]
 
     def axes(self, signal: str, robot: str | None = None) -> Vector:
         """Return a signal of all axes of a robot, shape (m, n): ``q_ref``, ``q``, ``v`` or ``tau``.

@@ -1,6 +1,7 @@
 """Signals of a run: the ports of its station, evaluated after the run from the recorded states."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site
 from simrob_drake.results.record.history import History, plant_slice
+from simrob_drake.rows import parts
 
 
 class Sampler:
@@ -98,7 +100,7 @@ class Sampler:
 
     def _value(self, port: OutputPort, context: Context) -> Any:
         try:
-            return port.Eval(context)
+            return copy(port.Eval(context))  # an abstract value is the cache's own, and changes with it
         except Exception:
             if not self._tolerant:
                 raise
@@ -146,13 +148,18 @@ class Sampler:
 
 def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
     """Return a station's signals at times of a run (m,): the values of their k columns, shape (m, k)."""
-    ports = list(dict.fromkeys(site.outputs[signal.output] for signal in site.signals if signal.output))
-    known = dict(zip(ports, sampler.sample(ports, times), strict=True))
-    columns = []
-    for signal in site.signals:
+    ports = {signal.output: site.outputs[signal.output] for signal in site.signals if signal.output}
+    ends = np.cumsum([len(signal.names) for signal in site.signals], dtype=int).tolist()
+    placed = [(signal, slice(end - len(signal.names), end)) for signal, end in zip(site.signals, ends, strict=True)]
+    values = np.empty((len(times), ends[-1] if ends else 0))
+    for part in parts(len(times)):
+        known = dict(zip(ports, sampler.sample(list(ports.values()), times[part]), strict=True))
+        for signal, columns in placed:
+            if signal.compute is None:
+                values[part, columns] = known[signal.output]
+    for signal, columns in placed:
         if signal.compute is not None:
-            columns.append(signal.compute(sampler, times))
-        else:
-            values = known[site.outputs[signal.output]]
-            columns.append(values if signal.adjust is None else signal.adjust(sampler, times, values))
-    return np.hstack(columns)
+            values[:, columns] = signal.compute(sampler, times)
+        elif signal.adjust is not None:
+            values[:, columns] = signal.adjust(sampler, times, values[:, columns])
+    return values

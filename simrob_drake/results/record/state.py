@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,9 +15,14 @@ from pydrake.systems.framework import Context, Diagram, System
 
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.errors import InvalidConfig, InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.files import NotRead, text_of
+from simrob_drake.frames import Vector, finite
+from simrob_drake.given import instance
 from simrob_drake.parts.site import Site, StationPlant
 from simrob_drake.stations.config import StationConfig
+
+_LARGEST = 10_000_000  # bytes of a file
+_OF_ROBOTS = ("positions", "velocities", "references")
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,28 @@ class State:
             joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in _joints(plant)}
         return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
 
+    def check(self) -> None:
+        """Check that a run can begin here.
+
+        Raises:
+            InvalidParameter: something that is no number, as after a run in which a block failed.
+        """
+        vectors = [(f"{key} of {name}", values) for key in _OF_ROBOTS for name, values in self._entries(key, object)]
+        for name, joint in self._entries("joints", JointState):
+            vectors += [(name, joint.position), (name, joint.velocity)]
+        for name, block in self._entries("blocks", BlockState):
+            vectors += [(name, block.continuous), *((name, values) for values in block.discrete)]
+        for name, values in vectors:
+            if not (isinstance(values, np.ndarray) and values.ndim == 1 and finite(values).shape == values.shape):
+                told = "an array of finite numbers, unlike at the end of a run in which a block failed"
+                raise InvalidParameter(f"start: {name}", values, told)
+
+    def _entries(self, key: str, kind: type[Any]) -> list[tuple[str, Any]]:
+        entries = instance(getattr(self, key), f"start: {key}", Mapping, "a mapping by name")
+        return [
+            (name, instance(entry, f"start: {name}", kind, f"a {kind.__name__}")) for name, entry in entries.items()
+        ]
+
     def put(self, diagram: Diagram, ports: Site, context: Context) -> None:
         """Set a context of another closed station to this state, as far as the two have joints and blocks in common.
 
@@ -101,7 +128,8 @@ class State:
             InvalidParameter: a robot, joint or block of the same name but another size.
         """
         for robot in ports.plant.robots.values():
-            self._check(robot.name, self.positions.get(robot.name), len(robot.axes))
+            for values in (self.positions, self.velocities):
+                self._check(robot.name, values.get(robot.name), len(robot.axes))
         plant = ports.plant.plant
         for system in _with_memory(diagram, plant):
             kept = self.blocks.get(system.get_name())
@@ -139,10 +167,7 @@ class State:
         """
         return json.dumps(
             {
-                **{
-                    key: {name: vector.tolist() for name, vector in getattr(self, key).items()}
-                    for key in ("positions", "velocities", "references")
-                },
+                **{key: {name: vector.tolist() for name, vector in getattr(self, key).items()} for key in _OF_ROBOTS},
                 "joints": {name: [s.position.tolist(), s.velocity.tolist()] for name, s in self.joints.items()},
                 "blocks": {
                     name: [s.continuous.tolist(), [group.tolist() for group in s.discrete], _json_values(s.abstract)]
@@ -165,13 +190,13 @@ class State:
                 _arrays(content["positions"]),
                 _arrays(content["velocities"]),
                 _arrays(content["references"]),
-                {name: JointState(np.array(q), np.array(v)) for name, (q, v) in content["joints"].items()},
+                {name: JointState(_array(q), _array(v)) for name, (q, v) in content["joints"].items()},
                 {
-                    name: BlockState(np.array(continuous), tuple(map(np.array, discrete)), tuple(*abstract))
+                    name: BlockState(_array(continuous), tuple(map(_array, discrete)), tuple(*abstract))
                     for name, (continuous, discrete, *abstract) in content["blocks"].items()
                 },
             )
-        except (ValueError, TypeError, KeyError, AttributeError) as problem:
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as problem:
             raise InvalidParameter("state", text, "the text of a state, as State.to_json() writes it") from problem
 
     @classmethod
@@ -184,10 +209,15 @@ class State:
         if config.start is None:
             return None
         try:
-            return cls.from_json(config.start.read_text(encoding="utf-8"))
-        except (OSError, ValueError, InvalidParameter) as problem:
-            what = "cannot be read" if isinstance(problem, OSError) else "holds no state"
+            state = cls.from_json(text_of(config.start, _LARGEST))
+        except (NotRead, InvalidParameter) as problem:
+            what = f"cannot be read ({problem})" if isinstance(problem, NotRead) else "holds no state"
             raise InvalidConfig(config.start, "", f"{what}; `start` names the start.json of a result") from problem
+        try:
+            state.check()
+        except InvalidParameter as problem:
+            raise InvalidConfig(config.start, "", str(problem)) from problem
+        return state
 
     def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
         own = system.GetMyMutableContextFromRoot(context)
@@ -251,5 +281,9 @@ def _json_values(values: tuple[Any, ...]) -> list[Any]:
     return [value if known(value) else None for value in values]
 
 
+def _array(values: Any) -> Vector:
+    return np.array(values, dtype=float)
+
+
 def _arrays(values: dict[str, Any]) -> dict[str, Vector]:
-    return {name: np.array(vector, dtype=float) for name, vector in values.items()}
+    return {name: _array(vector) for name, vector in values.items()}

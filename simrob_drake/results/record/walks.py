@@ -40,7 +40,7 @@ class Locomotion:
         speed: distance over the time of the run [m/s].
         yaw: by how much it turned to the left, whole turns counted [rad].
         tilt: largest angle of the root's z axis from the vertical [rad].
-        smallest_height: of the root over the world's origin [m].
+        smallest_height: of the root over the ground beneath [m].
         fall_time: when a fall monitor ended the run [s], or None.
         peak_torque: ``axis``, ``torque``, ``limit`` [N·m] and ``ratio``, where :math:`|\tau| / \tau_{max}` was largest.
         saturated: part of the samples in which the busiest joint is at its limit.
@@ -98,7 +98,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         speed=distance / result.stop_time if result.stop_time > 0 else 0.0,
         yaw=float(heading[-1] - heading[0]),
         tilt=float(tilts(base).max()),
-        smallest_height=float(base[:, 2].min()),
+        smallest_height=float((base[:, 2] - result.plant.ground.beneath(base[:, :3])).min()),
         fall_time=result.stop_time if fallen(result) == name else None,
         peak_torque=_peak_torque(result, own),
         saturated=float((shares > _AT_LIMIT).mean(axis=0).max()),
@@ -142,9 +142,7 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
 def fallen(result: RecordedRun) -> str | None:
     """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
     monitor = result.config.monitors.get(result.stopped_by or "")
-    if not isinstance(monitor, Fall) or monitor.piece is not None:
-        return None
-    return monitor.robot or result.config.only_robot
+    return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
 
 
 def mechanical_work(result: RecordedRun, robot: str) -> float:
@@ -154,29 +152,31 @@ def mechanical_work(result: RecordedRun, robot: str) -> float:
 
 
 def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
-    """Return how far each foot slid over the floor, by its link [m].
+    """Return how far each foot slid over the ground, by its link [m].
 
-    A foot touches with those lowest points of its contact shapes that lie below the floor's surface, z = 0. From one
-    sample to the next each point that touches in both is followed as a point of its link, and the foot slides by the
-    mean of their horizontal displacements. A foot that rolls does not slide.
+    A foot touches with those points of its contact shapes, lowest over the floor, that lie below the ground's surface.
+    From one sample to the next each point that touches in both is followed as a point of its link, and the foot slides
+    by the mean of their displacements along the floor. A foot that rolls does not slide.
     """
-    own, plant = result.plant.robots[robot], result.plant.plant
+    own, plant, ground = result.plant.robots[robot], result.plant.plant, result.plant.ground
     assert own.feet is not None  # the caller asks for robots with feet only
     frames, context = (
         [plant.GetFrameByName(link, own.instance) for link in own.feet.links],
         plant.CreateDefaultContext(),
     )
-    rows = []
+    from_floor, rows = ground.tilt.inverse(), []
     for positions in result.positions_at(result.times):
         plant.SetPositions(context, positions)
-        rows.append([frame.CalcPoseInWorld(context).GetAsMatrix4() for frame in frames])
+        rows.append([(from_floor @ frame.CalcPoseInWorld(context)).GetAsMatrix4() for frame in frames])
     slips = {}
     for link, poses in zip(own.feet.links, np.array(rows).swapaxes(0, 1), strict=True):
         turns, places = poses[:, :3, :3], poses[:, :3, 3]
         points = own.feet.lowest_points(link, poses)
         local = np.einsum("mji,mkj->mki", turns[:-1], points[:-1] - places[:-1, np.newaxis])
         moved = places[1:, np.newaxis] + np.einsum("mij,mkj->mki", turns[1:], local)
-        touches = (points[:-1, :, 2] < 0) & (points[1:, :, 2] < 0)
+        seen = points.reshape(-1, 3) @ ground.tilt.rotation().matrix().T
+        below = (seen[:, 2] < ground.beneath(seen)).reshape(points.shape[:2])
+        touches = below[:-1] & below[1:]
         ways = np.linalg.norm((moved - points[:-1])[..., :2], axis=2) * touches
         slips[link] = float((ways.sum(axis=1) / np.maximum(touches.sum(axis=1), 1)).sum())
     return slips

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.folders import replaced_at_once, writing
 from simrob_drake.simulink.fmi.unit import SteppedStation
 from simrob_drake.simulink.writing.names import plain
 from simrob_drake.stations.config import StationConfig
@@ -65,7 +66,7 @@ def write_fmu(config: StationConfig, target: Path, *, force: bool = False) -> Pa
 
     Raises:
         InvalidParameter: a kinematic station, a target of another ending, or pythonfmu is not installed.
-        OutputError: the file is there.
+        OutputError: the file is there, or the disk does not take it.
     """
     try:
         from pythonfmu import FmuBuilder
@@ -96,6 +97,8 @@ def write_fmu(config: StationConfig, target: Path, *, force: bool = False) -> Pa
         finally:
             sys.path[:] = before
             sys.modules.pop(name, None)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(made, target)
+        with writing(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+        with replaced_at_once(target) as whole:
+            shutil.copyfile(made, whole)
     return target

@@ -3,12 +3,14 @@
 Parts are read into memory within limits, by name; nothing is unpacked to disk, so no name can lead outside.
 """
 
+import io
 import re
 import zipfile
 import zlib
 from pathlib import Path
 
 from simrob_drake.errors import InvalidModel
+from simrob_drake.files import NotRead, content_of
 
 MOST_PARTS = 20_000
 LARGEST_PART = 64 * 2**20  # bytes
@@ -40,21 +42,19 @@ class Package:
         if path.suffix.lower() in (".slxp", ".mdlp"):
             raise InvalidModel(path, "", "is a protected model, which only MATLAB opens; ask its author for the .slx")
         try:
-            size = path.stat().st_size
-        except OSError as problem:
-            raise InvalidModel(path, "", f"cannot be read: {problem.strerror}") from problem
-        if size > LARGEST_MODEL:
-            raise InvalidModel(path, "", f"has {size / 2**20:.0f} MB; at most {LARGEST_MODEL / 2**20:.0f} are read")
-        if path.suffix.lower() == ".mdl" and not zipfile.is_zipfile(path):
-            self._read_text(path.read_bytes())
+            content = content_of(path, LARGEST_MODEL)
+        except NotRead as problem:
+            raise InvalidModel(path, "", f"cannot be read: {problem}") from problem
+        if zipfile.is_zipfile(io.BytesIO(content)):
+            self._read_zip(content)
+        elif path.suffix.lower() == ".mdl":
+            self._read_text(content)
         else:
-            self._read_zip()
-
-    def _read_zip(self) -> None:
-        if not zipfile.is_zipfile(self.path):
             raise InvalidModel(self.path, "", "is no .slx file: not a zip, or one that was cut off")
+
+    def _read_zip(self, content: bytes) -> None:
         try:
-            with zipfile.ZipFile(self.path) as archive:
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
                 entries = archive.infolist()
                 if len(entries) > MOST_PARTS:
                     raise InvalidModel(self.path, "", f"has {len(entries)} parts; at most {MOST_PARTS} are read")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,10 +11,13 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.files import content_of
 from simrob_drake.simulink.values.code import Run
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate
 from simrob_drake.simulink.values.functions import matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood, parse
+
+_LARGEST = 200_000_000  # bytes of a .mat file
 
 
 @dataclass
@@ -86,7 +90,7 @@ def given_variables(settings: Mapping[str, str], files: list[Path]) -> dict[str,
             run.variables.update(_of_mat(file))
         else:
             try:
-                run.run(file.read_text(encoding="utf-8", errors="replace"))
+                run.run(content_of(file).decode("utf-8", errors="replace"))
             except (OSError, NotUnderstood) as problem:
                 raise InvalidParameter(
                     "--variables", str(file), f"a .mat file or a script of assignments: {problem}"
@@ -119,7 +123,7 @@ def _of_mat(file: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        content = loadmat(file, squeeze_me=False, struct_as_record=True)
+        content = loadmat(io.BytesIO(content_of(file, _LARGEST)), squeeze_me=False, struct_as_record=True)
     except Exception as problem:  # readers of damaged files raise whatever they like
         reason = (
             "saved with -v7: version 7.3 is not read"

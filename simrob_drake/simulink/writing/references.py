@@ -10,7 +10,7 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.signals.forms import Form
 from simrob_drake.simulink.signals.sources import step_times, value_over_time
 
-_CORNER = 1e-6  # s: how long a step takes
+_CORNER = 2e-6  # s: how long a step takes
 RATE = 200.0
 """Rows a second of a table of sources."""
 

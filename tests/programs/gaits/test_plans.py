@@ -66,15 +66,18 @@ def test_the_zero_moment_point_is_where_it_was_asked_for(robot, name):
     assert np.abs(wanted - planned).max() < 5e-4
 
 
-def test_a_walk_goes_as_far_as_its_steps_say():
-    motion = walk("roid1", 8, step_length=0.04, ramp_steps=0)
-    assert motion.root[-1, 0, 3] == pytest.approx(7 * 0.04, abs=1e-3)  # the last step brings the feet together
+@pytest.mark.parametrize("ramp_steps", [0, 1, 3, 9])
+def test_a_walk_goes_as_far_as_its_steps_say(ramp_steps):
+    motion = walk("roid1", 7, step_length=0.04, ramp_steps=ramp_steps)
+    assert motion.root[-1, 0, 3] == pytest.approx(7 * 0.04, abs=1e-3)
+    footfalls = 7 + min(ramp_steps, 7) + 1  # the last step brings the feet together
+    assert motion.duration == pytest.approx(2 * 0.6 + 0.3 * footfalls + 1.0)
     assert motion.root[-1, 1, 3] == pytest.approx(0, abs=1e-3)
     assert np.abs(motion.velocities[[0, -1]]).max() == 0
 
 
 def test_a_turning_walk_turns():
-    motion = walk("zjudancer", 10, "turn", turn_deg=6, ramp_steps=0)
+    motion = walk("zjudancer", 9, "turn", turn_deg=6)
     heading = np.arctan2(motion.root[-1, 1, 0], motion.root[-1, 0, 0])
     assert np.rad2deg(heading) == pytest.approx(9 * 6, abs=1e-6)
 
@@ -133,7 +136,7 @@ def test_a_swing_rises_and_lands():
         (lambda: walk("roid1", 10, step_length=0.2), OutOfReach, r"_foot is out of reach by \d+ mm"),
         (lambda: walk("humanoid", 10, height=1), InvalidConfig, "height"),
         (lambda: walk("humanoid", 10, turn_deg=5), InvalidParameter, "turn"),
-        (lambda: walk("humanoid", 1), InvalidParameter, "steps"),
+        (lambda: walk("humanoid", 0), InvalidParameter, "steps"),
         (lambda: walk("humanoid", 10, step_time=0), InvalidConfig, "step_time"),
         (lambda: walk("humanoid", 10, double_support=1.5), InvalidParameter, "double_support"),
         (lambda: walk("humanoid", 10, "run"), UnknownName, "run"),
@@ -144,7 +147,7 @@ def test_a_swing_rises_and_lands():
             r"gait of yobotics under walks 'walk'; known: .*crawl \(crawls\), fast",
         ),
         (lambda: walk("humanoide", 10), UnknownName, "there is no robot 'humanoide'; did you mean 'humanoid'"),
-        (lambda: trot("yobotics", 1), InvalidParameter, "steps"),
+        (lambda: trot("yobotics", 0), InvalidParameter, "steps"),
         (lambda: crawl("yobotics", 0), InvalidParameter, "steps is 0; it must be at least 1"),
         (lambda: three_legs("yobotics", foot="rear_left_foot", seconds=-1), InvalidConfig, "seconds"),
         (lambda: three_legs("yobotics", foot="left_foot"), UnknownName, "left_foot"),

@@ -75,7 +75,7 @@ def test_the_march_scales_with_its_amplitude():
         (lambda: posing("humanoid", "jump"), UnknownName, "jump"),
         (lambda: posing("humanoid", "bow", targets=[{"time": 1, "target_deg": {}}] * 2), InvalidParameter, "targets"),
         (lambda: march("roid1", 4), UnknownName, "march"),
-        (lambda: march("humanoid", 1), InvalidParameter, "steps"),
+        (lambda: march("humanoid", 0), InvalidParameter, "steps"),
         (lambda: march("humanoid", 4, amplitude=0), InvalidParameter, "amplitude"),
     ],
 )

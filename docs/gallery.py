@@ -1,0 +1,76 @@
+"""Write gallery.md and its pictures: what each station of the package does when it is run.
+
+``make pictures`` does so; ``python docs/gallery.py irb120_chess`` renews one picture alone.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from io import BytesIO
+from operator import itemgetter
+from pathlib import Path
+from runpy import run_path
+from typing import Any
+
+from PIL import Image
+
+from simrob_drake import LeggedRobot, SimulationResult, load_station, simulate, station_names
+from simrob_drake.cli.given import given_station
+from simrob_drake.results.animation.pictures import film_strip
+
+DOCS = Path(__file__).parent
+WALKS = {"humanoid_dynamic": 4, "roid1_dynamic": 20, "yobotics_dynamic": 4, "zjudancer_dynamic": 4}
+"""Steps of the legged robots: they are here to walk."""
+PROGRAMS: dict[str, tuple[str, Callable[[Any], Sequence[SimulationResult]]]] = {
+    "belt_pick": ("belt_pick", itemgetter(1)),
+    "humanoid_box": ("humanoid_box", lambda robot: (robot.simulate(), robot.runs)[1]),
+    "irb120_chess": ("irb120_chess", itemgetter(1)),
+    "irb120_workcell": ("irb120_draw", itemgetter(1)),
+    "three_humanoids": ("humanoids_same_program", itemgetter(slice(1))),
+    "two_arms": ("two_arms_handover", itemgetter(1)),
+}
+"""The examples of the stations that stand still without a program, and how to get the runs from what they return."""
+SETTINGS = {"irb120_on_belt": ["reference.kind=move", "reference.target_deg.belt=0.9", "reference.duration=1"]}
+"""What is set of the stations that stand still as they are."""
+HEIGHT, FRAMES, COLOURS = 150, 6, 64
+
+
+def command(station: str) -> str:
+    """Return what a user types to see what the picture shows."""
+    if station in WALKS:
+        return f"simrob walk {station} --steps {WALKS[station]}"
+    if station in PROGRAMS:
+        return f"python examples/{PROGRAMS[station][0]}.py"
+    return " ".join([f"simrob run {station}", *(f"--set {setting}" for setting in SETTINGS.get(station, []))])
+
+
+def shown(station: str) -> Sequence[SimulationResult]:
+    """Return the runs that the command makes."""
+    if station in WALKS:
+        return [LeggedRobot(load_station(station)).walk(WALKS[station])]
+    if station in PROGRAMS:
+        name, runs = PROGRAMS[station]
+        return runs(run_path(str(DOCS.parent / "examples" / f"{name}.py"))["run"]())
+    return [simulate(given_station(station, SETTINGS.get(station)), progress=False)]
+
+
+def save_picture(station: str) -> Path:
+    """Write a small film strip of a station's run."""
+    strip = Image.open(BytesIO(film_strip(shown(station), frames=FRAMES, height=HEIGHT))).convert("RGB")
+    file = DOCS / "gallery" / f"{station}.png"
+    strip.quantize(COLOURS, dither=Image.Dither.NONE).save(file, optimize=True)
+    return file
+
+
+def page() -> str:
+    """Return the gallery: a heading, what the station is, its command and its picture, station by station."""
+    parts = ["# Gallery", "What the stations of the package do; `make pictures` writes this page."]
+    for station in station_names():
+        description = load_station(station).description
+        parts += [f"## {station}", f"{description}.", f"`{command(station)}`", f"![{station}](gallery/{station}.png)"]
+    return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or station_names():
+        print(save_picture(name))
+    (DOCS / "gallery.md").write_text(page(), encoding="utf-8")

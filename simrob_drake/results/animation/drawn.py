@@ -1,0 +1,105 @@
+"""What Drake's Meshcat draws, as commands to its page; Meshcat's own server is open for moments and to no browser."""
+
+import logging
+import re
+import secrets
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, MeshcatVisualizerParams, QueryObject, Rgba, Role
+
+from simrob_drake.frames import Vector
+from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera
+from simrob_drake.results.record.run import RecordedRun
+
+Command = str | dict[str, Any]
+"""To Meshcat's page: a dictionary, or one in MessagePack and base64."""
+Prefixes = Mapping[str, Role]
+"""Where in Meshcat's tree the geometry of a role hangs."""
+
+_TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
+_AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
+_PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(0.10, 0.55, 0.30, 1.0)]
+_IN_PAGE = re.compile(r'fetch\("data:application/octet-binary;base64,([^"]*)"\)')
+_ASSET = re.compile(r'casAssets\["([^"]*)"\] = "([^"]*)";')
+
+
+def open_meshcat() -> Meshcat:
+    """Return a Meshcat for a moment's work; it listens on this computer, where no browser will guess.
+
+    It asks nobody who they are, and a malformed message ends the process: on Linux its address is one of sixteen
+    million loopback addresses.
+    """
+    hidden = f"127.{'.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))}"
+    logger = logging.getLogger("drake")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)  # where Meshcat listens, or could not, is nobody's business
+    try:
+        try:
+            meshcat = Meshcat(MeshcatParams(host=hidden, show_stats_plot=False))
+        except RuntimeError:  # macOS has one loopback address
+            meshcat = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
+    finally:
+        logger.setLevel(level)
+    meshcat.SetProperty("/Background", "top_color", _TOP)
+    meshcat.SetProperty("/Background", "bottom_color", _BOTTOM)
+    meshcat.SetProperty("/Grid", "visible", False)
+    meshcat.SetProperty("/Axes", "visible", False)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", _AMBIENT)
+    return meshcat
+
+
+def empty_page() -> str:
+    """Return Meshcat's page with nothing in it, self-contained."""
+    page: str = open_meshcat().StaticHtml()
+    return page
+
+
+def commands(draw: Callable[[Meshcat], None]) -> list[Command]:
+    """Return what makes Meshcat's page show what a function draws."""
+    meshcat = open_meshcat()
+    draw(meshcat)
+    page = meshcat.StaticHtml()
+    assets: list[Command] = [{"type": "asset", "name": name, "url": url} for name, url in _ASSET.findall(page)]
+    return [*assets, *_IN_PAGE.findall(page)]
+
+
+def draw_geometry(meshcat: Meshcat, query: QueryObject, prefixes: Prefixes, *, hidden: str = "") -> None:
+    """Draw a scene's geometry in its present configuration; what hangs under ``hidden`` waits for a switch."""
+    for prefix, role in prefixes.items():
+        shown = MeshcatVisualizerParams(
+            role=role, prefix=prefix, enable_alpha_slider=False, visible_by_default=prefix != hidden
+        )
+        visualizer = MeshcatVisualizer(meshcat, shown)
+        context = visualizer.CreateDefaultContext()
+        visualizer.query_object_input_port().FixValue(context, query)
+        visualizer.ForcedPublish(context)
+
+
+def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
+    """Return what moves the bodies in Meshcat's page to where they are now."""
+    inspector = query.inspector()
+    found: list[Command] = []
+    for frame in inspector.GetAllFrameIds():
+        matrix = np.round(query.GetPoseInWorld(frame).GetAsMatrix4(), 7).ravel(order="F").tolist()
+        path = inspector.GetName(frame).replace("::", "/")
+        for prefix, role in prefixes.items():
+            if inspector.NumGeometriesForFrameWithRole(frame, role) and frame != inspector.world_frame_id():
+                found.append({"type": "set_transform", "path": f"/drake/{prefix}/{path}", "matrix": matrix})
+    return found
+
+
+def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
+    """Draw the ways of the tools in a run as lines; ``number`` keeps those of other runs."""
+    for index, robot in enumerate(result.plant.robots.values()):
+        if robot.tcp:
+            path: Vector = result.pose("tcp", robot.name)[:, :3].T
+            colour = _PATH_COLOURS[index % len(_PATH_COLOURS)]
+            meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
+
+
+def look(meshcat: Meshcat, camera: Camera) -> None:
+    """Put the camera of a Meshcat window in its place."""
+    meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=float(np.rad2deg(FIELD_OF_VIEW))))
+    meshcat.SetCameraPose(camera.eye, camera.target)

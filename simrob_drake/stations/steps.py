@@ -1,0 +1,117 @@
+"""What the solver of a station makes of its servos and stops: what is unstable, and what it can only creep through."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from simrob_drake.blocks.references import Course
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.stations.closed import course_samples
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
+
+_EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
+_STABLE = 2.0
+"""An explicit damper on a mass is stable while kd·h / M stays below this (forward Euler on v' = -(kd/M) v)."""
+
+_STIFF_STOPS = 2e10
+"""An implicit scheme gets through stops up to this stiffness by a joint's inertia [1/s²]: tried on 100 robots."""
+_STIFF_SERVO = 1e12
+"""And through servos up to this [1/s²]: beyond, the inertia is lost in the rounding of the mass matrix."""
+_NEAR = np.deg2rad(1.0), 1e-3
+"""How near to a stop a joint may come that leans on it, and one that slides [rad, m]."""
+DISCRETE = "take solver.kind discrete and servo.realization implicit"
+"""What helps where a continuous scheme creeps."""
+
+Level = Literal["ok", "warning"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a check found."""
+
+    level: Level
+    subject: str
+    text: str
+
+
+def step_findings(
+    config: StationConfig, plant: StationPlant, courses: Mapping[str, Course] | None = None
+) -> list[Finding]:
+    """Compare servos and stops with the steps of the solver, at the initial posture and along ``courses``, by robot."""
+    findings = _creeping_findings(config, plant, courses or {})
+    solver = config.solver
+    for robot in plant.robots.values():
+        if config.servo_of(robot.name).realization == "implicit":
+            continue
+        steps = largest_explicit_steps(plant, robot)
+        worst = int(np.argmin(steps))
+        joint, largest, unit = f"{robot.prefix}{robot.axes[worst]}", steps[worst], robot.model.units[worst]
+        damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
+        if isinstance(solver, DiscreteSolver):
+            if solver.time_step > largest:
+                remedy = "set servo.realization to implicit, lower servo.kd or solver.time_step"
+                text = f"{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is "
+                findings.append(Finding("warning", "steps", f"{text}{solver.time_step:g} s; {remedy}"))
+            else:
+                findings.append(Finding("ok", "steps", f"{damping} allows steps up to {largest:.2g} s"))
+        elif isinstance(solver, ContinuousSolver) and solver.scheme in _EXPLICIT_SCHEMES:
+            unstable = solver.fixed_steps and bool(solver.max_step > largest)
+            text = f"{damping} keeps the explicit scheme {solver.scheme} below steps of {largest:.2g} s"
+            remedy = f", but solver.max_step is {solver.max_step:g} s; take an implicit scheme such as radau3"
+            findings.append(Finding("warning" if unstable else "ok", "steps", text + remedy * unstable))
+    return findings
+
+
+def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
+    """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(_STABLE * _free_inertias(plant, robot) / robot.gains.kd)
+
+
+def likely_cause(config: StationConfig, plant: StationPlant) -> str:
+    """Return the likely cause of a run that diverged, in words."""
+    warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
+    if warnings:
+        return f"likely cause: {warnings[0].text}"
+    if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
+        return "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step"
+    key = "solver.time_step" if isinstance(config.solver, DiscreteSolver) else "solver.max_step or solver.accuracy"
+    return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
+
+
+def _free_inertias(plant: StationPlant, robot: StationRobot) -> Vector:
+    """Return the inertia (n,) [kg m² or kg] that each axis feels while all others are free."""
+    mass = plant.plant.CalcMassMatrix(plant.plant.CreateDefaultContext())
+    return np.asarray(1 / np.diag(np.linalg.inv(mass))[robot.axis_map.velocity_places])
+
+
+def _creeping_findings(config: StationConfig, plant: StationPlant, courses: Mapping[str, Course]) -> list[Finding]:
+    """Name the joints whose forces are so stiff for their inertia that a scheme of variable steps creeps."""
+    solver = config.solver
+    if not isinstance(solver, ContinuousSolver) or solver.fixed_steps or solver.holds_joint_limits:
+        return []
+    findings = []
+    for robot in plant.robots.values():
+        inertia = np.abs(_free_inertias(plant, robot))
+        limits, course = np.array(robot.model.axis_limits), courses.get(robot.name)
+        postures = robot.initial[np.newaxis] if course is None else course_samples(course, config.duration)[1]
+        room = np.minimum(postures - limits[0], limits[1] - postures).min(axis=0)
+        leans = room < np.where(robot.model.prismatic, _NEAR[1], _NEAR[0])
+        for what, stiffness, most in (
+            ("its stop (joint_stops.stiffness)", np.where(leans, config.joint_stops.stiffness, 0.0), _STIFF_STOPS),
+            ("its servo (kp)", robot.gains.kp, _STIFF_SERVO),
+        ):
+            worst = int(np.argmax(stiffness / inertia))
+            if stiffness[worst] / inertia[worst] > most:
+                joint, unit = f"{robot.prefix}{robot.axes[worst]}", robot.model.units[worst]
+                mass = "kg" if robot.model.prismatic[worst] else "kg m²"
+                text = f"{joint} moves {inertia[worst]:.2g} {mass}, for which {what} of {stiffness[worst]:.2g} "
+                text += f"{unit.effort}/{unit.si} is so stiff that {solver.scheme} may creep; "
+                findings.append(Finding("warning", "steps", text + DISCRETE))
+    return findings

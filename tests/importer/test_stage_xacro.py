@@ -1,0 +1,201 @@
+"""Xacro files: expanded with packages found as for meshes, and with nothing that an expression could do to anyone."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from simrob_drake.cli.app import app
+from simrob_drake.errors import InvalidModel
+from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.importer.cache import robot_from_file
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.reading import xacro
+from simrob_drake.importer.reading.source import read_source
+from simrob_drake.importer.report import ImportReport
+from simrob_drake.simulation import simulate
+from simrob_drake.stations.load import load_station
+
+installed = pytest.mark.skipif(importlib.util.find_spec("xacro") is None, reason="needs the extra xacro")
+
+HEAD = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+BAR = f"""{HEAD}
+  <xacro:property name="length" value="0.3"/>
+  <xacro:macro name="bar" params="name mass">
+    <link name="${{name}}"><inertial><mass value="${{mass}}"/>
+      <inertia ixx="${{mass * length**2 / 12}}" iyy="${{mass * length**2 / 12}}" izz="1e-3"/></inertial></link>
+  </xacro:macro>
+</robot>"""
+ARM = f"""{HEAD}
+  <xacro:arg name="mass" default="2"/>
+  <xacro:include filename="$(find bars)/bar.xacro"/>
+  <link name="base"/>
+  <xacro:bar name="upper" mass="$(arg mass)"/>
+  <xacro:bar name="lower" mass="1"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="${{-pi / 2}}" upper="${{radians(90)}}" effort="50" velocity="3"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0 ${{length}}"/><limit lower="-1" upper="1" effort="20" velocity="3"/></joint>
+</robot>"""
+
+
+def packages(folder: Path) -> Path:
+    """Write an arm in one package that includes a macro from another, and return its file."""
+    for name, file, text in (("arm_support", "urdf/arm.urdf.xacro", ARM), ("bars", "bar.xacro", BAR)):
+        path = folder / name / file
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
+        (folder / name / "package.xml").write_text(f"<package><name>{name}</name></package>")
+    return folder / "arm_support" / "urdf" / "arm.urdf.xacro"
+
+
+def alone(folder: Path, body: str) -> Path:
+    path = folder / "arm" / "a.xacro"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(f'{HEAD}<link name="base"/>{body}</robot>')
+    return path
+
+
+def refusal(path: Path, **options) -> str:
+    with pytest.raises(InvalidModel) as caught:
+        read_source(path, ImportReport(path), ImportOptions(**options))
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@installed
+def test_macros_of_other_packages_are_found_and_computed(tmp_path):
+    path = packages(tmp_path)
+    robot = read_source(path, report := ImportReport(path))
+    assert [link.get("name") for link in robot.iterfind("link")] == ["base", "upper", "lower"]
+    inertia = robot.find("link[@name='upper']/inertial/inertia")
+    assert inertia is not None
+    assert float(inertia.attrib["ixx"]) == pytest.approx(2 * 0.3**2 / 12)
+    assert [entry.text for entry in report.entries] == ["xacro, expanded"]
+
+
+@installed
+def test_packages_are_found_below_a_mesh_path_and_told_where_they_are_not(tmp_path):
+    path = packages(tmp_path / "here")
+    (tmp_path / "there" / "deep").mkdir(parents=True)
+    (path.parents[2] / "bars").rename(tmp_path / "there" / "deep" / "bars")
+    assert "package 'bars' is not found, name its folder with --mesh-path DIR" in refusal(path)
+    read_source(path, ImportReport(path), ImportOptions(mesh_path=(tmp_path / "there",)))
+
+
+@installed
+def test_a_station_runs_a_xacro_and_notices_what_it_includes(tmp_path, monkeypatch):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    path = packages(tmp_path)
+    assert robot_from_file(path).axes.keys() == {"shoulder", "elbow"}
+    bar = tmp_path / "bars" / "bar.xacro"
+    bar.write_text(bar.read_text().replace("0.3", "0.6"))
+    [origin] = robot_from_file(path).element.findall("joint[@name='elbow']/origin")
+    assert origin.get("xyz") == "0 0 0.6"
+    station = tmp_path / "arm.yaml"
+    station.write_text(f"robot: {{urdf: {path}, import_options: {{xacro_arg: ['mass:=3']}}}}\nmode: dynamic\n")
+    result = simulate(load_station(station), duration=0.02)
+    assert result.stopped_by is None
+
+
+@installed
+def test_an_import_takes_arguments_and_keeps_the_name(tmp_path):
+    path = packages(tmp_path)
+    done = CliRunner().invoke(app, ["import", str(path), "--out", str(tmp_path / "out"), "--xacro-arg", "mass:=5"])
+    assert done.exit_code == 0, done.output
+    assert 'mass value="5"' in (tmp_path / "out" / "arm.urdf").read_text()
+    assert "'mass=5' is not of the form NAME:=VALUE" in refusal(path, xacro_arg=("mass=5",))
+
+
+@pytest.mark.parametrize("text", [ARM, '<robot name="${name}"/>'])
+def test_without_xacro_one_line_says_how(tmp_path, monkeypatch, text):
+    monkeypatch.setattr(xacro, "_is_installed", lambda: False)
+    path = tmp_path / "arm.xacro"
+    path.write_text(text)
+    assert refusal(path).endswith('is a xacro file, which needs another package: pip install "simrob-drake[xacro]"')
+
+
+def test_a_folder_called_xacro_is_not_taken_for_the_package(tmp_path):
+    (tmp_path / "xacro").mkdir()
+    code = "import sys; sys.path = [p for p in sys.path if 'site-packages' not in p]; import importlib.util as u\n"
+    code += "found = u.find_spec('xacro'); print(found is not None and found.origin is not None)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=True)
+    assert done.stdout.decode().strip() == "False"
+
+
+@installed
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("<xacro:lost/>", "xacro cannot expand it: unknown macro name: xacro:lost"),
+        ('<link name="$(arg kind)"/>', "Undefined substitution argument kind; give it with --xacro-arg NAME:=VALUE"),
+        ('<link name="${1 / 0}"/>', "division by zero"),
+        ('<link name="${1 +}"/>', "invalid syntax"),
+        ('<link name="${[0] * 10**10}"/>', "xacro cannot expand it"),
+        ('<xacro:include filename="lost.xacro"/>', "lost.xacro: No such file or directory"),
+        ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', "maximum recursion depth exceeded"),
+        ("<link name=\"${'x' * 30000000}\"/>", "expands to more than 20 MB"),
+        ("<xacro:element xacro:name=\"${'xacro' + ':late'}\"/>", "xacro"),
+    ],
+)
+def test_what_cannot_be_expanded_is_told_in_one_line(tmp_path, body, words):
+    assert words in refusal(alone(tmp_path, body))
+
+
+@installed
+def test_a_xacro_without_end_is_stopped(tmp_path, monkeypatch):
+    monkeypatch.setattr(xacro, "TIME_LIMIT", 1.5)
+    path = alone(tmp_path, '<link name="${len([0 for i in range(10**12)])}"/>')
+    start = time.monotonic()
+    assert "did not end within 1.5 s" in refusal(path)
+    assert time.monotonic() - start < 15
+
+
+# xacro looks for double underscores in the names of an expression, but not in those of a lambda's body
+ESCAPE = "${{(lambda: [c for c in ().__class__.__base__.__subclasses__() if c.__name__ == '_wrap_close'][0]{})()}}"
+OPEN = ".__init__.__builtins__['open']('SECRET').read()"
+
+
+@installed
+@pytest.mark.parametrize(
+    ("deed", "event"),
+    [
+        (".__init__.__globals__['system']('touch FILE')", "os.system"),
+        (".__init__.__globals__['mkdir']('FILE')", "os.mkdir"),
+        (".__init__.__builtins__['open']('FILE', 'w')", "open"),
+        (".__init__.__builtins__['__import__']('subprocess').run(['touch', 'FILE'])", "import"),
+        (".__init__.__globals__['posix_spawn']('/bin/touch', ['touch', 'FILE'], dict())", "os.posix_spawn"),
+    ],
+)
+def test_an_expression_that_gets_out_of_xacro_can_still_do_nothing(tmp_path, deed, event):
+    file = tmp_path / "arm" / "owned"
+    path = alone(tmp_path, f'<link name="{ESCAPE.format(deed.replace("FILE", str(file)))}"/>')
+    assert f"{event}: a xacro file may compute and read, but not do this" in refusal(path)
+    assert not file.exists()
+    plain = [sys.executable, "-c", "import os, subprocess, xacro; xacro.main()", str(path)]
+    subprocess.run(plain, capture_output=True, check=False)
+    assert file.exists()  # so it was not xacro that held it
+
+
+@installed
+@pytest.mark.parametrize(
+    "reading",
+    [
+        '<xacro:include filename="../secret.xacro"/>',
+        '<xacro:include filename="link.xacro"/>',
+        "<xacro:property name='p' value=\"${xacro.load_yaml('../secret.xacro')}\"/><link name='${p}'/>",
+        f'<link name="{ESCAPE.format(OPEN)}"/>',
+    ],
+)
+def test_nothing_is_read_outside_of_the_folders_of_meshes(tmp_path, reading):
+    secret = tmp_path / "secret.xacro"
+    secret.write_text(f"{HEAD}<link name='secret'/></robot>")
+    path = alone(tmp_path, reading.replace("SECRET", str(secret)))
+    os.symlink(secret, path.parent / "link.xacro")
+    assert "lies outside of the allowed folders" in refusal(path)
+    assert f"allow it with --mesh-path {tmp_path}" in refusal(path)

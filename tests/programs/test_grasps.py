@@ -1,0 +1,137 @@
+"""What is taken from where, and what falls once it is let go."""
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+
+from simrob_drake import Arm, LeggedRobot, load_station
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.programs.grasps import _gap
+from tests.programs.conftest import BARE
+
+CONTACT = {"contact": {"model": "point"}, "floor": {"size": 2}, "solver.max_step": 0.01}
+WEIGHT = {"model": "box_on_corners", "parent": "robot", "pose": [0, 0, 0.15, 0, 0, 0]}
+
+
+def held(**changes):
+    """An arm with a bare flange that holds a box."""
+    station = {"robot.model": "irb120", "robot.initial_deg": {"joint_5": 90}, "pieces": {"weight": WEIGHT}}
+    return Arm(load_station("irb120_dynamic", {**station, **CONTACT, **changes}))
+
+
+def test_the_gap_between_boxes_is_that_of_their_nearest_points():
+    cube = RigidTransform(), np.full(3, 0.5)
+    turned = RigidTransform(RotationMatrix.MakeZRotation(np.pi / 4), np.array([2.0, 0.0, 0.0])), np.full(3, 0.5)
+    assert _gap(cube, turned) == pytest.approx(1.5 - np.sqrt(0.5), abs=1e-6)
+    corner = RigidTransform(np.array([1.5, 1.5, 1.5])), np.full(3, 0.5)
+    assert _gap(cube, corner) == pytest.approx(np.sqrt(3) * 0.5, abs=1e-6)
+    assert _gap(cube, (RigidTransform(np.array([0.9, 0, 0])), np.full(3, 0.5))) == pytest.approx(0, abs=1e-6)
+
+
+def test_a_piece_that_is_let_go_falls_and_lies_on_the_floor():
+    arm = held()
+    arm.wait(0.3)
+    before, speed = arm.cell.frame("weight").translation(), arm.cell.model.motion("weight", arm.cell.state).velocity
+    arm.release("weight")
+    assert arm.cell.config.pieces["weight"].free
+    fall = arm.wait(0.1)
+    assert fall["piece.weight.z"][-1] == pytest.approx(before[2] + 0.1 * speed[5] - 0.5 * 9.80665 * 0.1**2, abs=2e-4)
+    arm.wait(1.5)
+    lies = arm.cell.frame("weight").translation()
+    assert lies[2] < 0.1
+    rest = arm.wait(0.2)
+    assert np.abs([rest[f"piece.weight.v{axis}"][-1] for axis in "xyz"]).max() < 0.02
+    np.testing.assert_allclose(arm.cell.frame("weight").translation(), lies, atol=0.01)  # the cell knows where
+
+
+def test_what_is_let_go_in_motion_flies_on():
+    arm = held()
+    there = arm.reference + np.array([0.6, 0, 0, 0, 0, 0])
+    arm.cell.follow({arm.name: (np.array([0.0, 0.3]), np.array([arm.reference, there]))}, 0.2)
+    place, turn = arm.cell.frame("weight").translation(), arm.velocity[0]
+    assert turn > 0.5
+    expected = arm.cell.model.motion("weight", arm.cell.state)
+    arm.release("weight")
+    flight = arm.wait(0.02)
+    start = np.array([flight[f"piece.weight.{column}"][0] for column in ("vx", "vy", "vz", "wx", "wy", "wz")])
+    np.testing.assert_allclose(start, [*expected.velocity[3:], *expected.velocity[:3]], atol=1e-9)
+    about = np.cross([0, 0, turn], place)  # joint 1 turns about the world's z; the others hardly move
+    np.testing.assert_allclose(start[:2], about[:2], atol=0.05 * np.linalg.norm(about))
+
+
+def test_it_stays_where_it_is_if_the_user_says_so():
+    arm = held()
+    place = arm.cell.frame("weight").translation()
+    arm.release("weight", fixed=True)
+    arm.wait(0.1)
+    np.testing.assert_allclose(arm.cell.frame("weight").translation(), place, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"contact": None}, "in a station without contact"),
+        ({"floor": None}, "over nothing"),
+        ({"pieces": {"weight": {**WEIGHT, "mass": 0.5, "inertia": [0, 0, 0]}}}, "without mass and inertia"),
+    ],
+)
+def test_what_would_fall_for_ever_is_not_let_go(changes, message):
+    arm = held(**changes)
+    with pytest.raises(InvalidParameter, match=message):
+        arm.release("weight")
+    arm.release("weight", fixed=True)
+
+
+def test_a_free_piece_is_taken_where_it_lies_now():
+    piece = {"model": "box_on_corners", "parent": "world", "free": True, "pose": [0.5, 0, 0.5, 0, 0, 0]}
+    arm = Arm(load_station("irb120_dynamic", {**CONTACT, "pieces": {"weight": piece}}))
+    arm.wait(0.2)
+    fallen = arm.cell.frame("weight").translation()
+    assert fallen[2] == pytest.approx(0.5 - 0.5 * 9.80665 * 0.2**2, abs=5e-3)
+    arm.cell.attach("weight")  # to the world
+    assert not arm.cell.config.pieces["weight"].free
+    np.testing.assert_allclose(arm.cell.frame("weight").translation(), fallen, atol=1e-9)
+
+
+class TestOnLinks:
+    def test_a_backpack_hangs_on_the_trunk_and_the_hand_stays_the_tool(self):
+        pack = {"model": "parcel", "parent": "world", "pose": [0, 0.06, 0.46, 0, 0, 0]}
+        robot = LeggedRobot(load_station("humanoid_dynamic", {"pieces.pack": pack}))
+        tool = robot.cell.robot("robot").tcp
+        robot.attach("pack", "trunk")
+        assert robot.cell.robot("robot").tcp == tool
+        in_trunk = robot.base_pose.inverse() @ robot.cell.frame("pack")
+        robot.test_move({"HomDF": 30}, 0.2)
+        seen = robot.base_pose.inverse() @ robot.cell.frame("pack")
+        np.testing.assert_allclose(seen.GetAsMatrix4(), in_trunk.GetAsMatrix4(), atol=1e-9)
+
+    def test_a_station_file_names_the_link(self):
+        pack = {"model": "parcel", "parent": "robot", "frame": "trunk", "pose": [0, 0.09, 0.0, 0, 0, 0]}
+        station = load_station("humanoid_dynamic", {"pieces.pack": pack})
+        robot = LeggedRobot(station)
+        assert robot.cell.robot("robot").tcp == "right_hand"
+        np.testing.assert_allclose(robot.cell.frame("pack").translation(), [0, 0.09, 0.446], atol=1e-9)
+        with pytest.raises(UnknownName, match="did you mean 'trunk'"):
+            robot.attach("pack", "trnk")
+
+    def test_a_quadruped_carries_on_its_trunk(self):
+        robot = LeggedRobot(
+            load_station("yobotics_dynamic", {"pieces.parcel": {"parent": "robot", "pose": [0, 0, 0.1, 0, 0, 0]}})
+        )
+        place = robot.base_pose.inverse() @ robot.cell.frame("parcel")
+        np.testing.assert_allclose(place.translation(), [0, 0, 0.1], atol=1e-9)
+
+
+def test_a_tool_near_enough_takes_a_piece_and_one_further_away_does_not():
+    arm = Arm(load_station("irb120_kinematic", BARE))
+    size = 0.03  # REACH
+    top = arm.cell.frame("weight").translation() + np.array([0, 0, 0.2])
+    for away in (0.02, 0.06):
+        arm.cell.attach("weight", "world", pose=[*top, 0, 0, 0])
+        arm.move_j([0, 0, -away, 0, 0, np.pi], wobj="weight")  # under it: the die's half lies over its frame
+        if away < size:
+            arm.attach("weight")
+            arm.release("weight")
+        else:
+            with pytest.raises(InvalidParameter, match="48 mm away from load"):
+                arm.attach("weight")
