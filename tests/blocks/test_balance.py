@@ -44,16 +44,24 @@ def heading(facing):
     return np.array([[math.cos(facing), math.sin(facing)], [-math.sin(facing), math.cos(facing)]])
 
 
+def arms_moved(robot):
+    """Return a posture whose legs are as at the start."""
+    legs = [any(part in axis for part in ("hip", "knee", "ankle")) for axis in robot.axes]
+    return np.where(legs, 0.0, 0.5 * np.random.default_rng(1).normal(size=len(robot.axes)))
+
+
 def test_the_centre_of_mass_lies_where_the_bodies_put_it(stood):
     plant, robot, facing, support = stood
     still, none = np.zeros(len(robot.axes)), np.zeros(3)
+    begins, _ = by_hand(plant, robot, still, RotationMatrix())
     for yaw in (0.0, 0.7):  # the robot's own directions turn with it
-        turned = RotationMatrix.MakeZRotation(yaw)
-        com, points = by_hand(plant, robot, still, turned)
-        found = support.balanced(still, still, turned, none)
-        expected = heading(facing + yaw) @ (com - points.mean(axis=0))[:2]
+        turned, position = RotationMatrix.MakeZRotation(yaw), arms_moved(robot)
+        com, points = by_hand(plant, robot, position, turned)
+        found = support.balanced(position, still, turned, none)
+        expected = heading(facing + yaw) @ (com - turned @ begins)[:2]
+        assert np.linalg.norm(expected) > 1e-3
         np.testing.assert_allclose(found.com, expected, atol=1e-9)
-        np.testing.assert_allclose(found.speed, 0, atol=1e-12)
+        np.testing.assert_allclose(found.capture_point, expected, atol=1e-9)
         assert found.omega == pytest.approx(math.sqrt(G / (com[2] - points[:, 2].min())))
 
 
@@ -61,7 +69,7 @@ def test_a_robot_that_tips_turns_about_the_edge_it_stands_on(stood):
     plant, robot, facing, support = stood
     still, angle, rate = np.zeros(len(robot.axes)), 0.2, 1.5
     com, points = by_hand(plant, robot, still, RotationMatrix())
-    middle = points.mean(axis=0)
+    under = np.array([*com[:2], points[:, 2].min()])
     for ahead, left in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         down = heading(facing).T @ np.array([ahead, left])  # the way it falls
         axis = np.array([-down[1], down[0], 0.0])
@@ -70,7 +78,7 @@ def test_a_robot_that_tips_turns_about_the_edge_it_stands_on(stood):
         turned = RotationMatrix(np.eye(3) + s * cross + (1 - c) * cross @ cross)  # Rodrigues
         edge = points[np.argmax(points[:, :2] @ down)]
         found = support.balanced(still, still, turned, rate * axis)
-        expected = heading(facing) @ (turned @ (com - middle))[:2]
+        expected = heading(facing) @ (turned @ (com - under))[:2]
         np.testing.assert_allclose(found.com, expected, atol=1e-6)
         swung = rate * np.cross(axis, turned @ (com - edge))[:2] @ down
         assert found.speed @ [ahead, left] == pytest.approx(swung, abs=3e-3)  # the next row counts a little
@@ -79,11 +87,8 @@ def test_a_robot_that_tips_turns_about_the_edge_it_stands_on(stood):
 
 def test_the_speed_is_that_of_the_centre_of_mass_as_joints_move(stood):
     plant, robot, facing, support = stood
-    random = np.random.default_rng(1)
-    rates = random.normal(size=len(robot.axes))
-    feet = [index for index, axis in enumerate(robot.axes) if "hip" in axis or "knee" in axis or "ankle" in axis]
-    rates[feet] = 0.0  # the legs stand still
-    position, step = 0.3 * random.normal(size=len(robot.axes)) * (rates != 0), 1e-5
+    position, step = arms_moved(robot), 1e-5
+    rates = 3 * position
     after, before = (by_hand(plant, robot, position + sign * step * rates, RotationMatrix())[0] for sign in (1, -1))
     found = support.balanced(position, rates, RotationMatrix(), np.zeros(3))
     np.testing.assert_allclose(found.speed, heading(facing) @ ((after - before) / (2 * step))[:2], atol=1e-7)

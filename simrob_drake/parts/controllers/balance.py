@@ -1,7 +1,7 @@
 r"""A loop that keeps a standing robot on its feet: ankles, hips, arms and crouch by its centre of mass and its speed.
 
-With the centre of mass c and its velocity, both against the feet, a robot that gives way to its ankles alone comes
-to rest over its **capture point**, and falls once that leaves the area of its feet:
+With the centre of mass c, from where the feet had it at the start, and its velocity, a robot that gives way to its
+ankles alone comes to rest over its **capture point**, and falls once that leaves the area of its feet:
 
 .. math:: \xi = c + \frac{\dot c}{\omega}, \qquad \omega = \sqrt{g/h} .
 
@@ -99,16 +99,13 @@ class Balance(LoopSection):
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Return what an input reads: of how the base turns, the plant's state unless a sensor is named."""
-        body, joints = robot.root.body(), robot.plant.num_positions()
-        places = {
-            "orientation": (body.floating_positions_start(), 4),
-            "angular_velocity": (joints + body.floating_velocities_start_in_v(), 3),
-        }
-        if name in self.reads or name not in places:
+        parts = {"orientation": ("base_pose", slice(3, 7)), "angular_velocity": ("base_velocity", slice(3, 6))}
+        output, part = parts.get(name, ("", slice(0)))
+        known = site.of_state.get(f"{robot.prefix}{output}")
+        if name in self.reads or known is None:
             return super().source(builder, name, robot, site, key)
-        start, size = places[name]
         site.draw_nothing(f"{key}.{name}")
-        return mapped(builder, f"{key}.{name}", np.eye(site.state.size())[start : start + size], site.state)
+        return mapped(builder, f"{key}.{name}", known.matrix[part], site.state)
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
@@ -158,7 +155,7 @@ class StandingBalance(SampledBlock):
         in  ``position``, ``velocity`` (n) [rad and rad/s]; ``orientation`` (4): of the root link, qw qx qy qz;
         ``angular_velocity`` (3) [rad/s]: of that, in the world's axes or as a gyroscope tells it.
         out ``offset`` (n) [rad]: to be added to the reference; ``com`` (2) and ``capture_point`` (2): ahead and to the
-        left of the middle of the feet [m].
+        left of where the feet had the centre of mass at the start [m].
     """
 
     def __init__(self, *, period: float, support: Support, answers: Sequence[Answer], gyroscope: bool = False) -> None:

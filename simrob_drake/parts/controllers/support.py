@@ -20,10 +20,10 @@ _LOWEST = 0.01
 
 @dataclass(frozen=True)
 class Balanced:
-    """How a robot stands: ahead and to the left of the middle of its feet.
+    """How far a robot is from standing as at the start: ahead and to the left.
 
     Attributes:
-        com: its centre of mass, shape (2,) [m].
+        com: its centre of mass, from where its feet had it at the start, shape (2,) [m].
         speed: of that over the floor, shape (2,) [m/s].
         omega: how fast it would tip, sqrt(g/h) with the height h of the centre of mass [1/s].
     """
@@ -41,8 +41,8 @@ class Balanced:
 class Support:
     """The kinematics of a robot on its feet, of joints and of how its base turns alone: nothing tells where it is.
 
-    The lowest contact points of the feet are taken to stand still on the floor. Each knows where the middle of all is
-    while the robot stands as at the start, so a foot that tips or is lifted does not move the middle.
+    The lowest contact points of the feet are taken to stand still on the floor. Each foot knows the place under the
+    centre of mass at the start, so a foot that tips or is lifted does not move it.
     """
 
     def __init__(self, robot: StationRobot, facing: float) -> None:
@@ -60,9 +60,10 @@ class Support:
         self._ahead = start.inverse() @ np.array([math.cos(facing), math.sin(facing), 0.0])
         self._put(robot.initial, np.zeros(len(robot.initial)), start, np.zeros(3))
         poses = [link.EvalPoseInWorld(self._scratch) for link in self._feet()]
-        points = [pose @ points.T for pose, points in zip(poses, self._points, strict=True)]
-        middle = np.hstack(points).mean(axis=1)
-        self._middles = [pose.inverse() @ middle for pose in poses]
+        under = plant.CalcCenterOfMassPositionInWorld(self._scratch, [self._instance])
+        points = zip(poses, self._points, strict=True)
+        under[2] = min((pose @ points.T)[2].min() for pose, points in points)
+        self._unders = [pose.inverse() @ under for pose in poses]
 
     def balanced(self, position: Vector, velocity: Vector, turned: RotationMatrix, spin: Vector) -> Balanced:
         """Return how the robot stands.
@@ -75,24 +76,24 @@ class Support:
         """
         self._put(position, velocity, turned, spin)
         plant, scratch, feet = self._plant, self._scratch, []
-        for link, points, middle in zip(self._feet(), self._points, self._middles, strict=True):
+        for link, points, under in zip(self._feet(), self._points, self._unders, strict=True):
             pose, motion = link.EvalPoseInWorld(scratch), link.EvalSpatialVelocityInWorld(scratch)
             arms = points @ pose.rotation().matrix().T
-            feet.append((pose.translation()[2] + arms[:, 2], arms, pose @ middle, motion))
+            feet.append((pose.translation()[2] + arms[:, 2], arms, pose @ under, motion))
         floor = min(heights.min() for heights, *_ in feet)
-        carried, middle, slip = 0.0, np.zeros(3), np.zeros(3)
-        for heights, arms, own_middle, motion in feet:
+        carried, place, slip = 0.0, np.zeros(3), np.zeros(3)
+        for heights, arms, own_place, motion in feet:
             share = np.exp((floor - heights) / _COUNTS)
             part, arm = share.sum(), share @ arms
             carried += part
-            middle += part * own_middle
+            place += part * own_place
             slip += part * motion.translational() + _cross(motion.rotational(), arm)
         centre = plant.CalcCenterOfMassPositionInWorld(scratch, [self._instance])
         speed = plant.CalcCenterOfMassTranslationalVelocityInWorld(scratch, [self._instance]) - slip / carried
         ahead, left, _ = turned @ self._ahead
         heading = np.array([[ahead, left], [-left, ahead]]) / math.hypot(ahead, left)
         omega = math.sqrt(self._gravity / max(centre[2] - floor, _LOWEST))
-        return Balanced(heading @ (centre - middle / carried)[:2], heading @ speed[:2], omega)
+        return Balanced(heading @ (centre - place / carried)[:2], heading @ speed[:2], omega)
 
     def _put(self, position: Vector, velocity: Vector, turned: RotationMatrix, spin: Vector) -> None:
         self._positions[self._turn : self._turn + 4] = turned.ToQuaternion().wxyz()
