@@ -53,3 +53,29 @@ def test_roid1_leans_to_where_it_is_asked_to_be_and_comes_back(changed):
 def test_too_far_a_lean_ends_in_the_fall_monitor():
     result = run("roid1_lateral", duration=10.0, **{"controllers.lean.target": 0.12})
     assert result.stopped_by == "fall"
+
+
+@pytest.mark.parametrize(
+    ("robot", "force"),
+    [
+        ("humanoid", [0, -24.5, 0]),  # forward; upright it withstands 13.7 N, 6.5 N and 16.7 N
+        ("roid1", [9.5, 0, 0]),
+        ("zjudancer", [0, 24, 0]),
+    ],
+)
+def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force):
+    pushed = {"forces.push": {"kind": "push", "start": 0.5, "force": force}}
+    station = f"{robot}_balance"
+    assert run(station, duration=2.5, controllers={}, **pushed).stopped_by == "fall"
+    for changed in ({}, {**FINE, "controllers.balance.rate": 200}):
+        result = run(station, duration=3.5, **pushed, **changed)
+        assert result.ending == "completed"
+        assert result["base.z"][-1] == pytest.approx(result["base.z"][0], rel=0.05)
+        assert abs(result["balance.offset.left_hip_pitch"]).max() > np.deg2rad(30)
+
+
+def test_a_robot_that_stands_undisturbed_is_left_alone_by_its_noisy_sensors():
+    sensors = {"position": "encoders", "velocity": "encoders", "orientation": "imu", "angular_velocity": "imu"}
+    result = run("zjudancer_balance", duration=2.0, forces={}, **{"controllers.balance.reads": sensors})
+    assert abs(np.rad2deg(result["balance.offset.left_hip_pitch"])).max() < 5
+    assert result["base.z"][-1] == pytest.approx(result["base.z"][0], abs=2e-3)
