@@ -58,6 +58,7 @@ class Signal:
         units: of each of them, shape (k,): ``rad``, ``N·m``, ``1`` ...
         role: what they are.
         output: the station's output port that gives them; empty where they are computed.
+        entries: which of the output's values they are; all of them unless given.
         compute: gives them of a run at times (m,), shape (m, k), where no port does.
         adjust: changes what the port gave, of a run at times (m,), shape (m, k) to (m, k).
         part: the sensor, piece or block that declares them; empty for the robots' own.
@@ -68,6 +69,7 @@ class Signal:
     units: tuple[str, ...]
     role: Role
     output: str = ""
+    entries: tuple[int, ...] | None = None
     compute: Callable[[Recorded, Vector], Vector] | None = None
     adjust: Callable[[Recorded, Vector, Vector], Vector] | None = None
     part: str = ""

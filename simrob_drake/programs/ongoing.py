@@ -328,12 +328,17 @@ def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple
 
 
 class CellRobot:
-    """A robot of a station, as arms and legged robots share it.
+    """A robot of a station, as arms and legged robots share it; its methods are called, and not assigned to.
 
     Attributes:
         cell: the station and its state; several robots may share it.
         name: of the robot in the station.
     """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if callable(getattr(type(self), name, None)):
+            raise AttributeError(f"{name} is a method of {type(self).__name__}: call {name}({value!r})")
+        super().__setattr__(name, value)
 
     def __init__(self, cell: OngoingStation, robot: str | None = None) -> None:
         """Take a robot of a station.

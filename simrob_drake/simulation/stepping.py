@@ -15,8 +15,7 @@ from simrob_drake.simulation.flight import Flight
 from simrob_drake.simulation.pace import creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solve import apply_solver
-from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.stations.solve import apply_solver, stepped_by
 from simrob_drake.stations.steps import likely_cause
 
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
@@ -135,10 +134,8 @@ class Stepper:
         self.simulator.Initialize()
 
     def _pace(self, built: ClosedStation, simulator: Simulator) -> Callable[[Context], None] | None:
-        solver = self._config.solver
-        if self._config.mode == "kinematic" or not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
-            return None
-        return Flight(built.ports.plant.plant, solver, simulator).look
+        solver = stepped_by(self._config)
+        return None if solver is None else Flight(built.ports.plant.plant, solver, simulator).look
 
     def _simulator(self, built: ClosedStation) -> Simulator:
         simulator = Simulator(built.diagram)

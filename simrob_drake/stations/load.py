@@ -24,6 +24,9 @@ from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml, validated
 ONLY_ROBOT = "robot"
 """The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
 
+_ENTRIES = ("pieces", "sensors", "monitors", "forces", "controllers")
+"""Sections of entries by name, which an override can take out: `pieces.load=null`."""
+
 _ROBOTS = (ONLY_ROBOT, "robots")
 _ORIGINS = {"urdf": ("model",), "model": ("urdf", "import_options")}
 """What a robot can come from, and which keys of its section a change of that takes away."""
@@ -48,7 +51,8 @@ def load_station(
     Args:
         name_or_path: a name of :func:`station_names`, or a YAML file.
         overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. Changing
-            a ``kind`` keeps those keys of the file that the new kind knows.
+            a ``kind`` keeps those keys of the file that the new kind knows, and None takes out a piece, sensor,
+            monitor, force or controller.
         called: what errors call an override by its key; ``override KEY`` unless given.
         allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` are.
 
@@ -135,8 +139,8 @@ def _station_file(name_or_path: str | Path) -> Path:
     return path.resolve()
 
 
-def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
-    """Set the value under a dotted key, making sections on the way."""
+def _section_of(content: dict[str, Any], key: list[str], where: Path | str) -> dict[str, Any]:
+    """Return the section that a dotted key stands in, making sections on the way."""
     node = content
     for depth, part in enumerate(key[:-1]):
         child = node.get(part)
@@ -147,7 +151,16 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
                 where, ".".join(key[: depth + 1]), f"is {quoted(child)}, so it has no key '{key[depth + 1]}'"
             )
         node = child
+    return node
+
+
+def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str) -> None:
+    """Set the value under a dotted key."""
+    node = _section_of(content, key, where)
     section = key[-2] if len(key) > 1 else ""
+    if value is None and section in _ENTRIES and len(key) == 2 and key[-1] in node:
+        del node[key[-1]]
+        return
     if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:
         for other in _ORIGINS[key[-1]]:
             node.pop(other, None)

@@ -10,6 +10,18 @@ from simrob_drake.errors import UnsupportedSolver
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver
 
+_SLACK = 1e-9
+"""Part by which steps may be longer than they should where loops sample: else some end 1e-17 s before a sample, and one
+of that length follows, at the price of a whole one."""
+
+
+def stepped_by(config: StationConfig) -> ContinuousSolver | None:
+    """Return the settings by which ``cenic`` steps a station; None where it does not."""
+    solver = config.solver
+    if config.mode == "kinematic" or not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
+        return None
+    return solver.model_copy(update={"max_step": solver.max_step * (1 + _SLACK)}) if config.controllers else solver
+
 
 def apply_solver(simulator: Simulator, config: StationConfig) -> None:
     """Give a simulator the solver settings of a station that is part of its diagram, in any depth.
@@ -32,8 +44,8 @@ def apply_solver(simulator: Simulator, config: StationConfig) -> None:
         use_error_control=not solver.fixed_steps,
     )
     ApplySimulatorConfig(settings, simulator)
-    if solver.scheme == "cenic":
-        bound_steps(simulator, solver)
+    if (cenic := stepped_by(config)) is not None:
+        bound_steps(simulator, cenic)
 
 
 def bound_steps(

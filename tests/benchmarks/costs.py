@@ -23,18 +23,26 @@ PARTS = {
     "a fall monitor": {"monitors": {"fall": {"height": 0.2}}},
     "a push of 0.1 s, 0.1 N": {"forces": {"push": {"start": 1.0, "force": [0.1, 0, 0]}}},
 }
+GUARD = {"kind": "fall_guard", "height": 0.2, "posture_deg": {"HomDF": 90, "HomIF": 90}, "priority": 1}
+OBJECTIVE = {"kind": "objective", "measures": "base.z", "target": 0.446, "weights": {"RodD": -1, "RodI": -1}, "kp": 1}
+LOOPS = {
+    "fall_guard": {"controllers": {"guard": GUARD}},
+    "fall_guard at 50 Hz": {"controllers": {"guard": {**GUARD, "rate": 50}}},
+    "objective": {"controllers": {"height": OBJECTIVE}},
+    "both": {"controllers": {"height": OBJECTIVE, "guard": GUARD}},
+}
 RUNS, SHORT = 100, 0.5  # s
 
 
-def costs() -> Table:
+def costs(parts: dict[str, dict], title: str, **common: float) -> Table:
     """Stepping time with each part against that without."""
-    table = Table("part of humanoid_dynamic", "ratio of stepping time", title="what parts cost, standing for 3 s")
-    runners = {"": Runner(load_station("humanoid_dynamic", {"duration": 3.0}))}
-    runners |= {
-        name: Runner(load_station("humanoid_dynamic", {"duration": 3.0, **part})) for name, part in PARTS.items()
+    table = Table("part of humanoid_dynamic", "ratio of stepping time", title=f"{title}, standing for 3 s")
+    common = {"duration": 3.0, **common}
+    runners = {
+        name: Runner(load_station("humanoid_dynamic", common | part)) for name, part in {"": {}, **parts}.items()
     }
     times = in_turn({name: lambda runner=runner: runner.run().stepping_time for name, runner in runners.items()}, 25)
-    for name in PARTS:
+    for name in parts:
         table.add_row(name, f"{np.median(times[name] / times['']):.3f}")
     return table
 
@@ -57,5 +65,6 @@ def runner() -> Table:
 
 if __name__ == "__main__":
     console = Console(markup=False)
-    console.print(costs())
+    console.print(costs(PARTS, "what parts cost"))
+    console.print(costs(LOOPS, "what loops cost, against steps of 10 ms", **{"solver.max_step": 0.01}))
     console.print(runner())

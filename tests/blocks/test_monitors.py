@@ -172,6 +172,15 @@ def test_a_servo_that_stays_saturated_ends_the_run() -> None:
     assert "joint_2 stayed at its torque limit of 4 N·m for 0.5 s" in message
 
 
+def test_a_torque_limit_may_be_the_monitor_s_own() -> None:
+    own = condition("torque_limit", "irb120_dynamic", limit={"joint_2": 20}, hold=0.1)
+    torque = np.array([0, -21.0, 0, 0, 0, 0])
+    assert own.excess(torque) == pytest.approx(0.05, abs=1e-5)
+    assert own.why(torque) == "joint_2 stayed at the limit of 20 N·m for 0.1 s"
+    with pytest.raises(SimrobError, match=r"monitors\.watched\.limit.*positive"):
+        load_station("irb120_dynamic", {"monitors.watched": {"kind": "torque_limit", "limit": -1}})
+
+
 @pytest.mark.parametrize("part", [0.99, 0.9999])
 def test_a_servo_below_its_limit_ends_nothing(part: float) -> None:
     assert not watched(torque_limit(0.0), torque=line((0, 10 * part, 4 * part), (9, 10 * part, 4 * part)))[0]

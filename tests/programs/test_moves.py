@@ -366,3 +366,8 @@ class TestCollisions:
         kinematic.move_j([0.1, 0.15, 0.05, *DOWN], wobj="table")
         kinematic.move_l([0.1, 0.15, -0.01], wobj="table")
         kinematic.move_l([0.1, 0.15, 0.05], wobj="table", check="collision")
+
+
+def test_a_method_is_no_attribute_to_assign_to():
+    with pytest.raises(AttributeError, match=r"tool is a method of Arm: call tool\('gripper'\)"):
+        Arm("irb120_kinematic").tool = "gripper"

@@ -39,6 +39,12 @@ def test_gains_may_be_given_by_axis():
     assert config.servo.kp == {"joint_2": 2000.0}
 
 
+@pytest.mark.parametrize("overrides", [{"pieces.load": None}, {"pieces": {"load": None}}])
+def test_none_takes_out_a_piece(overrides):
+    assert list(load_station("irb120_dynamic", overrides).pieces) == ["gripper"]
+    assert load_station("humanoid_dynamic", {"monitors.fall": None}).monitors == {}
+
+
 def test_a_monitor_named_as_its_kind_needs_no_kind():
     config = load_station("irb120_dynamic", {"monitors": {"settled": {"hold": 1}, "early": {"kind": "joint_limit"}}})
     assert config.monitors["settled"].hold == 1

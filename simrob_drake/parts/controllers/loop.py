@@ -149,7 +149,9 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         site.notes[name] = {"kind": section.kind}
         _draw(site, f"controller.{name}", name, section, robot)
         for port in _outputs(block):
-            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot)
+            driven = {"offset": section.axes, "target": section.layered}.get(port.get_name())
+            axes = robot.axes if driven is None else driven(robot)
+            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot, axes)
     for name, section in loops.items():
         known = [blocks[name].get_input_port(index).get_name() for index in range(blocks[name].num_input_ports())]
         for read in section.reads:
@@ -169,14 +171,26 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
             _drive(builder, site, robot, {name: (own[name], blocks[name]) for name in layers})
 
 
-def declare_output(site: Site, name: str, port: OutputPort, unit: str, robot: StationRobot | None = None) -> None:
-    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each."""
-    output, numbers = f"{name}.{port.get_name()}", [str(index) for index in range(port.size())]
+def declare_output(
+    site: Site,
+    name: str,
+    port: OutputPort,
+    unit: str,
+    robot: StationRobot | None = None,
+    axes: Collection[str] | None = None,
+) -> None:
+    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
+
+    Of a robot's axes those are told that are named.
+    """
+    output, size = f"{name}.{port.get_name()}", port.size()
     robots = site.plant.robots.values() if robot is None else [robot]
-    entries = next((robot.axes for robot in robots if len(robot.axes) == port.size()), numbers)
-    names = (output,) if port.size() == 1 else tuple(f"{output}.{entry}" for entry in entries)
+    entries = next((each.axes for each in robots if len(each.axes) == size), [str(index) for index in range(size)])
+    told = tuple(index for index, entry in enumerate(entries) if size == 1 or axes is None or entry in axes)
+    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
     panel = Panel(f"controller_{name}", f"the block '{name}'", port.get_name(), f"{port.get_name()} [{unit}]", names)
-    site.add(output, port, Signal(names, (unit,) * port.size(), "own", output, part=name, panel=panel))
+    picked = told if len(told) < size else None
+    site.add(output, port, Signal(names, (unit,) * len(names), "own", output, picked, part=name, panel=panel))
 
 
 def _drive(
@@ -226,22 +240,19 @@ def _laid_over(
     """Return (1 - share) below + share above where ``active`` is 1, and what is below where it is 0.
 
     Of Drake's primitives, so that no Python is asked at each look of the solver: with the lower limits l, and W wider
-    than the limits, it is l + max(below - l - W active, 0) + max(above - l - W (1 - active), 0).
+    than the limits, it is l + max(below - l - W active, 0) + max(above - l - W (1 - active), 0) on the axes that share.
     """
-    size = len(share)
-    lower, upper = np.clip(limits, -_FAR, _FAR)
-    eye, wide = np.eye(size), (upper - lower + 1.0)[:, None]
-    shown = np.block([[eye, 0 * eye, -wide], [0 * eye, eye, wide]])
+    size, axes = len(share), np.flatnonzero(share)
+    lower, upper = (np.clip(bound, -_FAR, _FAR)[axes] for bound in limits)
+    eye, wide, part = np.eye(size), (upper - lower + 1.0)[:, None], share[axes]
+    pick, none = eye[axes], np.zeros((len(axes), size))
+    shown = np.block([[pick, none, -wide], [none, pick, wide]])
     hidden = np.concatenate([-lower, -lower - wide[:, 0]])
-    both = fed(
-        builder,
-        f"{place}.shown",
-        AffineSystem(D=shown, y0=hidden),
-        joined(builder, f"{place}.bus", below, above, active),
-    )
-    either = fed(builder, f"{place}.either", Saturation(np.zeros(2 * size), np.full(2 * size, np.inf)), both)
-    part = np.diag(share)
-    mixed = AffineSystem(D=np.hstack([part, part, eye - part]), y0=share * lower)
+    bus = joined(builder, f"{place}.bus", below, above, active)
+    both = fed(builder, f"{place}.shown", AffineSystem(D=shown, y0=hidden), bus)
+    either = fed(builder, f"{place}.either", Saturation(np.zeros(2 * len(axes)), np.full(2 * len(axes), np.inf)), both)
+    back = pick.T * part
+    mixed = AffineSystem(D=np.hstack([back, back, eye - np.diag(share)]), y0=back @ lower)
     return fed(builder, f"{place}.layers", mixed, joined(builder, f"{place}.mixed_bus", either, below))
 
 

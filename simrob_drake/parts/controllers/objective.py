@@ -25,6 +25,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.signals import Signal
 from simrob_drake.yaml_files import Number
 
 
@@ -89,13 +90,19 @@ class Objective(LoopSection):
         """Return what an input reads; ``measured`` is one entry of an output."""
         if name != "measured" or name in self.reads:
             return super().source(builder, name, robot, site, key)
-        for signal in site.signals:
-            if self.measures in signal.names and signal.output in site.outputs:
-                output = super().source(builder, signal.output, robot, site, key)
-                pick = np.eye(output.size())[[signal.names.index(self.measures)]]
-                site.draw_nothing(f"{key}.measured")
-                return mapped(builder, f"{key}.measured", pick, output)
-        known = [column for signal in site.signals if signal.output in site.outputs for column in signal.names]
+        signal, entry = self._measured(site, key)
+        output = super().source(builder, signal.output, robot, site, key)
+        site.draw_nothing(f"{key}.measured")
+        return mapped(builder, f"{key}.measured", np.eye(output.size())[[entry]], output)
+
+    def _measured(self, site: Site, key: str) -> tuple[Signal, int]:
+        """Return the signal that the column belongs to, and its place in the output."""
+        given = [signal for signal in site.signals if signal.output in site.outputs]
+        for signal in given:
+            if self.measures in signal.names:
+                place = signal.names.index(self.measures)
+                return signal, place if signal.entries is None else signal.entries[place]
+        known = [column for signal in given for column in signal.names]
         raise UnknownName(f"signal of the station for {key}.measures", self.measures, known)
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
@@ -105,6 +112,10 @@ class Objective(LoopSection):
         if len(units) > 1:
             raise InvalidParameter(f"{key}.weights", "of axes that turn and that slide", "of axes of one sort")
         unit = float(units.pop())
+        unit_of_error = "1"
+        if "measured" not in self.reads:
+            signal, _ = self._measured(site, key)
+            unit_of_error = signal.units[signal.names.index(self.measures)]
         posture = model.user_units * model.axis_vector(dict(self.then_deg), f"{key}.then_deg")
         return WeightedObjective(
             period=1 / self.rate,
@@ -118,6 +129,7 @@ class Objective(LoopSection):
             posture=posture if self.then_deg else None,
             near=(self.tolerance or 0.0, self.settled),
             duration=self.then_duration,
+            unit=unit_of_error,
         )
 
 
@@ -144,6 +156,7 @@ class WeightedObjective(SampledBlock):
         posture: Vector | None = None,
         near: tuple[float, float] = (math.inf, 0.0),
         duration: float = 1.0,
+        unit: str = "1",
     ) -> None:
         """Make the block.
 
@@ -159,8 +172,9 @@ class WeightedObjective(SampledBlock):
             posture: to be taken then, shape (n,) [rad]; None for none.
             near: how near the quantity must be to its target, and for how long [s].
             duration: of the way to the posture [s].
+            unit: of the quantity.
         """
-        self.units = {"offset": "rad", "target": "rad"}
+        self.units = {"offset": "rad", "target": "rad", "error": unit}
         self._targets, self._hold, self._speed, self._weights, self._gains = targets, hold, speed, weights, gains
         self._limit, self._fastest, self._posture, self._near, self._duration = limit, fastest, posture, near, duration
         zero, one = np.zeros(len(weights)), np.zeros(1)

@@ -156,7 +156,8 @@ def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
         known = dict(zip(ports, sampler.sample(list(ports.values()), times[part]), strict=True))
         for signal, columns in placed:
             if signal.compute is None:
-                values[part, columns] = known[signal.output]
+                whole = known[signal.output]
+                values[part, columns] = whole if signal.entries is None else whole[:, signal.entries]
     for signal, columns in placed:
         if signal.compute is not None:
             values[:, columns] = signal.compute(sampler, times)
