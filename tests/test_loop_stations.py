@@ -180,3 +180,29 @@ def test_a_leg_s_screws_are_those_of_the_plant():
             small[axis] = 1e-6
             slope = (limb.place(positions + small) - limb.place(positions - small)) / 2e-6
             assert limb.rates(positions)[:, number] == pytest.approx(slope, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("robot", "force"),
+    [
+        ("humanoid", [0, -24.5, 0]),  # forward; upright it withstands 13.7 N, 6.5 N and 16.7 N
+        ("roid1", [9.5, 0, 0]),
+        ("zjudancer", [0, 24, 0]),
+    ],
+)
+def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force):
+    pushed = {"forces.push": {"kind": "push", "start": 0.5, "force": force}}
+    station = f"{robot}_balance"
+    assert run(station, duration=2.5, controllers={}, **pushed).stopped_by == "fall"
+    for changed in ({}, {**FINE, "controllers.balance.rate": 200}):
+        result = run(station, duration=3.5, **pushed, **changed)
+        assert result.ending == "completed"
+        assert result["base.z"][-1] == pytest.approx(result["base.z"][0], rel=0.05)
+        assert abs(result["balance.offset.left_hip_pitch"]).max() > np.deg2rad(30)
+
+
+def test_a_robot_that_stands_undisturbed_is_left_alone_by_its_noisy_sensors():
+    sensors = {"position": "encoders", "velocity": "encoders", "orientation": "imu", "angular_velocity": "imu"}
+    result = run("zjudancer_balance", duration=2.0, forces={}, **{"controllers.balance.reads": sensors})
+    assert abs(np.rad2deg(result["balance.offset.left_hip_pitch"])).max() < 5
+    assert result["base.z"][-1] == pytest.approx(result["base.z"][0], abs=2e-3)

@@ -32,6 +32,12 @@ def objective(**changed):
     return {"kind": "objective", "measures": "tcp.z", "target": 0.6, "weights": {"joint_2": -1}, "kp": 50, **changed}
 
 
+def balance(**changed):
+    """Return a loop of one strategy."""
+    strategy = {"measures": "sagittal", "moves_deg": {"joint_5": 20}, "full": 0.1, **changed}
+    return {"kind": "balance", "strategies": {"tip": strategy}}
+
+
 def test_a_sequencer_lets_slow_servos_take_their_time_and_skips_no_cell():
     ends = {}
     for part in (1.0, 0.25):
@@ -110,6 +116,12 @@ def test_a_saved_station_runs_again_as_it_ran(tmp_path):
         ({"o": objective(measures="base.height")}, "controllers.o.measures"),
         ({"o": objective(then_deg={"joint_5": 10})}, "needs a tolerance"),
         ({"o": objective(target=[])}, "empty"),
+        ({"b": balance()}, "controllers.b is balance of robot; it must be of a robot that stands on feet"),
+        ({"b": balance(moves_deg={"hip": 20})}, "hip"),
+        ({"b": balance(moves_deg={"joint_5": 0})}, "all zero"),
+        ({"b": balance(beyond=0.1)}, "full, 0.1 m, must be beyond the 0.1 m"),
+        ({"b": balance(measures="up")}, "controllers.b.strategies.tip.measures"),
+        ({"b": {"kind": "balance", "strategies": {}}}, "controllers.b.strategies"),
     ],
 )
 def test_what_cannot_be_is_refused_by_its_key(controllers, words):

@@ -6,6 +6,7 @@ from typing import Annotated
 from pydantic import Field
 from pydrake.systems.framework import LeafSystem
 
+from simrob_drake.parts.controllers.balance import Balance
 from simrob_drake.parts.controllers.fall_guard import FallGuard
 from simrob_drake.parts.controllers.force_control import ForceControl
 from simrob_drake.parts.controllers.loop import LoopSection, Reader
@@ -18,7 +19,15 @@ from simrob_drake.parts.controllers.touchdown import Touchdown
 from simrob_drake.parts.kinds import named_by_kind
 
 ControllerConfig = Annotated[
-    OwnController | Sequencer | Objective | FallGuard | ForceControl | MotorProtection | SignalFlow | Touchdown,
+    OwnController
+    | Sequencer
+    | Objective
+    | FallGuard
+    | Balance
+    | ForceControl
+    | MotorProtection
+    | SignalFlow
+    | Touchdown,
     Field(discriminator="kind"),
 ]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]

@@ -1,0 +1,144 @@
+"""How a robot stands on its feet, and what balance makes of it, against bodies summed up by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.math import RotationMatrix
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake import load_station
+from simrob_drake.parts.controllers.balance import Answer, StandingBalance
+from simrob_drake.parts.controllers.support import Balanced, Support
+from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.station import compose
+
+FACING = {"humanoid": -90, "roid1": 0, "zjudancer": 90}
+G = 9.80665
+
+
+@pytest.fixture(params=FACING, name="stood")
+def _stood(request):
+    """Return a robot in a plant, where it looks, and its support."""
+    ports = compose(DiagramBuilder(), resolve(load_station(f"{request.param}_dynamic")))
+    robot, facing = ports.plant.robots["robot"], math.radians(FACING[request.param])
+    return ports.plant.plant, robot, facing, Support(robot, facing)
+
+
+def by_hand(plant, robot, position, turned, lifted=(0.0, 0.0, 0.0)):
+    """Return the centre of mass and the lowest points of the feet in the world, body by body."""
+    context = plant.CreateDefaultContext()
+    positions = robot.axis_map.spread_positions(position, plant.GetPositions(context))
+    start = robot.root.body().floating_positions_start()
+    positions[start : start + 7] = [*turned.ToQuaternion().wxyz(), *lifted]
+    plant.SetPositions(context, positions)
+    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
+    mass = np.array([body.default_mass() for body in bodies])
+    centres = np.array([body.EvalPoseInWorld(context) @ body.default_com() for body in bodies])
+    links = [(plant.GetBodyByName(link, robot.instance), link) for link in robot.feet.links]
+    points = [(body.EvalPoseInWorld(context) @ robot.feet.support_points(link).T).T for body, link in links]
+    return mass @ centres / mass.sum(), np.vstack(points)
+
+
+def heading(facing):
+    return np.array([[math.cos(facing), math.sin(facing)], [-math.sin(facing), math.cos(facing)]])
+
+
+def arms_moved(robot):
+    """Return a posture whose legs are as at the start."""
+    legs = [any(part in axis for part in ("hip", "knee", "ankle")) for axis in robot.axes]
+    return np.where(legs, 0.0, 0.5 * np.random.default_rng(1).normal(size=len(robot.axes)))
+
+
+def test_the_centre_of_mass_lies_where_the_bodies_put_it(stood):
+    plant, robot, facing, support = stood
+    still, none = np.zeros(len(robot.axes)), np.zeros(3)
+    begins, _ = by_hand(plant, robot, still, RotationMatrix())
+    for yaw in (0.0, 0.7):  # the robot's own directions turn with it
+        turned, position = RotationMatrix.MakeZRotation(yaw), arms_moved(robot)
+        com, points = by_hand(plant, robot, position, turned)
+        found = support.balanced(position, still, turned, none)
+        expected = heading(facing + yaw) @ (com - turned @ begins)[:2]
+        assert np.linalg.norm(expected) > 1e-3
+        np.testing.assert_allclose(found.com, expected, atol=1e-9)
+        np.testing.assert_allclose(found.capture_point, expected, atol=1e-9)
+        assert found.omega == pytest.approx(math.sqrt(G / (com[2] - points[:, 2].min())))
+
+
+def test_a_robot_that_tips_turns_about_the_edge_it_stands_on(stood):
+    plant, robot, facing, support = stood
+    still, angle, rate = np.zeros(len(robot.axes)), 0.2, 1.5
+    com, points = by_hand(plant, robot, still, RotationMatrix())
+    under = np.array([*com[:2], points[:, 2].min()])
+    for ahead, left in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        down = heading(facing).T @ np.array([ahead, left])  # the way it falls
+        axis = np.array([-down[1], down[0], 0.0])
+        c, s = math.cos(angle), math.sin(angle)
+        cross = np.array([[0, 0, axis[1]], [0, 0, -axis[0]], [-axis[1], axis[0], 0]])
+        turned = RotationMatrix(np.eye(3) + s * cross + (1 - c) * cross @ cross)  # Rodrigues
+        edge = points[np.argmax(points[:, :2] @ down)]
+        found = support.balanced(still, still, turned, rate * axis)
+        expected = heading(facing) @ (turned @ (com - under))[:2]
+        np.testing.assert_allclose(found.com, expected, atol=1e-6)
+        swung = rate * np.cross(axis, turned @ (com - edge))[:2] @ down
+        assert found.speed @ [ahead, left] == pytest.approx(swung, abs=3e-3)  # the next row counts a little
+        assert found.speed @ [-left, ahead] == pytest.approx(0, abs=1e-6)
+
+
+def test_the_speed_is_that_of_the_centre_of_mass_as_joints_move(stood):
+    plant, robot, facing, support = stood
+    position, step = arms_moved(robot), 1e-5
+    rates = 3 * position
+    after, before = (by_hand(plant, robot, position + sign * step * rates, RotationMatrix())[0] for sign in (1, -1))
+    found = support.balanced(position, rates, RotationMatrix(), np.zeros(3))
+    np.testing.assert_allclose(found.speed, heading(facing) @ ((after - before) / (2 * step))[:2], atol=1e-7)
+
+
+def answer(**changed):
+    figures = {"measures": "forward", "moves": np.array([0.5, -1.0]), "beyond": 0.02, "full": 0.06, "lead": None}
+    return Answer(**{**figures, "rise": 0.05, "release": 0.2, **changed})
+
+
+@pytest.mark.parametrize(
+    ("changed", "com", "speed", "expected"),
+    [
+        ({}, (0.02, 0.1), (0.0, 0.0), 0.0),  # at the threshold
+        ({}, (0.0, 0.0), (0.2, 0.0), 0.5),  # the capture point is 0.2 / 5 = 0.04 m ahead
+        ({}, (0.05, 0.0), (1.0, 0.0), 1.0),
+        ({}, (-0.3, 0.0), (0.0, 0.0), 0.0),  # behind: not its side
+        ({"measures": "backward"}, (-0.04, 0.0), (0.0, 0.0), 0.5),
+        ({"measures": "sagittal"}, (-0.04, 0.0), (0.0, 0.0), -0.5),
+        ({"measures": "lateral"}, (0.0, -0.05), (0.0, 0.0), -0.75),
+        ({"measures": "left"}, (0.3, 0.03), (0.0, 0.0), 0.25),
+        ({"measures": "right", "lead": 0.1}, (0.0, 0.0), (0.0, -0.4), 0.5),
+    ],
+)
+def test_a_strategy_answers_its_own_direction_between_threshold_and_full(changed, com, speed, expected):
+    assert answer(**changed).part(Balanced(np.array(com), np.array(speed), 5.0)) == pytest.approx(expected)
+
+
+class Tips:
+    """A robot that stands as it is told: its first two axes are its centre of mass."""
+
+    def balanced(self, position, velocity, turned, spin):
+        return Balanced(position, spin[:2], 5.0)
+
+
+def test_offsets_grow_and_go_back_no_faster_than_they_may_and_add_up():
+    other = answer(measures="lateral", moves=np.array([0.0, 0.2]), rise=0.0, release=0.0)
+    loop = StandingBalance(period=0.01, support=Tips(), answers=[answer(), other], gyroscope=True)
+    context = loop.CreateDefaultContext()
+
+    def sample(com, spin=(0.0, 0.0, 0.0), wxyz=(2.0, 0.0, 0.0, 0.0)):
+        for name, value in (("position", com), ("velocity", [0, 0]), ("orientation", wxyz), ("angular_velocity", spin)):
+            loop.GetInputPort(name).FixValue(context, np.array(value, dtype=float))
+        context.get_mutable_discrete_state().SetFrom(loop.EvalUniquePeriodicDiscreteUpdate(context))
+        return loop.GetOutputPort("offset").Eval(context)
+
+    for part in (0.2, 0.4, 0.6, 0.8, 1.0, 1.0):  # of 0.05 s
+        np.testing.assert_allclose(sample([0.1, 0.04]), [0.5 * part, -part + 0.1])
+    for part in (0.95, 0.9):  # of 0.2 s
+        np.testing.assert_allclose(sample([0.0, 0.0]), [0.5 * part, -part], atol=1e-15)
+    half = math.sqrt(0.5)  # the gyroscope is turned by 90°: what it feels about x is a turn about the world's y
+    sample([0.0, 0.0], spin=[0.3, 0.0, 0.0], wxyz=[half, 0, 0, half])
+    np.testing.assert_allclose(loop.GetOutputPort("capture_point").Eval(context), [0.0, 0.06], atol=1e-12)
