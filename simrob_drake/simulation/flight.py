@@ -14,7 +14,7 @@ from simrob_drake.stations.solver_config import ContinuousSolver
 
 _IN_FLIGHT = (1e-3, 1e-3)
 """Longest step [s] and coarsest accuracy: a humanoid that moves its legs then keeps its momentum within 0.1 %."""
-_LOOK_EVERY = 5  # steps, while something may fly: to look at all shapes takes a tenth of the time of a long step
+_LOOK_EVERY = 5  # steps
 _FALLS = 0.3
 """Part of gravity by which a body must gain speed downward before that is done."""
 
@@ -35,22 +35,22 @@ class Flight:
         self._time, self._speeds = -np.inf, np.zeros(len(floating))
 
     def look(self, root: Context) -> None:
-        """Look at the state that a step has reached; to be called at the start and after each step."""
-        if self._bodies and self._is_suspect(root) and self._steps % _LOOK_EVERY == 1:
-            flies = self._is_one_free(root)
-            if flies != self._flies and (simulator := self._simulator()) is not None:
-                self._flies = flies
-                bound_steps(simulator, self._solver, *(_IN_FLIGHT if flies else ()))
+        """Look at the state that a step has reached, now and then; to be called at the start and after each step."""
+        self._steps += 1
+        if self._steps % _LOOK_EVERY != 1 or not self._bodies:
+            return
+        flies = self._is_suspect(root) and self._is_one_free(root)
+        if flies != self._flies and (simulator := self._simulator()) is not None:
+            self._flies = flies
+            bound_steps(simulator, self._solver, *(_IN_FLIGHT if flies else ()))
 
     def _is_suspect(self, root: Context) -> bool:
-        """Tell whether something may fly: it did, or now falls ever faster; to look at all shapes takes much longer."""
+        """Tell whether something may fly: it did, or falls ever faster; to look at all shapes takes much longer."""
         time, before = root.get_time(), self._time
         speeds = self._plant.GetVelocities(self._plant.GetMyContextFromRoot(root))[self._upward]
         faster = (self._speeds - speeds).max()
         self._time, self._speeds = time, speeds
-        suspect = self._flies or np.isinf(before) or faster >= _FALLS * self._gravity * (time - before)
-        self._steps = self._steps + 1 if suspect else 0
-        return bool(suspect)
+        return bool(self._flies or np.isinf(before) or faster >= _FALLS * self._gravity * (time - before))
 
     def _is_one_free(self, root: Context) -> bool:
         plant = self._plant
