@@ -17,7 +17,7 @@ import sys
 import weakref
 from collections.abc import Callable, Iterable
 from time import monotonic
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
 
@@ -106,6 +106,13 @@ def _is_python(block: System) -> bool:
 def _empty(blocks: Iterable[System]) -> None:
     """Take from blocks whose diagram is gone what leads back to them: ports, and callbacks of events."""
     for block in blocks:
-        ports = [name for name, value in vars(block).items() if issubclass(type(value), InputPort | OutputPort)]
+        ports = [name for name, value in vars(block).items() if _is_of_ports(value)]
         for name in (_PEERS, *ports):
             vars(block).pop(name, None)
+
+
+def _is_of_ports(value: Any) -> bool:
+    """Tell whether a value is a port, or holds some, by its type: a proxy of what is gone answers nothing else."""
+    kind = type(value)
+    held = value.values() if kind is dict else value if kind is list else [value]
+    return any(issubclass(type(each), InputPort | OutputPort) for each in held)

@@ -15,6 +15,7 @@ from simrob_drake.stations.solver_config import ContinuousSolver
 _IN_FLIGHT = (1e-3, 1e-3)
 """Longest step [s] and coarsest accuracy: a humanoid that moves its legs then keeps its momentum within 0.1 %."""
 _LOOK_EVERY = 5  # steps
+_JUST_OVER = 1e-3  # m
 _FALLS = 0.3
 """Part of gravity by which a body must gain speed downward before that is done."""
 
@@ -30,6 +31,7 @@ class Flight:
         floating = [joint for joint in joints if joint.type_name() == "quaternion_floating"]
         self._bodies = [_shapes(plant, joint) for joint in floating]
         self._upward = [joint.velocity_start() + 5 for joint in floating]  # after the angular part
+        self._heights = [joint.position_start() + 6 for joint in floating]  # after the quaternion
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
         self._steps, self._flies = 0, False
         self._time, self._speeds = -np.inf, np.zeros(len(floating))
@@ -53,10 +55,22 @@ class Flight:
         return bool(self._flies or np.isinf(before) or faster >= _FALLS * self._gravity * (time - before))
 
     def _is_one_free(self, root: Context) -> bool:
-        plant = self._plant
+        """Tell whether one touches nothing but itself; at the start, what stands just over something touches it."""
+        plant, context = self._plant, self._plant.GetMyMutableContextFromRoot(root)
         if not plant.num_collision_geometries():
             return True
-        query = plant.get_geometry_query_input_port().Eval(plant.GetMyContextFromRoot(root))
+        if self._steps > 1:
+            return self._is_apart(context)
+        positions = plant.GetPositions(context)
+        lower = positions.copy()
+        lower[self._heights] -= _JUST_OVER
+        plant.SetPositions(context, lower)
+        free = self._is_apart(context)
+        plant.SetPositions(context, positions)
+        return free
+
+    def _is_apart(self, context: Context) -> bool:
+        query = self._plant.get_geometry_query_input_port().Eval(context)
         pairs = query.ComputePointPairPenetration() if query.HasCollisions() else []
         touched = [(pair.id_A, pair.id_B) for pair in pairs]
         return any(all((a in shapes) == (b in shapes) for a, b in touched) for shapes in self._bodies)
