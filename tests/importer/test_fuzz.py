@@ -16,7 +16,7 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 
-FILES = 1000
+FILES = 400
 """Of each kind."""
 
 SEED = """<robot name="seed">
