@@ -61,7 +61,7 @@ def _contacts(run: RecordedRun) -> Iterator[Event]:
     before: set[frozenset[str]] = set()
     for time, results in zip(steps, run.contacts_at(steps), strict=True):
         contacts = Contacts.of(results)
-        pressing = contacts.forces.any(axis=1)
+        pressing = np.asarray(contacts.forces.any(axis=1))
         shapes = [pair for pair, presses in zip(contacts.pairs, pressing, strict=True) if presses]
         pairs = {frozenset(_body(run, shape) for shape in pair) for pair in shapes}
         for pair in sorted(pairs - before, key=sorted):

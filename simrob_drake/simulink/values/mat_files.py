@@ -23,7 +23,8 @@ def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        content = loadmat(io.BytesIO(content_of(file, _LARGEST)), squeeze_me=False, struct_as_record=True)
+        source: Any = io.BytesIO(content_of(file, _LARGEST))  # which older stubs of scipy do not know of
+        content = loadmat(source, squeeze_me=False, struct_as_record=True)
     except Exception as problem:  # readers of damaged files raise whatever they like
         reason = (
             "saved with -v7: version 7.3 is not read"
