@@ -15,7 +15,6 @@ Named = Mapping[str, Vector]
 Changes = Mapping[str, Vector | float]
 """What changes in a block's memory, by name; a number is a vector of one."""
 
-
 _ASLEEP, _SAMPLED, _AWAKE = 0.0, 1.0, 2.0
 """Before the first sample; after one that was taken before the run began; afterwards."""
 
@@ -78,11 +77,9 @@ class SampledBlock(Block):
             told = self._memory[name]
             if delay:
                 value = np.atleast_1d(memory[name])
-                line, told = (
-                    self.DeclareDiscreteState(np.full(delay * len(value), np.inf)),
-                    self.DeclareDiscreteState(value),
-                )
-                self._late[name] = line, told
+                waiting = self.DeclareDiscreteState(np.full(delay * len(value), np.inf))
+                told = self.DeclareDiscreteState(value)
+                self._late[name] = waiting, told
             self.DeclareStateOutputPort(name, told)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self._stage = self.DeclareDiscreteState(np.array([_ASLEEP])) if at_once else None

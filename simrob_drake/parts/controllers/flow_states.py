@@ -149,7 +149,19 @@ class TransferFunction(FlowBlock):
         return self._system.following(x, u)
 
 
-class RateLimiter(FlowBlock):
+class _OneState(FlowBlock):
+    """What blocks of one state share."""
+
+    initial: Number = 0.0
+    """Its value at the start."""
+
+    @property
+    def start(self) -> Values:
+        """Its states at the start."""
+        return (self.initial,)
+
+
+class RateLimiter(_OneState):
     """y follows u with a limited slope: dy/dt = (u - y) / lag within the bounds.
 
     At the bound it is late by nothing, near u by ``lag``. Sampled, without a lag: y[k] = u[k] within y[k-1] ± bound.
@@ -162,13 +174,6 @@ class RateLimiter(FlowBlock):
     """Largest slope downwards [1/s]."""
     lag: Positive = 1e-3
     """Time by which it is late where it follows [s]; also how short the steps of an explicit solver must be."""
-    initial: Number = 0.0
-    """Its value at the start."""
-
-    @property
-    def start(self) -> Values:
-        """Its states at the start."""
-        return (self.initial,)
 
     @property
     def fed_through(self) -> bool:
@@ -188,19 +193,12 @@ class RateLimiter(FlowBlock):
         return (x[0] + step if self.period else step,)
 
 
-class Delay(FlowBlock):
+class Delay(_OneState):
     """y[k] = u[k-1]."""
 
     kind: Literal["delay"]
     period: Positive
     """Between samples [s]: by so much it is late."""
-    initial: Number = 0.0
-    """Its value until the first sample."""
-
-    @property
-    def start(self) -> Values:
-        """Its states at the start."""
-        return (self.initial,)
 
     @property
     def fed_through(self) -> bool:

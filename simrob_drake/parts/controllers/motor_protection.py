@@ -68,6 +68,8 @@ class MotorProtection(LoopSection):
         """Check what is known before anything is built."""
         super().check(key, station)
         robot = station.robot(self.robot, key)
+        if self.weight is not None:
+            raise InvalidParameter(f"{key}.weight", self.weight, "left out: what protects must show whole")
         limit, nominal = self._limits(key, robot)
         if self.force is None and not np.isfinite([limit, nominal]).any():
             raise InvalidParameter(key, "without a limit, a nominal torque and a force", "given one of them to watch")
