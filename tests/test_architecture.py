@@ -23,6 +23,7 @@ ROAD = [
     "identification",
     "kinematics",
     "programs",
+    "tuning",
     "simulink",
     "cli",
 ]
