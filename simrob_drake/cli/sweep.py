@@ -42,6 +42,9 @@ def sweep(
     set_: Settings = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the sweep; runs/STATION-sweep-TIME by default.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; as many as processors by default.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
+    ] = None,
     run: Annotated[
         int | None, typer.Option(metavar="NUMBER", help="Make this run of a folder's table again and save its result.")
     ] = None,
@@ -59,7 +62,6 @@ def sweep(
 
         simrob sweep runs/gains --run 12
     """
-    from simrob_drake.tuning.processes import usable_processors
     from simrob_drake.tuning.sweep import Sweep
     from simrob_drake.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
 
@@ -78,7 +80,9 @@ def sweep(
         place = SweepFolder(folder, asked, force=force, allow_code=allow_code)
     if run is not None:
         return _run_again(place, run, out, force=force, recording=not no_recording)
-    rows = place.run(workers or usable_processors())
+    if scheduler:
+        refuse("left out with --scheduler: the cluster has its own", workers=workers)
+    rows = place.run(workers=workers, scheduler=scheduler)
     _tell(rows)
     console.print(f"table {place.folder / TABLE}", soft_wrap=True, highlight=False)
     console.print(f"a run simrob sweep {place.folder} --run NUMBER", soft_wrap=True, highlight=False)

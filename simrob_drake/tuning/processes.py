@@ -20,7 +20,7 @@ def usable_processors() -> int:
 
 
 def outcomes(
-    work: Callable[[Task], Outcome], tasks: Iterable[Task], workers: int, died: Callable[[Task], Outcome]
+    work: Callable[[Task], Outcome], tasks: Iterable[Task], died: Callable[[Task], Outcome], *, workers: int
 ) -> Iterator[Outcome]:
     """Yield what becomes of each task, as it comes; at any time there is no more under way than there are processes.
 
@@ -29,8 +29,8 @@ def outcomes(
     Args:
         work: a function of a module, for another process to import.
         tasks: what it is given.
-        workers: how many processes.
         died: what becomes of a task whose own process died.
+        workers: how many processes.
     """
     waiting, suspects = deque(tasks), deque[Task]()
     while waiting or suspects:

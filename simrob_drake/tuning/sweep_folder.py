@@ -20,7 +20,8 @@ from simrob_drake.folders import check_folder, replaced_at_once, writing, writte
 from simrob_drake.progress import progress_bar
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
-from simrob_drake.tuning.processes import outcomes
+from simrob_drake.tuning.cluster import outcomes_on_cluster
+from simrob_drake.tuning.processes import outcomes, usable_processors
 from simrob_drake.tuning.rollout import DIED, Case, Row, rollout
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_plots import save_sweep_plots
@@ -95,30 +96,36 @@ class SweepFolder:
         found = [json.loads(line) for line in lines if line.endswith("\n")]  # the last one may be torn
         return sorted(found, key=lambda row: row["number"])
 
-    def run(self, workers: int, *, progress: bool = True) -> list[Row]:
+    def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
         """Make the runs that are not done yet, write the table and the plots of all, and return the rows.
 
         Args:
-            workers: how many processes.
+            workers: how many processes of this machine; as many as it has processors unless given.
+            scheduler: the address of a Dask scheduler whose workers do it instead.
             progress: show a bar.
 
         Raises:
             OutputError: another process is at work on them, or the disk does not take them.
+            InvalidParameter: no such scheduler.
         """
         with self._journal() as journal:
             done = {row["number"] for row in self.rows()}
             left = [case for case in self.cases if case.number not in done]
             with progress_bar(f"{len(self.cases)} runs", len(self.cases), shown=progress) as move:
-                for count, row in enumerate(outcomes(rollout, left, workers, _died), start=len(done) + 1):
+                if scheduler is None:
+                    rows = outcomes(rollout, left, _died, workers=workers or usable_processors())
+                else:
+                    rows = outcomes_on_cluster(rollout, left, _died, scheduler=scheduler)
+                for count, row in enumerate(rows, start=len(done) + 1):
                     journal.write(json.dumps(row, ensure_ascii=False) + "\n")
                     journal.flush()
                     os.fsync(journal.fileno())
                     if move:
                         move(count)
-        rows = self.rows()
-        write_rows(self.folder / TABLE, rows)
-        save_sweep_plots(self.sweep, rows, self.folder / "plots")
-        return rows
+        made = self.rows()
+        write_rows(self.folder / TABLE, made)
+        save_sweep_plots(self.sweep, made, self.folder / "plots")
+        return made
 
     @contextmanager
     def _journal(self) -> Iterator[IO[str]]:

@@ -10,11 +10,14 @@ import time
 
 import numpy as np
 import pytest
+from distributed import LocalCluster
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.paths import diagrams_root
+from simrob_drake.tuning import cluster
+from simrob_drake.tuning.cluster import outcomes_on_cluster
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.processes import outcomes
 from simrob_drake.tuning.sweep import Sweep
@@ -118,7 +121,7 @@ def test_measures_are_those_of_the_signals():
 
 class TestFolder:
     def test_a_sweep_ends_as_table_and_plots_and_each_run_is_that_of_simulate(self, tmp_path):
-        rows = SweepFolder(tmp_path / "sweep", PENDULUM).run(2, progress=False)
+        rows = SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=2, progress=False)
         with (tmp_path / "sweep" / TABLE).open() as file:
             table = list(csv.DictReader(file))
         assert [row["number"] for row in table] == ["1", "2"]
@@ -129,10 +132,10 @@ class TestFolder:
 
     def test_it_goes_on_where_it_was_killed(self, tmp_path):
         """Lines that are whole count, half a line does not; nothing is made twice."""
-        whole = SweepFolder(tmp_path / "sweep", PENDULUM).run(1, progress=False)
+        whole = SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)
         first = {**whole[0], "message": "kept"}
         (tmp_path / "sweep/rows.jsonl").write_text(f'{json.dumps(first)}\n{{"number": 2, "ser')
-        assert SweepFolder.there(tmp_path / "sweep").run(1, progress=False) == [first, whole[1]]
+        assert SweepFolder.there(tmp_path / "sweep").run(workers=1, progress=False) == [first, whole[1]]
 
     def test_another_sweep_is_refused_and_so_is_a_station_that_has_changed(self, tmp_path):
         station = tmp_path / "own.yaml"
@@ -147,13 +150,13 @@ class TestFolder:
 
     def test_a_run_that_cannot_be_or_diverges_is_a_row(self, tmp_path):
         sweep = Sweep(station="irb120_dynamic", vary={"solver.scheme": "cenic,nope,explicit_euler"}, overrides=WILD)
-        ends = [row["ended"] for row in SweepFolder(tmp_path / "sweep", sweep).run(1, progress=False)]
+        ends = [row["ended"] for row in SweepFolder(tmp_path / "sweep", sweep).run(workers=1, progress=False)]
         assert ends == ["completed", "refused", "diverged"]
 
 
 def test_a_process_that_dies_takes_its_own_task_alone(tmp_path):
     tasks = [(number, tmp_path / str(number)) for number in range(7)]
-    found = list(outcomes(dies, tasks, 2, lambda task: -task[0]))
+    found = list(outcomes(dies, tasks, lambda task: -task[0], workers=2))
     assert sorted(found) == [-3, 0, 1, 2, 4, 5, 6]
 
 
@@ -175,8 +178,36 @@ def test_the_command_goes_on_after_kill_9(tmp_path):
 
 
 def test_one_run_is_made_again(tmp_path, capsys):
-    SweepFolder(tmp_path / "sweep", PENDULUM).run(1, progress=False)
+    SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)
     assert run_command(["sweep", str(tmp_path / "sweep"), "--run", "2", "--no-recording"]) == 0
     assert load_station(tmp_path / "sweep/run_2/station.yaml").servo.kp == 40
     assert run_command(["sweep", str(tmp_path / "sweep"), "--run", "3"]) == 2
     assert "a number of the table, 1 to 2" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+        yield local.scheduler_address
+
+
+class TestCluster:
+    def test_its_rows_are_those_of_this_machine(self, scheduler, tmp_path):
+        here = SweepFolder(tmp_path / "here", PENDULUM).run(workers=1, progress=False)
+        assert SweepFolder(tmp_path / "there", PENDULUM).run(scheduler=scheduler, progress=False) == here
+
+    def test_a_worker_that_dies_takes_its_own_task_alone(self, scheduler, tmp_path):
+        tasks = [(number, tmp_path / str(number)) for number in range(7)]
+        found = list(outcomes_on_cluster(dies, tasks, lambda task: -task[0], scheduler=scheduler))
+        assert sorted(found) == [-3, 0, 1, 2, 4, 5, 6]
+
+    def test_workers_with_other_versions_are_refused(self, scheduler, tmp_path, monkeypatch):
+        monkeypatch.setattr(cluster, "python_version", lambda: "2.7")
+        with pytest.raises(SimrobError, match=r"has Python 3.*one whose workers have Python 2\.7"):
+            list(outcomes_on_cluster(dies, [(1, tmp_path)], lambda task: -1, scheduler=scheduler))
+
+    @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "carrier-pigeon://x"])
+    def test_no_scheduler_there(self, address, monkeypatch, tmp_path):
+        monkeypatch.setattr(cluster, "_PATIENCE", 1)
+        with pytest.raises(SimrobError, match="a Dask scheduler that answers"):
+            list(outcomes_on_cluster(dies, [(1, tmp_path)], lambda task: -1, scheduler=address))
