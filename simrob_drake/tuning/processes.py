@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
-from typing import TypeVar
+from typing import Self, TypeVar
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
@@ -19,39 +19,58 @@ def usable_processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def outcomes(
-    work: Callable[[Task], Outcome], tasks: Iterable[Task], died: Callable[[Task], Outcome], *, workers: int
-) -> Iterator[Outcome]:
-    """Yield what becomes of each task, as it comes; at any time there is no more under way than there are processes.
+class Processes:
+    """Processes of this machine, started where there is work and kept for more of it; to be used in a ``with``."""
 
-    Where a process dies, all that was under way is tried again, one after the other in processes of their own.
+    def __init__(self, workers: int | None = None) -> None:
+        """Take so many processes; as many as there are processors unless given."""
+        self._workers = workers or usable_processors()
+        self._pool = self._fresh(self._workers)
 
-    Args:
-        work: a function of a module, for another process to import.
-        tasks: what it is given.
-        died: what becomes of a task whose own process died.
-        workers: how many processes.
-    """
-    waiting, suspects = deque(tasks), deque[Task]()
-    while waiting or suspects:
-        alone = bool(suspects)
-        source, together = (suspects, 1) if alone else (waiting, workers)
-        under_way: dict[Future[Outcome], Task] = {}
-        with ProcessPoolExecutor(together, mp_context=get_context("spawn"), max_tasks_per_child=_TASKS) as pool:
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let the processes end; what they have not begun is not done."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def outcomes(
+        self, work: Callable[[Task], Outcome], tasks: Iterable[Task], died: Callable[[Task], Outcome]
+    ) -> Iterator[Outcome]:
+        """Yield what becomes of each task, as it comes; no more are under way than there are processes.
+
+        Where a process dies, all that was under way is tried again, one after the other in processes of their own.
+
+        Args:
+            work: a function of a module, for another process to import.
+            tasks: what it is given.
+            died: what becomes of a task whose own process died.
+        """
+        waiting = deque(tasks)
+        while waiting:
+            under_way: dict[Future[Outcome], Task] = {}
             try:
-                while source or under_way:
-                    while source and len(under_way) < together:
-                        task = source.popleft()
-                        under_way[pool.submit(work, task)] = task
-                    done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-                    for future in done:
+                while waiting or under_way:
+                    while waiting and len(under_way) < self._workers:
+                        under_way[self._pool.submit(work, waiting[0])] = waiting[0]
+                        waiting.popleft()
+                    for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                         outcome = future.result()
                         del under_way[future]
                         yield outcome
             except BrokenProcessPool:
-                if alone:
-                    yield from map(died, under_way.values())
-                else:
-                    suspects.extend(under_way.values())
-            finally:
-                pool.shutdown(wait=False, cancel_futures=True)
+                self._pool = self._fresh(self._workers)
+                for task in under_way.values():
+                    yield self._alone(work, task, died)
+
+    def _alone(self, work: Callable[[Task], Outcome], task: Task, died: Callable[[Task], Outcome]) -> Outcome:
+        with self._fresh(1) as pool:
+            try:
+                return pool.submit(work, task).result()
+            except BrokenProcessPool:
+                return died(task)
+
+    @staticmethod
+    def _fresh(workers: int) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), max_tasks_per_child=_TASKS)

@@ -10,8 +10,8 @@ from simrob_drake.stations.load import load_station
 from simrob_drake.tuning.measures import measures
 
 Row = dict[str, Any]
-REFUSED, DIED = "refused", "died"
-"""How cases end that never ran to an end: their station could not be, or they took their process with them."""
+REFUSED, KILLED = "refused", "killed"
+"""How cases end that never ran to an end: their station could not be, or their process was killed."""
 
 
 @dataclass(frozen=True)
@@ -55,3 +55,8 @@ def rollout(case: Case) -> Row:
         return case.row(REFUSED, str(problem))
     ended = result.stopped_by or result.ending
     return case.row(ended, result.message, stop_time=result.stop_time, **measures(result))
+
+
+def killed(case: Case) -> Row:
+    """Return the row of a case whose process was killed, and once more when it was alone."""
+    return case.row(KILLED, "its process was killed, twice")

@@ -20,9 +20,8 @@ from simrob_drake.folders import check_folder, replaced_at_once, writing, writte
 from simrob_drake.progress import progress_bar
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
-from simrob_drake.tuning.cluster import outcomes_on_cluster
-from simrob_drake.tuning.processes import outcomes, usable_processors
-from simrob_drake.tuning.rollout import DIED, Case, Row, rollout
+from simrob_drake.tuning.engines import engine
+from simrob_drake.tuning.rollout import Row, killed, rollout
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_plots import save_sweep_plots
 from simrob_drake.yaml_files import Strict, read_yaml, validated
@@ -108,24 +107,20 @@ class SweepFolder:
             OutputError: another process is at work on them, or the disk does not take them.
             InvalidParameter: no such scheduler.
         """
-        with self._journal() as journal:
+        with self._journal() as journal, engine(workers=workers, scheduler=scheduler) as workers_:
             done = {row["number"] for row in self.rows()}
             left = [case for case in self.cases if case.number not in done]
             with progress_bar(f"{len(self.cases)} runs", len(self.cases), shown=progress) as move:
-                if scheduler is None:
-                    rows = outcomes(rollout, left, _died, workers=workers or usable_processors())
-                else:
-                    rows = outcomes_on_cluster(rollout, left, _died, scheduler=scheduler)
-                for count, row in enumerate(rows, start=len(done) + 1):
+                for count, row in enumerate(workers_.outcomes(rollout, left, killed), start=len(done) + 1):
                     journal.write(json.dumps(row, ensure_ascii=False) + "\n")
                     journal.flush()
                     os.fsync(journal.fileno())
                     if move:
                         move(count)
-        made = self.rows()
-        write_rows(self.folder / TABLE, made)
-        save_sweep_plots(self.sweep, made, self.folder / "plots")
-        return made
+        rows = self.rows()
+        write_rows(self.folder / TABLE, rows)
+        save_sweep_plots(self.sweep, rows, self.folder / "plots")
+        return rows
 
     @contextmanager
     def _journal(self) -> Iterator[IO[str]]:
@@ -151,10 +146,6 @@ def write_rows(file: Path, rows: list[Row]) -> None:
         writer = csv.DictWriter(lines, [*columns, "message"])
         writer.writeheader()
         writer.writerows(rows)
-
-
-def _died(case: Case) -> Row:
-    return case.row(DIED, "its process was killed, twice")
 
 
 def _asked(folder: Path) -> _Asked:

@@ -17,9 +17,9 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.paths import diagrams_root
 from simrob_drake.tuning import cluster
-from simrob_drake.tuning.cluster import outcomes_on_cluster
+from simrob_drake.tuning.cluster import Cluster
 from simrob_drake.tuning.measures import measures
-from simrob_drake.tuning.processes import outcomes
+from simrob_drake.tuning.processes import Processes
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
 from simrob_drake.tuning.variation import parsed
@@ -154,10 +154,15 @@ class TestFolder:
         assert ends == ["completed", "refused", "diverged"]
 
 
+def made_by(engine, tasks):
+    with engine as workers:
+        return sorted(workers.outcomes(dies, tasks, lambda task: -task[0]))
+
+
 def test_a_process_that_dies_takes_its_own_task_alone(tmp_path):
     tasks = [(number, tmp_path / str(number)) for number in range(7)]
-    found = list(outcomes(dies, tasks, lambda task: -task[0], workers=2))
-    assert sorted(found) == [-3, 0, 1, 2, 4, 5, 6]
+    found = made_by(Processes(2), tasks)
+    assert found == [-3, 0, 1, 2, 4, 5, 6]
 
 
 def test_the_command_goes_on_after_kill_9(tmp_path):
@@ -198,16 +203,16 @@ class TestCluster:
 
     def test_a_worker_that_dies_takes_its_own_task_alone(self, scheduler, tmp_path):
         tasks = [(number, tmp_path / str(number)) for number in range(7)]
-        found = list(outcomes_on_cluster(dies, tasks, lambda task: -task[0], scheduler=scheduler))
-        assert sorted(found) == [-3, 0, 1, 2, 4, 5, 6]
+        found = made_by(Cluster(scheduler), tasks)
+        assert found == [-3, 0, 1, 2, 4, 5, 6]
 
-    def test_workers_with_other_versions_are_refused(self, scheduler, tmp_path, monkeypatch):
+    def test_workers_with_other_versions_are_refused(self, scheduler, monkeypatch):
         monkeypatch.setattr(cluster, "python_version", lambda: "2.7")
         with pytest.raises(SimrobError, match=r"has Python 3.*one whose workers have Python 2\.7"):
-            list(outcomes_on_cluster(dies, [(1, tmp_path)], lambda task: -1, scheduler=scheduler))
+            Cluster(scheduler)
 
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "carrier-pigeon://x"])
-    def test_no_scheduler_there(self, address, monkeypatch, tmp_path):
+    def test_no_scheduler_there(self, address, monkeypatch):
         monkeypatch.setattr(cluster, "_PATIENCE", 1)
-        with pytest.raises(SimrobError, match="a Dask scheduler that answers"):
-            list(outcomes_on_cluster(dies, [(1, tmp_path)], lambda task: -1, scheduler=address))
+        with pytest.raises(SimrobError, match="the address of a Dask that answers"):
+            Cluster(address)
