@@ -24,6 +24,10 @@ ResultFolder = Annotated[Path | None, typer.Option("--out", help="Folder of the 
 Live = Annotated[bool, typer.Option("--live", help="Show the motion in the browser while it is computed.")]
 NoRecording = Annotated[bool, typer.Option("--no-recording", help="No recording and no film strip.")]
 Video = Annotated[bool, typer.Option("--video", help="Write an MP4, too (needs the extra `video`).")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; as many as processors by default.")]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
+]
 
 FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="A URDF or xacro file, or a Simulink model (import).")

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.given import refuse, texts_by_key
-from simrob_drake.cli.options import AllowCode, Force, NoRecording, Settings
+from simrob_drake.cli.options import AllowCode, Force, NoRecording, Scheduler, Settings, Workers
 from simrob_drake.cli.saving import prepared_folder, saved
 from simrob_drake.cli.screen import console
 from simrob_drake.errors import InvalidParameter
@@ -41,10 +41,8 @@ def sweep(
     seeds: Annotated[int, typer.Option(min=1, help="Runs of each combination, with other noise and other draws.")] = 1,
     set_: Settings = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the sweep; runs/STATION-sweep-TIME by default.")] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; as many as processors by default.")] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     run: Annotated[
         int | None, typer.Option(metavar="NUMBER", help="Make this run of a folder's table again and save its result.")
     ] = None,

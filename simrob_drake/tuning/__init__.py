@@ -1,1 +1,1 @@
-"""Many runs of a station: what they vary, what they measure, where they are computed."""
+"""Many runs of a station, on many processes: sweeps, and searches for figures that cost least."""

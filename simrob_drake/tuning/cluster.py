@@ -6,7 +6,8 @@ from itertools import islice
 from platform import python_version
 from typing import Self, TypeVar
 
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.tuning.packages import needed
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
@@ -28,10 +29,8 @@ class Cluster:
             SimrobError: the extra ``tune`` is missing.
             InvalidParameter: no scheduler there, one without workers, or workers with other versions.
         """
-        try:
+        with needed("a cluster"):
             from distributed import Client
-        except ImportError as problem:
-            raise SimrobError('a cluster needs other packages: pip install "simrob-drake[tune]"') from problem
         try:
             self._client = Client(scheduler, timeout=_PATIENCE)
         except (OSError, ValueError) as problem:

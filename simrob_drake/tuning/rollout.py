@@ -50,11 +50,12 @@ class Case:
 def rollout(case: Case) -> Row:
     """Run a case and return its row, whatever becomes of it."""
     try:
-        result = simulate(case.config(), progress=False)
+        config = case.config()
+        result = simulate(config, progress=False)
     except SimrobError as problem:
         return case.row(REFUSED, str(problem))
-    ended = result.stopped_by or result.ending
-    return case.row(ended, result.message, stop_time=result.stop_time, **measures(result))
+    times = {"duration": config.duration, "stop_time": result.stop_time}
+    return case.row(result.stopped_by or result.ending, result.message, **times, **measures(result))
 
 
 def killed(case: Case) -> Row:

@@ -11,10 +11,10 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.tuning.rollout import Case
-from simrob_drake.tuning.variation import Variation, parsed, seed_keys
+from simrob_drake.tuning.variation import MOST_SEEDS, Variation, parsed, seed_keys, seeded
 from simrob_drake.yaml_files import Strict
 
-_MOST_RUNS, _MOST_SEEDS = 100_000, 1000
+_MOST_RUNS = 100_000
 
 
 class Sweep(Strict):
@@ -26,7 +26,7 @@ class Sweep(Strict):
     """Dotted paths of keys, and the values that each takes, as :func:`~simrob_drake.tuning.variation.parsed` reads."""
     overrides: dict[str, Any] = Field(default_factory=dict)
     """What is changed in all runs."""
-    seeds: Annotated[int, Field(ge=1, le=_MOST_SEEDS)] = 1
+    seeds: Annotated[int, Field(ge=1, le=MOST_SEEDS)] = 1
     """How many runs each combination gets, with the seeds 0, 1, 2 ... of all that is random."""
 
     @property
@@ -63,20 +63,19 @@ class Sweep(Strict):
 
     def cases(self, *, allow_code: bool = False) -> list[Case]:
         """Return all runs: the last key varies fastest, and the seed faster still; checked as :meth:`check` does."""
-        variations, seeds = self.variations, seed_keys(self.check(allow_code=allow_code).model_dump())
+        variations, content = self.variations, self.check(allow_code=allow_code).model_dump()
         combinations = product(*(one.values or (None,) for one in variations), range(self.seeds))
         return [
-            self._case(number, dict(zip(variations, values, strict=True)), seed, seeds, allow_code)
+            self._case(number, dict(zip(variations, values, strict=True)), seed, content, allow_code)
             for number, (*values, seed) in enumerate(combinations, start=1)
         ]
 
     def _case(
-        self, number: int, values: Mapping[Variation, Any], seed: int, seeds: list[str], allow_code: bool
+        self, number: int, values: Mapping[Variation, Any], seed: int, content: Mapping[str, Any], allow_code: bool
     ) -> Case:
         shown = {
             one.key: value if one.drawn is None else one.draw(seed, place)
             for place, (one, value) in enumerate(values.items())
         }
-        # each part that is random has a stream of its own
-        streams = {key: seed + _MOST_SEEDS * place for place, key in enumerate(seeds)} if self.seeds > 1 else {}
+        streams = seeded(content, seed) if self.seeds > 1 else {}
         return Case(number, self.station, {**streams, **self.overrides, **shown}, shown, seed, allow_code)

@@ -142,8 +142,9 @@ def write_rows(file: Path, rows: list[Row]) -> None:
         OutputError: the disk does not take it.
     """
     columns = list(dict.fromkeys(name for row in rows for name in row if name != "message"))
+    columns += ["message"] if any("message" in row for row in rows) else []
     with replaced_at_once(file) as work, work.open("w", newline="", encoding="utf-8") as lines:
-        writer = csv.DictWriter(lines, [*columns, "message"])
+        writer = csv.DictWriter(lines, columns)
         writer.writeheader()
         writer.writerows(rows)
 

@@ -12,6 +12,7 @@ from simrob_drake.yaml_files import parse_yaml
 
 _EXPECTED = "VALUE,VALUE..., lin:FIRST:LAST:COUNT, log:FIRST:LAST:COUNT, uniform:LOW:HIGH or normal:MEAN:DEVIATION"
 _MOST = 10_000
+MOST_SEEDS = 1000
 _GRIDS: dict[str, Callable[[float, float, int], Vector]] = {"lin": np.linspace, "log": np.geomspace}
 _DRAWN = ("uniform", "normal")
 
@@ -78,6 +79,11 @@ def parsed(key: str, text: str) -> Variation:
     if kind == "log" and min(first, second) <= 0:
         raise InvalidParameter(option, text, "a range of positive numbers where it is logarithmic")
     return Variation(key, text, tuple(_GRIDS[kind](first, second, int(count[0])).tolist()))
+
+
+def seeded(content: Mapping[str, Any], seed: int) -> dict[str, int]:
+    """Return the seeds of all parts of a station that are random, each with a stream of its own."""
+    return {key: seed + MOST_SEEDS * place for place, key in enumerate(seed_keys(content))}
 
 
 def seed_keys(content: Mapping[str, Any], above: str = "") -> list[str]:
