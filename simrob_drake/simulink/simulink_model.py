@@ -184,9 +184,7 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     for node in expanded.nodes:
         if node.block.commented != "off":
             continue
-        if node.kind == "Transform Sensor":
-            report.add("read", node.path, "Transform Sensor: see base.*, tcp.* and the tool frames of the signals")
-        elif node.kind == "External Force and Torque":
+        if node.kind == "External Force and Torque":
             report.add(
                 "read",
                 node.path,

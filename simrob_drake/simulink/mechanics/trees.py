@@ -3,8 +3,10 @@
 from collections import deque
 from dataclasses import dataclass, field
 
+import numpy as np
 from pydrake.math import RigidTransform
 
+from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.bodies import Bodies, Body, Link
 from simrob_drake.simulink.mechanics.joints import Freedom
 
@@ -56,6 +58,7 @@ class Tree:
         root: the body it starts from: the world, or a free one.
         frame: pose of the root link's frame in the root body's first frame.
         base: pose of that frame in the world at the start.
+        speed: of its origin, then how fast it turns, in the world's axes, shape (6,) [m/s, rad/s].
         branches: in the order they are reached.
         closures: joints between its bodies that close loops.
     """
@@ -63,6 +66,7 @@ class Tree:
     root: Body
     frame: RigidTransform = field(default_factory=RigidTransform)
     base: RigidTransform = field(default_factory=RigidTransform)
+    speed: Vector = field(default_factory=lambda: np.zeros(6))
     branches: list[Branch] = field(default_factory=list)
     closures: list[Link] = field(default_factory=list)
 
@@ -131,7 +135,12 @@ def _free_tree(body: Body, bodies: Bodies, world: Body | None) -> Tree:
                 link.joint.node.findings.report.add(
                     "repaired", link.joint.node.path, "starts from the world: its base is no part of it"
                 )
-            return _seen_from_its_middle(body, link.in_base @ link.joint.start @ link.in_follower.inverse())
+            joint = link.in_base @ link.joint.start
+            tree = _seen_from_its_middle(body, joint @ link.in_follower.inverse())
+            linear, rate = (link.in_base.rotation() @ part for part in np.split(link.joint.start_speed, 2))
+            arm = tree.base.translation() - joint.translation()
+            tree.speed = np.concatenate([linear + np.cross(rate, arm), rate])
+            return tree
     place = next((place for place in body.frames if place in bodies.roots), next(iter(body.frames)))
     return _seen_from_its_middle(body, body.frames[place].inverse())
 

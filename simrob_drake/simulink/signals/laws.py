@@ -114,7 +114,7 @@ class _Reading:
                 self._report.add("read", self._path, f"its reference is scaled by {law.wanted[term]:.6g} ({ratio})")
         elif term.kind in ("input", "source", "one"):
             law.effort[term] = value
-        elif term.kind in ("q", "w", "sat", "block", "distance"):
+        elif term.kind in ("q", "w", "sat", "block", "distance", "sensed"):
             self._is_servo = False
         elif isinstance(term.of, Freedom):
             self._drop(f"coupling with {term.kind} of {term.of.name} ({value:.6g})")

@@ -205,10 +205,18 @@ def _derivative(tracer: Tracer, node: Node, _: int) -> Signal | None:
         for term, value in form.items():
             if term.kind in following:
                 rate[Term(following[term.kind], term.of)] = value
+            elif _has_rate(term):
+                rate[Term("sensed", term.of, term.index + 7)] = value
             elif term.kind != "one":
                 return None
         found.append(rate)
     return found
+
+
+def _has_rate(term: Term) -> bool:
+    """Tell whether a Transform Sensor tells a position, and its velocity as the same axes see it."""
+    still = isinstance(term.of, Node) and term.of.text("MeasurementFrame").startswith("NonRotating")
+    return term.kind == "sensed" and term.index < 3 and not still
 
 
 def _pid(tracer: Tracer, node: Node, _: int) -> Signal | None:
