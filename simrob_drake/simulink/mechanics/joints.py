@@ -34,7 +34,7 @@ REFUSED_JOINTS = {
 }
 """Joints that have no likeness in a URDF, and why."""
 
-_COUNTS = {"High": 1e-2, "Low": 1e-3}
+_COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
 
 _SENSED = (
