@@ -341,11 +341,42 @@ def test_a_loop_of_hinges_is_closed_and_stays_so(tmp_path):
 )
 def test_other_loops_are_refused_by_name(tmp_path, kind, parameters, told):
     level = four_bar()
-    extra = level.block(kind, "Extra", **parameters)
-    level.connect("2#lconn:1", f"{extra}#lconn:1")
-    level.connect("12#rconn:1", f"{extra}#rconn:1")
+    for name in ("Extra", "Extra too"):
+        extra = level.block(kind, name, **parameters)
+        level.connect("2#lconn:1", f"{extra}#lconn:1")
+        level.connect("12#rconn:1", f"{extra}#rconn:1")
     with pytest.raises(InvalidModel, match=f"Extra.*{told}"):
         import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+
+
+def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):
+    """A crank of 0.3 m that turns moves a slider by a rod of 1 m: s = 0.3 cos a + sqrt(1 - 0.09 sin² a)."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    before = f"{world}#rconn:1"
+    spin = {"VelocityTargetSpecify": "on", "VelocityTargetValue": "3", "VelocityTargetValueUnits": "rad/s"}
+    for name, length, given in (("Crank", "0.3", spin), ("Rod", "1", {}), ("Pin", "0", {})):
+        joint = level.block(REVOLUTE, name, **given)
+        body = level.block(INERTIA, f"{name} body", Mass="1", MomentsOfInertia="[0.1 0.1 0.1]")
+        end = level.block(TRANSFORM, f"{name} end", TranslationMethod="Cartesian",
+                          TranslationCartesianOffset=f"[{length} 0 0]")  # fmt: skip
+        level.connect(before, f"{joint}#lconn:1")
+        level.connect(f"{joint}#rconn:1", f"{body}#rconn:1", f"{end}#lconn:1")
+        before = f"{end}#rconn:1"
+    along = {"RotationMethod": "StandardAxis", "RotationStandardAxis": "+Y", "RotationAngle": "pi/2"}
+    turned = [level.block(TRANSFORM, name, **along) for name in ("Rail", "Carriage")]
+    slider = level.block("sm_lib/Joints/Prismatic Joint", "Slider")
+    level.connect(f"{world}#rconn:1", f"{turned[0]}#lconn:1")
+    level.connect(f"{turned[0]}#rconn:1", f"{slider}#lconn:1")
+    level.connect(before, f"{turned[1]}#lconn:1")
+    level.connect(f"{turned[1]}#rconn:1", f"{slider}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(load_station(imported.station, {"solver.time_step": 5e-4}), duration=1.0, progress=False)
+    angle = result["q.Crank"]
+    assert np.ptp(angle) > 2
+    np.testing.assert_allclose(result["v.Crank"][0], 3, rtol=1e-4)
+    place = 0.3 * np.cos(angle) + np.sqrt(1 - (0.3 * np.sin(angle)) ** 2)
+    np.testing.assert_allclose(result["q.Slider"], place, atol=1e-3)
 
 
 def test_loops_that_cannot_close_are_told(tmp_path):

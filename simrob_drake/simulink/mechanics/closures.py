@@ -29,6 +29,11 @@ def common_points(link: Link) -> list[tuple[Vector, Vector]]:
     return [(link.in_base.multiply(point), link.in_follower.multiply(point)) for point in points]
 
 
+def cuttable(link: Link) -> bool:
+    """Tell whether constraints can take a joint's place: it has points to hold, and nothing drives or senses it."""
+    return link.joint.node.kind in _POINTS and not (link.joint.inputs or link.joint.outputs)
+
+
 def can_close(link: Link) -> str:
     """Return why a joint cannot be cut, in words; empty if it can."""
     if link.joint.node.kind not in _POINTS:

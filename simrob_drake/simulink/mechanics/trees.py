@@ -1,6 +1,7 @@
 """From bodies and joints to trees: one mechanism for each that starts from the world, or stands free."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,16 +72,54 @@ class Tree:
     closures: list[Link] = field(default_factory=list)
 
     @property
+    def bodies(self) -> set[Body]:
+        """The root, and all that hangs on it."""
+        return {self.root, *(branch.body for branch in self.branches)}
+
+    @property
     def freedoms(self) -> list[Freedom]:
         """All degrees of freedom, in order."""
         return [freedom for branch in self.branches for freedom in branch.freedoms]
 
 
-def grow(bodies: Bodies) -> tuple[Body | None, list[Tree]]:
-    """Return the world, and the trees of a model: one for each joint on the world, one for each free group."""
+def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[Body | None, list[Tree]]:
+    """Return the world, and the trees of a model: one for each joint on the world, one for each free group.
+
+    Loops are cut far from the world, but where that would be at a joint that is not ``cuttable``.
+    """
     world = next((body for body in bodies.bodies if body.grounded), None)
+    trees = _grown(bodies, world, bodies.links)
+    if not all(cuttable(link) for tree in trees for link in tree.closures):
+        trees = _grown(bodies, world, _spanning(bodies.links, cuttable))
+    for link in bodies.links:
+        if link.joint.floating and link.base is not world:
+            told = "starts from the world: its base is no part of it"
+            link.joint.node.findings.report.add("repaired", link.joint.node.path, told)
+    return world, trees
+
+
+def _spanning(links: list[Link], cuttable: Callable[[Link], bool]) -> list[Link]:
+    """Return joints that reach every body once, those that cannot be cut first."""
+    group: dict[Body, Body] = {}
+
+    def found(body: Body) -> Body:
+        while body in group:
+            body = group[body]
+        return body
+
+    kept = []
+    for link in sorted(links, key=cuttable):
+        one, other = found(link.base), found(link.follower)
+        if link.joint.floating or one is not other:
+            kept.append(link)
+        if not link.joint.floating and one is not other:
+            group[one] = other
+    return kept
+
+
+def _grown(bodies: Bodies, world: Body | None, links: list[Link]) -> list[Tree]:
     holding: dict[Body, list[Link]] = {}
-    for link in sorted(bodies.links, key=lambda link: not (link.joint.inputs or link.joint.outputs)):
+    for link in sorted(links, key=lambda link: not (link.joint.inputs or link.joint.outputs)):
         if not link.joint.floating:
             holding.setdefault(link.base, []).append(link)
             holding.setdefault(link.follower, []).append(link)
@@ -98,12 +137,12 @@ def grow(bodies: Bodies) -> tuple[Body | None, list[Tree]]:
     for body in _free_roots(bodies, seen):
         if body in seen:
             continue
-        tree = _free_tree(body, bodies, world)
+        tree = _free_tree(body, bodies)
         seen.add(body)
         _grow(tree, body, None, holding, seen)
         trees.append(tree)
     _find_loops(bodies, trees)
-    return world, trees
+    return trees
 
 
 def _grow(tree: Tree, start: Body, entry: Link | None, holding: dict[Body, list[Link]], seen: set[Body]) -> None:
@@ -127,14 +166,10 @@ def _free_roots(bodies: Bodies, seen: set[Body]) -> list[Body]:
     return [body for body in (*floating, *first, *bodies.bodies) if body not in seen and not body.grounded]
 
 
-def _free_tree(body: Body, bodies: Bodies, world: Body | None) -> Tree:
+def _free_tree(body: Body, bodies: Bodies) -> Tree:
     """Return the tree of a free root, where it begins."""
     for link in bodies.links:
         if link.joint.floating and link.follower is body:
-            if link.base is not world:
-                link.joint.node.findings.report.add(
-                    "repaired", link.joint.node.path, "starts from the world: its base is no part of it"
-                )
             joint = link.in_base @ link.joint.start
             tree = _seen_from_its_middle(body, joint @ link.in_follower.inverse())
             linear, rate = (link.in_base.rotation() @ part for part in np.split(link.joint.start_speed, 2))
@@ -157,8 +192,11 @@ def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
     for link in bodies.links:
         if link in used or link.joint.floating:
             continue
-        for tree in trees:
-            members = {tree.root, *(branch.body for branch in tree.branches)}
-            if link.base in members and link.follower in members:
-                tree.closures.append(link)
-                break
+        owners = [next((tree for tree in trees if body in tree.bodies), None) for body in (link.base, link.follower)]
+        both = [tree for tree in trees if link.base in tree.bodies and link.follower in tree.bodies]
+        if both:
+            both[0].closures.append(link)
+        elif owners[0] and owners[1]:  # both stand on the world: one mechanism
+            owners[0].branches += owners[1].branches
+            owners[0].closures += [*owners[1].closures, link]
+            trees.remove(owners[1])
