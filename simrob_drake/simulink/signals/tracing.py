@@ -16,8 +16,6 @@ from simrob_drake.simulink.values.units import UnknownUnit, factor, parse_unit
 
 SOURCES = {"Step", "Ramp", "Sin", "Sine Wave", "FromWorkspace", "Clock", "DigitalClock", "DiscretePulseGenerator"}
 """Blocks whose output is a function of time."""
-SINKS = {"Scope", "Display", "ToWorkspace", "ToFile", "Terminator", "Outport", "Stop", "XYGraph"}
-"""Blocks that only take."""
 _PASSING = {
     "SignalConversion", "SignalSpecification", "DataTypeConversion", "RateTransition", "Reshape", "UnitConversion",
     "ZeroOrderHold", "Memory", "UnitDelay", "Delay", "BusToVector",

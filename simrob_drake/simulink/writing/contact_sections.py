@@ -10,7 +10,7 @@ from simrob_drake.simulink.mechanics.bodies import Body
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.writing.names import Names, plain
+from simrob_drake.simulink.writing.names import Names
 from simrob_drake.simulink.writing.touching import Touching, bounded_dissipation
 from simrob_drake.simulink.writing.urdf import RobotFile
 
@@ -22,12 +22,14 @@ class StationFiles:
     Attributes:
         robots: by name, with their `robot.yaml`.
         pieces: names.
+        groups: of those that stand in the world, by the subsystem or block that they come from.
         free: of those that nothing holds, by what they are.
         content: of the station's file; empty where nothing moves, and there is no station.
     """
 
     robots: dict[str, RobotFile] = field(default_factory=dict)
     pieces: list[str] = field(default_factory=list)
+    groups: dict[str, str] = field(default_factory=dict)
     free: dict[Tree, str] = field(default_factory=dict)
     content: dict[str, Any] = field(default_factory=dict)
 
@@ -117,8 +119,8 @@ class _Sections:
     def _end_name(self, body: Body, node: Node) -> str | None:
         if any(body in robot.links and not body.grounded for robot in self.files.robots.values()):
             named = self.files.named(body, RigidTransform())
-            return named[0] if named and node.kind == "Spherical Solid" else None  # only spheres of robots touch
-        if node.kind == "Infinite Plane":
+            return named[0] if named and node in self.touching.standing else None
+        if node.kind == "Infinite Plane" and node not in self.touching.slabs:
             return "floor"
-        group = plain(node.path.partition("/")[0])
-        return group if group in self.files.pieces else None
+        free = next((name for tree, name in self.files.free.items() if tree.root is body), None)
+        return free or self.files.groups.get(node.path.partition("/")[0]) or None

@@ -108,11 +108,13 @@ class StationWriter:
         taken = {solid.node for solids in base_solids.values() for solid in solids}
         pieces: dict[str, dict[str, Any]] = {}
         groups: dict[str, list[SolidBody]] = {}
-        for solid in self._model.world.solids if self._model.world else []:
+        standing = [*(self._model.world.solids if self._model.world else []), *self._touching.slabs.values()]
+        for solid in standing:
             if solid.node not in taken:
                 groups.setdefault(solid.node.path.partition("/")[0], []).append(solid)
         for group, solids in groups.items():
-            self._piece(pieces, group, solids, {"parent": "world", "pose": pose_list(self._turn)})
+            entry = {"parent": "world", "pose": pose_list(self._turn)}
+            self._files.groups[group] = self._piece(pieces, group, solids, entry)
         for tree in self._model.trees:
             if tree.branches or tree.root.grounded or not tree.root.solids:
                 continue
@@ -158,7 +160,7 @@ class StationWriter:
         if pieces:
             content["pieces"] = pieces
         if self._touching.floor:
-            content["floor"] = {"size": 3}
+            content["floor"] = {"size": 10}
         if self._touching.ends and not kinematic:
             content |= contact_sections(self._touching, self._files, self._model, self._gravity, self._names)
         seen = frame_sensors(model, self._files, self._turn, self._names)
