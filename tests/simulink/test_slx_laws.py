@@ -95,6 +95,34 @@ def test_state_space_products_and_a_limited_integral_in_a_loop(tmp_path):
     np.testing.assert_allclose(result["q.B"], exact.y[2], atol=1e-4)
 
 
+def test_derivatives_of_what_is_not_measured_are_filtered(tmp_path):
+    """A brakes by a Derivative, B is held by a PID with a filter; both see their angle through a saturation."""
+    plant = Plant()
+    seen = [plant.chain("Saturate", f"S{k}", q, UpperLimit="9", LowerLimit="-9") for k, q in enumerate(plant.positions)]
+    push = plant.chain("Constant", "Push", Value="1")
+    brake = plant.chain("Derivative", "Speed", seen[0])
+    wanted = plant.chain("Constant", "Wanted", Value="0.3")
+    error = plant.chain("Sum", "e", wanted, seen[1], Inputs="+-")
+    held = plant.chain("slpidlib/PID Controller", "PID", error, P="9", I="0", D="4", N="50", Controller="PD")
+    plant.drive(plant.chain("Sum", "T", push, brake, Inputs="+-"), held)
+    result, content, report = run(plant, tmp_path)
+
+    def motion(_, y):
+        qa, wa, xa, qb, wb, xb = y
+        return (
+            wa, 1 - (qa - xa) / 1e-3, (qa - xa) / 1e-3,
+            wb, 9 * (0.3 - qb) + 4 * 50 * (0.3 - qb - xb), 50 * (0.3 - qb - xb),
+        )  # fmt: skip
+
+    exact = solve_ivp(motion, (0, 2), np.zeros(6), method="Radau", rtol=1e-8, atol=1e-8, t_eval=result.times)
+    np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
+    np.testing.assert_allclose(result["q.B"], exact.y[3], atol=2e-4)
+    assert content["controllers"]["law"]["blocks"]["PID"]["kind"] == "transfer_function"
+    assert [entry.text for entry in report.of("repaired")] == [
+        f"its derivative is filtered, by {lag} s" for lag in ("0.001", "0.02")
+    ]
+
+
 def test_an_input_is_the_reference_of_the_joint_whose_error_it_makes(tmp_path):
     plant = Plant()
     asked = plant.chain("Inport", "q_ref")
