@@ -13,6 +13,7 @@ from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.cad.assembly import End, Instance, Tie
 from simrob_drake.simulink.cad.constraints import joint_of
 from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.mechanics.closures import body_poses
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh
 from simrob_drake.simulink.simulink_model import read_simulink
 
@@ -115,6 +116,40 @@ def test_a_pendulum_of_joints_swings_as_its_figures_say(tmp_path):
     assert 'rgba="1' in text
 
 
+TURN_X, TURN_Y, TURN_Z = RotationMatrix.MakeXRotation, RotationMatrix.MakeYRotation, RotationMatrix.MakeZRotation
+
+
+@pytest.mark.parametrize(
+    ("kind", "pose"),
+    [
+        ("Revolute", RigidTransform(TURN_Z(2.5), [0, 0, 0])),
+        ("Prismatic", RigidTransform([0, 0, -0.3])),
+        ("Cylindrical", RigidTransform(TURN_Z(-0.7), [0, 0, 0.2])),
+        ("Planar", RigidTransform(TURN_Z(0.7), [0.1, 0.2, 0])),
+        ("PinSlot", RigidTransform(TURN_Z(0.4), [0.1, 0, 0])),
+        ("Cartesian", RigidTransform([0.1, -0.2, 0.3])),
+        ("Universal", RigidTransform(TURN_X(0.3) @ TURN_Y(-0.8), [0, 0, 0])),
+        ("Spherical", RigidTransform(TURN, [0, 0, 0])),
+        ("Gimbal", RigidTransform(TURN, [0, 0, 0])),
+        ("Bushing", RigidTransform(TURN, [0.1, 0.2, 0.3])),
+        ("Telescoping", RigidTransform(TURN, [0, 0, 0.3])),
+    ],
+)
+def test_joints_begin_where_the_assembly_is(tmp_path, kind, pose):
+    base, follower = RigidTransform(TURN, PLACE), RigidTransform(TURN_X(1.2), [0.4, 0.1, -0.2])
+    place = base @ pose @ follower.inverse()
+    file = write_cad(
+        tmp_path / "a.xml", parts=part("block"), joints=joint(kind, "j", (["a"], base), (["b"], follower)),
+        instances=instance("a", "block", grounded="true") + instance("b", "block", place),
+    )  # fmt: skip
+    model = read_simulink(file)
+    (tree,) = model.trees
+    poses = body_poses(tree, np.array([freedom.start for freedom in tree.freedoms]))
+    body = tree.branches[-1].body
+    assert (poses[body] @ body.solids[0].pose).IsNearlyEqualTo(place, 1e-9)
+    assert all(entry.kind == "repaired" and "ball joint" in entry.text for entry in model.report.entries)
+
+
 def test_constraints_make_the_same_pendulum(tmp_path):
     about = (["rod-1"], "cylinder", (0, 7, 0), (0, 1, 0))
     ties = constraint("Concentric", "pin", (["stand-1"], "cylinder", (0, 0, 500), (0, 1, 0)), about)
@@ -179,7 +214,7 @@ def test_step_geometry_is_seen_in_its_own_units(tmp_path):
         ("<Uid>rod-1</Uid>", "<Uid>rod-2</Uid>", "pivot: joins 'rod-2', which is not in the assembly: stand-1, rod-1"),
         ('uid="rod-1"', 'uid="stand-1"', "has the uid 'stand-1' of stand-1"),
         ("<Revolute ", "<Gearing ", "is not XML"),
-        ("Revolute", "Gearing", "pivot: a joint Gearing is not known here; Revolute, "),
+        ("Revolute", "Gearing", "pivot: a joint Gearing is not known here; Weld, Revolute, "),
         ("<Rotation>1.0", "<Rotation>2.0", "its Rotation is none"),
         ("<Rotation>1.0 0.0 0.0", "<Rotation>-1.0 0.0 0.0", "mirrored"),
         ("FollowerFrame", "Other", "a Revolute has 1 ends"),

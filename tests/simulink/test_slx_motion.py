@@ -120,6 +120,34 @@ def test_each_joint_has_the_stops_of_its_own(tmp_path):
     assert not [entry for entry in imported.report.of("repaired") if "stop" in entry.text]
 
 
+def test_laws_may_read_a_rotation_matrix(tmp_path):
+    """The angle of a hinge is atan2 of two entries of its frame's rotation matrix: T = -9 angle."""
+    level = Level()
+    driven = {"TorqueActuationMode": "InputTorque"}
+    world, (joint,) = hinges(level, {**driven, **target("Position", "0.5", "rad")})
+    sensor = level.block(SENSOR, "Sensor", SenseR="on", MeasurementFrame="World")
+    out = level.block(FROM_PHYSICS, "out", Unit="1")
+    parts = [
+        level.block("Selector", f"R{row}1", NumberOfDimensions="2", Indices=f"[{row}],1", IndexMode="One-based")
+        for row in (2, 1)
+    ]
+    angle = level.block("Trigonometry", "Angle", Operator="atan2")
+    gain, into = level.block("Gain", "k", Gain="-9"), level.block(TO_PHYSICS, "in", Unit="1")
+    level.connect(f"{world}#rconn:1", f"{sensor}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{sensor}#rconn:1")
+    level.connect(f"{sensor}#rconn:2", f"{out}#lconn:1")
+    level.wire(f"{out}#out:1", *(f"{part}#in:1" for part in parts))
+    for number, part in enumerate(parts):
+        level.wire(f"{part}#out:1", f"{angle}#in:{number + 1}")
+    level.wire(f"{angle}#out:1", f"{gain}#in:1")
+    level.wire(f"{gain}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(load_station(imported.station, TIGHT), duration=1.5, progress=False)
+    np.testing.assert_allclose(result["q.A"], 0.5 * np.cos(3 * result.times), atol=2e-4)
+    assert not imported.report.of("dropped")
+
+
 def test_laws_may_read_where_frames_are(tmp_path):
     """A is turned by the azimuth of its tip in the world, B by where its tip is in the frame of A."""
     level = Level()

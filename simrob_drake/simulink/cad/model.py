@@ -11,20 +11,12 @@ from simrob_drake.frames import Vector
 from simrob_drake.importer.report import Deed
 from simrob_drake.simulink.cad.assembly import Assembly, Instance, Tie, read_assembly
 from simrob_drake.simulink.cad.constraints import joint_of
+from simrob_drake.simulink.mechanics.joints import PRIMITIVES, xyz_angles
 from simrob_drake.simulink.reading.graph import Block, Model, Port, System
 
 _WORLD = "World"
-_JOINTS = {
-    "Revolute": "Revolute Joint", "Prismatic": "Prismatic Joint", "Cylindrical": "Cylindrical Joint",
-    "Planar": "Planar Joint", "Spherical": "Spherical Joint", "PinSlot": "Pin Slot Joint",
-    "Rectangular": "Rectangular Joint", "Cartesian": "Cartesian Joint", "Universal": "Universal Joint",
-    "Weld": "Weld Joint",
-}  # fmt: skip
-_PRIMITIVES = {
-    "Revolute Joint": ("Rz",), "Prismatic Joint": ("Pz",), "Cylindrical Joint": ("Rz", "Pz"),
-    "Planar Joint": ("Px", "Py", "Rz"), "Pin Slot Joint": ("Px", "Rz"), "Rectangular Joint": ("Px", "Py"),
-    "Cartesian Joint": ("Px", "Py", "Pz"),
-}  # fmt: skip
+_JOINTS = {kind.removesuffix(" Joint").replace(" ", ""): kind for kind in PRIMITIVES if kind != "6-DOF Joint"}
+"""What joints are called there."""
 _APART = 1e-4  # m: what frames of a joint may be apart in an assembly without a word
 
 
@@ -160,25 +152,20 @@ class _Writer:
 
     def _targets(self, tie: Tie, kind: str, pose: RigidTransform) -> dict[str, str]:
         """Return where a joint stands in the assembly, as its targets."""
-        place, turn = pose.translation(), pose.rotation().matrix()
-        if kind == "Spherical Joint":
-            target = {"RotationMethod": "RotationMatrix", "RotationMatrix": _matrix(turn)}
-            return {"PositionTargetSpecify": "on", **{f"PositionTarget{key}": text for key, text in target.items()}}
-        if kind == "Universal Joint":
-            values = {"Rx": np.arctan2(turn[2, 1], turn[1, 1]), "Ry": np.arctan2(turn[0, 2], turn[0, 0])}
-        else:
-            known = {"Px": place[0], "Py": place[1], "Pz": place[2], "Rz": np.arctan2(turn[1, 0], turn[0, 0])}
-            values = {name: known[name] for name in _PRIMITIVES[kind]}
-            held = [value for name, value in known.items() if name not in values and name != "Rz"]
-            if np.linalg.norm(held) > _APART:
-                apart = f"its frames are {1e3 * np.linalg.norm(held):.3g} mm apart in the assembly: put together"
-                self.notes.append(("repaired", tie.name, apart))
-        prefixes = {name: name if len(values) > 1 else "" for name in values}
-        return {
-            f"{prefixes[name]}PositionTarget{key}": text
-            for name, value in values.items()
-            for key, text in (("Specify", "on"), ("Value", repr(float(value))))
-        }
+        places = ("Px", "Py", "Pz", "Rx", "Ry", "Rz")
+        values = dict(zip(places, (*pose.translation(), *xyz_angles(pose.rotation())), strict=True))
+        primitives = PRIMITIVES[kind]
+        apart = np.linalg.norm([values[name] for name in places[:3] if name not in primitives])
+        if apart > _APART:
+            text = f"its frames are {1e3 * apart:.3g} mm apart in the assembly: put together"
+            self.notes.append(("repaired", tie.name, text))
+        targets: dict[str, str] = {}
+        for name in primitives:
+            target = f"{name if len(primitives) > 1 else ''}PositionTarget"
+            matrix = {"RotationMethod": "RotationMatrix", "RotationMatrix": _matrix(pose.rotation().matrix())}
+            told = matrix if name == "S" else {"Value": repr(float(values[name]))}
+            targets |= {f"{target}{key}": value for key, value in {"Specify": "on", **told}.items()}
+        return targets
 
     def _free_the_others(self, joined: Iterable[frozenset[Instance]]) -> None:
         """Let bodies that no chain of joints leads to from the world move freely, each group as one."""

@@ -10,7 +10,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.transforms import AXES, rotation
 from simrob_drake.simulink.model.nodes import Node
 
-_PRIMITIVES = {
+PRIMITIVES = {
     "Weld Joint": (),
     "Revolute Joint": ("Rz",),
     "Prismatic Joint": ("Pz",),
@@ -27,7 +27,8 @@ _PRIMITIVES = {
     "Pin Slot Joint": ("Px", "Rz"),
     "6-DOF Joint": ("Px", "Py", "Pz", "Sph"),
 }
-JOINTS = set(_PRIMITIVES)
+"""What each joint block lets free, in order: slides, turns, a sphere."""
+JOINTS = set(PRIMITIVES)
 REFUSED_JOINTS = {
     "Lead Screw Joint": "couples a turn with a slide",
     "Constant Velocity Joint": "couples two turns",
@@ -116,7 +117,7 @@ def read_joint(node: Node) -> Joint:
     if node.text("JointMode", "Normal") not in ("Normal", ""):
         raise node.refusal(f"is in the mode {node.text('JointMode')}; only Normal is read")
     joint = Joint(node)
-    kinds = _PRIMITIVES[node.kind]
+    kinds = PRIMITIVES[node.kind]
     if node.kind == "6-DOF Joint":
         _read_floating(node, joint)
         return joint
@@ -189,12 +190,17 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
     )
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
     if node.is_on(f"{prefix}PositionTargetSpecify"):
-        matrix = rotation(node, f"{prefix}PositionTarget").matrix()
-        middle = np.arcsin(np.clip(matrix[0, 2], -1.0, 1.0))
-        angles = np.arctan2(-matrix[1, 2], matrix[2, 2]), middle, np.arctan2(-matrix[0, 1], matrix[0, 0])
-        for freedom, angle in zip(turns, angles, strict=True):
-            freedom.start, freedom.start_counts = float(angle), _COUNTS["High"]
+        for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
+            freedom.start, freedom.start_counts = angle, _COUNTS["High"]
     return turns
+
+
+def xyz_angles(turn: RotationMatrix) -> tuple[float, float, float]:
+    """Return the angles of turns about x, then the new y, then the new z [rad]."""
+    matrix = turn.matrix()
+    middle = np.arcsin(np.clip(matrix[0, 2], -1.0, 1.0))
+    first, last = np.arctan2(-matrix[1, 2], matrix[2, 2]), np.arctan2(-matrix[0, 1], matrix[0, 0])
+    return float(first), float(middle), float(last)
 
 
 def _read_floating(node: Node, joint: Joint) -> None:

@@ -8,7 +8,7 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Signal, Term, added
+from simrob_drake.simulink.signals.forms import ONE, Form, Signal, Term, added
 from simrob_drake.simulink.signals.primitives import Primitive
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ class _Computed:
         """Return what a port hands out."""
         if name in _DIRECT:
             return [{Term("sensed", self._node, index): 1.0} for index in _DIRECT[name]]
+        if name == "R":
+            return [self._entry(row, column) for column in range(3) for row in range(3)]
         form = self._form(name)
         return [{Term("open", self._node, port): 1.0} if form is None else form]
 
@@ -69,6 +71,16 @@ class _Computed:
             "DistDot": lambda: self._ratio(self._dot(place, [vx, vy, vz]), self._length(place)),
         }
         return made[name]() if name in made else None
+
+    def _entry(self, row: int, column: int) -> Form:
+        """Return an entry of the rotation matrix, from the quaternion."""
+        qw, *turn = self._parts(3, 4)
+        if row == column:
+            others = [turn[index] for index in range(3) if index != row]
+            return added((1.0, {ONE: 1.0}), (-2.0, self._dot(others, others)))
+        sign = 2.0 if (row - column) % 3 == 1 else -2.0
+        mixed, about = self._dot([turn[row]], [turn[column]]), self._dot([qw], [turn[3 - row - column]])
+        return added((2.0, mixed), (sign, about))
 
     def _parts(self, first: int, number: int) -> Signal:
         return [{Term("sensed", self._node, index): 1.0} for index in range(first, first + number)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
@@ -25,6 +27,9 @@ from simrob_drake.simulink.signals.forms import (
 )
 from simrob_drake.simulink.signals.frame_sensing import PARTS
 from simrob_drake.simulink.signals.primitives import Primitive, elementwise
+from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.syntax import NotUnderstood
 
 if TYPE_CHECKING:
     from simrob_drake.simulink.signals.tracing import Tracer
@@ -32,6 +37,8 @@ if TYPE_CHECKING:
 _MOST_ELEMENTS = 10_000
 _FOLLOWING: dict[TermKind, TermKind] = {"q": "w", "w": "a"}
 _PLACES = 3
+_BETWEEN = re.compile(r",(?![^\[]*\])")
+"""The commas between the indices of a matrix, and not those within brackets."""
 _LAG = 1e-3  # s, of the derivative of what is not measured
 
 
@@ -131,9 +138,20 @@ def _demux(tracer: Tracer, node: Node, number: int) -> Signal:
 
 def _selector(tracer: Tracer, node: Node, _: int) -> Signal | None:
     signal = tracer.input(node)
-    indices = node.numbers("Indices", node.text("IndexParamArray", "1") or "1")
-    places = indices.astype(int) - (1 if node.text("IndexMode", "One-based") == "One-based" else 0)
-    if np.any(places < 0):
+    first = 1 if node.text("IndexMode", "One-based") == "One-based" else 0
+    if node.text("NumberOfDimensions", "1") == "1":
+        places = node.numbers("Indices", node.text("IndexParamArray", "1") or "1").astype(int) - first
+    else:  # of a square matrix, column by column
+        size, parts = math.isqrt(len(signal)), _BETWEEN.split(node.text("Indices"))
+        try:
+            rows, columns = (matrix(node.workspace.value(part)).astype(int).reshape(-1) - first for part in parts)
+        except (UndefinedVariable, NotUnderstood, ValueError, TypeError):
+            return None
+        known = size * size == len(signal) and "all" not in node.text("IndexOptions")
+        if not known or max(*rows, *columns, 0) >= size or min(*rows, *columns, 0) < 0:
+            return None
+        places = (rows + size * columns[:, np.newaxis]).reshape(-1)
+    if not places.size or np.any(places < 0):
         return None
     signal = spread(signal, int(places.max()) + 1)
     if places.max() >= len(signal):
