@@ -32,6 +32,11 @@ class Law:
     effort: Form = field(default_factory=dict)
     net: Form = field(default_factory=dict)
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing drives the joint."""
+        return not (self.kp or self.ki or self.kd or self.net or self.effort)
+
 
 def read_laws(tracer: Tracer, joints: list[Joint]) -> dict[Freedom, Law]:
     """Return the law of every driven degree of freedom.
@@ -88,6 +93,8 @@ class _Reading:
             self._is_servo = False
         for term, value in rest.items():
             self._take(law, term, value)
+        if any(term.kind in ("one", "source") for term in law.effort):
+            self._is_servo = False
         return law
 
     def _unlimited(self, form: Form) -> tuple[float, Form]:

@@ -10,8 +10,10 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.parts.controllers.flow_block import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
+from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Term
+from simrob_drake.simulink.signals.forms import Form, Term, added, constant
+from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.contact_sections import StationFiles
@@ -166,7 +168,20 @@ def _table(writer: FlowWriter, node: Node) -> Sum:
     return {writer.source(node, figures): 1.0}
 
 
+def _pulses(writer: FlowWriter, node: Node) -> Sum:
+    period, delay = node.number("Period", "10"), node.number("PhaseDelay", "0")
+    if period <= 0:
+        raise node.refusal(f"Period is {period:g}; it must be positive")
+    phase, width = {"time": 1 / period, "one": -delay / period}, node.number("PulseWidth", "5") / 100
+    begun = writer.source(node, {"kind": "function", "function": "floor", "of": phase})
+    high = {"kind": "compare", "operator": "<", "threshold": width, "of": {**phase, begun: -1.0}}
+    late = {"kind": "compare", "operator": ">=", "threshold": delay, "of": "time"}
+    both = [{writer.source(node, figures): 1.0} for figures in (high, late)]
+    return {writer.source(node, {"kind": "product", "of": both}): node.number("Amplitude", "1")}
+
+
 _SOURCES: dict[str, Callable[[FlowWriter, Node], Sum]] = {
+    "DiscretePulseGenerator": _pulses,
     "Step": _step,
     "Sin": _sine,
     "Sine Wave": _sine,
@@ -197,6 +212,15 @@ def _measured(model: SimulinkModel, files: StationFiles, sensors: Collection[str
     return found
 
 
+def _net(model: SimulinkModel, freedom: Freedom) -> Form:
+    """Return what of a joint's torque no servo is: its law, and its spring where that is not all that drives it."""
+    law = model.laws.get(freedom, Law())
+    if not freedom.stiffness or law.is_idle or freedom.driven == "motion":
+        return law.net
+    spring = {Term("q", freedom): -freedom.stiffness, **constant(freedom.stiffness * freedom.rest)}
+    return added((1.0, law.net), (1.0, spring))
+
+
 def flows_of(
     model: SimulinkModel, files: StationFiles, sensors: Collection[str], sensed: Mapping[Term, Sum]
 ) -> dict[str, Any]:
@@ -209,7 +233,7 @@ def flows_of(
     flows: dict[str, Any] = {}
     stops = dict(model.stops)
     for name, robot in files.robots.items():
-        nets = {axis: model.laws[freedom].net for freedom, axis in robot.axes.items() if freedom in model.laws}
+        nets = {axis: _net(model, freedom) for freedom, axis in robot.axes.items()}
         writer = FlowWriter(model.tracer, measured, model.report)
         torque = {axis: writer.sum(net) for axis, net in nets.items() if net}
         ends = {f"{plain(node.block.name)}_end": writer.sum(form) for node, form in stops.items()}

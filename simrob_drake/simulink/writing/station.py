@@ -19,6 +19,7 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.forms import constant
 from simrob_drake.simulink.signals.laws import Law, is_zero
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.contact_sections import StationFiles, contact_sections
@@ -263,11 +264,7 @@ class StationWriter:
         law = self._model.laws.get(freedom, Law())
         if freedom.driven == "motion":
             return Law(kp=_STIFF[0], kd=_STIFF[1], wanted=law.wanted)
-        if freedom.stiffness and law.kp:
-            self._report.add("dropped", freedom.name, f"its spring of {freedom.stiffness:g}, beside a servo")
-        elif freedom.stiffness:
-            from simrob_drake.simulink.signals.forms import constant
-
+        if freedom.stiffness and law.is_idle:
             self._report.add("read", freedom.name, f"its spring of {freedom.stiffness:g} is its servo's kp")
             return Law(kp=freedom.stiffness, wanted=constant(freedom.rest))
         if not is_zero(law.effort):
