@@ -511,6 +511,18 @@ def test_a_joint_of_three_freedoms_is_three_joints(tmp_path):
     assert [freedom.turns for freedom in robot.axes] == [False, False, True]
 
 
+def test_a_ball_joint_is_damped_about_each_axis_and_tells_what_it_lost(tmp_path):
+    level = Level()
+    given = {"DampingCoefficient": "2", "DampingCoefficientUnits": "N*m/(rad/s)", "SpringStiffness": "3"}
+    world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/Spherical Joint", "Ball", **given)
+    rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    assert [freedom.damping for freedom in model.trees[0].freedoms] == [2.0, 2.0, 2.0]
+    assert [entry.text for entry in model.report.of("dropped")] == ["the spring and limits of a ball joint"]
+
+
 @pytest.mark.parametrize(
     ("kind", "told"),
     [

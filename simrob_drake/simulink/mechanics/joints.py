@@ -189,6 +189,12 @@ def _ball(node: Node, prefix: str) -> list[Freedom]:
         "repaired", node.path, "ball joint as three turns about x, y and z: singular where the middle one is at 90°"
     )
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
+    damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
+    for freedom in turns if damping > 0 else ():
+        freedom.damping = damping
+    limited = [end for end in ("Lower", "Upper") if node.is_on(f"{prefix}{end}LimitSpecify")]
+    if limited or node.number(f"{prefix}SpringStiffness", unit="N*m/rad"):
+        node.findings.report.add("dropped", node.path, "the spring and limits of a ball joint")
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
             freedom.start, freedom.start_counts = angle, _COUNTS["High"]
