@@ -44,7 +44,7 @@ def import_file(
     assume: Assume = False,
     octave: RunOctave = False,
 ) -> None:
-    """Make a published robot run, or a Simulink model: convert, repair, and tell all that was done.
+    """Make a published robot, a Simulink model or a CAD assembly run: convert, repair, and tell all that was done.
 
     For example:
 

@@ -50,8 +50,13 @@ ModelSettings = Annotated[
 
 
 def is_model_file(file: str | Path) -> bool:
-    """Tell whether an argument is a Simulink model."""
-    return Path(file).suffix.lower() in SUFFIXES
+    """Tell whether an argument is a Simulink model, or a CAD assembly exported for Simscape Multibody."""
+    suffix = Path(file).suffix.lower()
+    if suffix != ".xml":
+        return suffix in SUFFIXES
+    from simrob_drake.simulink.cad.assembly import is_export
+
+    return is_export(Path(file))
 
 
 def refuse_model(**options: Any) -> None:

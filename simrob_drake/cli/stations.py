@@ -100,7 +100,8 @@ def run(
 def check(
     *,
     station: Annotated[
-        str, typer.Argument(metavar="STATION|FILE", help="A station, a robot's file, or a Simulink model.")
+        str,
+        typer.Argument(metavar="STATION|FILE", help="A station, a robot's file, a Simulink model, or a CAD assembly."),
     ],
     set_: Settings = None,
     options: ImportOptions | None,

@@ -53,6 +53,7 @@ class ResolvedRobot:
         base: pose of its root link in the world; where it begins if it floats.
         floats: whether its root link is held by nothing.
         gains: of its servos.
+        stops: stiffness and damping of the stops of its axes, each shape (n,) [N·m/rad or N/m, N·m·s/rad or N·s/m].
         initial: where its axes are at the start, shape (n,) [rad or m].
         carried: the pieces that it carries, each after what it hangs on.
         held: those of them that hang on its tools, and not elsewhere.
@@ -68,6 +69,7 @@ class ResolvedRobot:
     base: RigidTransform
     floats: bool
     gains: ServoGains
+    stops: tuple[Vector, Vector]
     initial: Vector
     carried: tuple[str, ...]
     held: tuple[str, ...]

@@ -50,6 +50,8 @@ def _every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
 
 
 _Gain = Annotated[AxisValues, _every(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")]
+_Positive = Annotated[AxisValues, _every(lambda value: value > 0, "a stop's stiffness is positive [N·m/rad or N/m]")]
+_NotNegative = Annotated[AxisValues, _every(lambda value: value >= 0, "a stop's damping is not negative")]
 _Limit = Annotated[AxisValues, _every(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
 
 
@@ -94,6 +96,18 @@ class ServoConfig(_Section):
         return self
 
 
+class JointStops(Strict):
+    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints.
+
+    Axes that slide have stops of the same figures, in N/m and N·s/m, unless they are given their own.
+    """
+
+    stiffness: _Positive = 5.73e5
+    """Spring of a stop, per axis [N·m/rad or N/m]; 1e4 N·m/deg."""
+    damping: _NotNegative = 573.0
+    """Damper of a stop, per axis [N·m·s/rad or N·s/m]; 10 N·m·s/deg."""
+
+
 class RobotConfig(_Section):
     """A robot of the station: one of the package by name, or any URDF by path."""
 
@@ -122,6 +136,8 @@ class RobotConfig(_Section):
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
     """This robot's reference, in place of the station's."""
+    joint_stops: JointStops | None = None
+    """This robot's end stops, in place of the station's."""
 
     @model_validator(mode="after")
     def _one_origin(self) -> RobotConfig:
@@ -195,18 +211,6 @@ class FloorConfig(Strict):
     """Which way it rises, counterclockwise from the world's x [deg]."""
     terrain: Terrain | None = None
     """A field of uneven ground on it; it is even unless given."""
-
-
-class JointStops(Strict):
-    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints.
-
-    Axes that slide have stops of the same figures, in N/m and N·s/m.
-    """
-
-    stiffness: Positive = 5.73e5
-    """Spring of a stop [N·m/rad or N/m]; 1e4 N·m/deg."""
-    damping: NotNegative = 573.0
-    """Damper of a stop [N·m·s/rad or N·s/m]; 10 N·m·s/deg."""
 
 
 class StationConfig(_Section):
@@ -292,6 +296,10 @@ class StationConfig(_Section):
     def reference_of(self, robot: str) -> ReferenceConfig:
         """Return a robot's own reference section, or the station's."""
         return self.robots[robot].reference or self.reference
+
+    def stops_of(self, robot: str) -> JointStops:
+        """Return a robot's own joint stops, or the station's."""
+        return self.robots[robot].joint_stops or self.joint_stops
 
 
 def check_effort(config: StationConfig) -> None:

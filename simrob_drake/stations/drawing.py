@@ -1,5 +1,7 @@
 """What the blocks of robots say in a station's picture: plant, servos, joint stops."""
 
+import numpy as np
+
 from simrob_drake.parts.captions import MANY, figures, limits_told, short, wrapped
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.ports import StationPorts
@@ -17,7 +19,7 @@ def draw_plant(ports: StationPorts) -> None:
         servos = [line for robot in robots for line in _actuators_text(ports, robot)]
         inside = ["", "PD in its actuators:", *servos] if servos else []
         ports.draw("plant", "robot", "\n".join(["Plant", *told, *pieces, *inside]))
-        if not config.solver.holds_joint_limits:
+        if robots and not config.solver.holds_joint_limits:
             _draw_stops(ports, robots)
     ports.draw("scene_graph", "scene", "Scene graph\nall geometry")
 
@@ -58,11 +60,11 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
 
 
 def _draw_stops(ports: StationPorts, robots: list[StationRobot]) -> None:
-    stops = ports.config.joint_stops
+    stiffness, damping = (figures(np.concatenate(values)) for values in zip(*(r.stops for r in robots), strict=True))
     units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
     springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
     dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
-    ports.draw("stops", "robot", f"Joint stops\n{stops.stiffness:g} {springs}\n{stops.damping:g} {dampers}")
+    ports.draw("stops", "robot", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
 
 
 def _robot_text(robot: StationRobot) -> str:

@@ -12,8 +12,10 @@ from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.joint_stops import add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import joined, mapped, summed
+from simrob_drake.frames import Vector
 from simrob_drake.parts.site import FromState, Site, StationRobot
 from simrob_drake.signals import Role, Signal
+from simrob_drake.stations.config import JointStops
 from simrob_drake.stations.drawing import draw_integral, draw_servos
 from simrob_drake.stations.ports import StationPorts
 
@@ -33,8 +35,21 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
             ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     if not config.solver.holds_joint_limits:
-        stops = config.joint_stops
-        add_joint_stops(builder, ports.plant.plant, stiffness=stops.stiffness, damping=stops.damping)
+        stiffness, damping = _stops(ports)
+        add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
+
+
+def _stops(ports: StationPorts) -> Vector:
+    """Return stiffness and damping of the stop at each of the plant's velocities, shape (2, nv).
+
+    Joints that are no axes have what the station says of all.
+    """
+    given, usual = ports.config.joint_stops.model_dump(), JointStops().model_dump()
+    of_all = [usual[key] if isinstance(value, list | dict) else value for key, value in given.items()]
+    stops = np.tile(np.array(of_all)[:, np.newaxis], ports.plant.plant.num_velocities())
+    for robot in ports.plant.robots.values():
+        stops[:, robot.axis_map.velocity_places] = robot.stops
+    return stops
 
 
 def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> Signal:

@@ -18,7 +18,7 @@ from simrob_drake.parts.sensors.sampled import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.pieces import TCP, PieceModel
-from simrob_drake.stations.config import FloorConfig, RobotConfig, ServoConfig, StationConfig
+from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.piece_sources import piece_of
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
@@ -160,6 +160,7 @@ def _robot(
         base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
         floats=config.mode == "dynamic" and model.base == "floating",
         gains=servo_gains(model, config.servo_of(name)),
+        stops=_stops(config, name, model),
         initial=_initial_position(entry, name, model),
         carried=carried,
         held=held,
@@ -185,6 +186,15 @@ def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
         limit if servo.integral_limit is None else robot.axis_vector(servo.integral_limit, "integral_limit", limit)
     )
     return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, integral)
+
+
+def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:
+    """Return stiffness and damping of the stops of a robot's axes, each shape (n,)."""
+    stops, usual = config.stops_of(robot), JointStops().model_dump()
+    stiffness, damping = (
+        model.axis_vector(value, f"joint_stops.{key}", usual[key]) for key, value in stops.model_dump().items()
+    )
+    return stiffness, damping
 
 
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:

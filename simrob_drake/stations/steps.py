@@ -104,7 +104,7 @@ def _creeping_findings(config: StationConfig, plant: StationPlant, courses: Mapp
         room = np.minimum(postures - limits[0], limits[1] - postures).min(axis=0)
         leans = room < np.where(robot.model.prismatic, _NEAR[1], _NEAR[0])
         for what, stiffness, most in (
-            ("its stop (joint_stops.stiffness)", np.where(leans, config.joint_stops.stiffness, 0.0), _STIFF_STOPS),
+            ("its stop (joint_stops.stiffness)", np.where(leans, robot.stops[0], 0.0), _STIFF_STOPS),
             ("its servo (kp)", robot.gains.kp, _STIFF_SERVO),
         ):
             worst = int(np.argmax(stiffness / inertia))
