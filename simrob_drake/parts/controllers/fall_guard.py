@@ -124,8 +124,10 @@ class ProtectivePosture(SampledBlock):
     def falls(self, read: Named) -> bool:
         """Tell whether what is read is beyond a threshold."""
         pose = read["base_pose"]
-        leans = lean(self._up, *pose[3:].tolist()) > self._tilt or self._ground.height(pose) < self._height
-        return bool(leans or (self._must_step is not None and self._must_step(read["state"])))
+        if not math.isinf(self._tilt) and lean(self._up, *pose[3:].tolist()) > self._tilt:
+            return True
+        low = not math.isinf(self._height) and self._ground.height(pose) < self._height
+        return low or (self._must_step is not None and self._must_step(read["state"]))
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next point of the way to the posture, if the robot falls or has fallen."""
