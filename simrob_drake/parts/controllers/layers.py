@@ -40,7 +40,7 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         _connect(builder, site, name, section, blocks[name])
     for robot in site.plant.robots.values():
         own = {name: loop for name, loop in loops.items() if site.robot(loop.robot) is robot}
-        layers = sorted(own, key=lambda name: own[name].priority or 0)
+        layers = sorted(own, key=lambda name: own[name].layer)
         if layers:
             _drive(builder, site, robot, {name: (own[name], blocks[name]) for name in layers})
 
