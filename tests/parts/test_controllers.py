@@ -84,7 +84,7 @@ def test_motor_protection_lies_above_all_other_loops_whatever_their_priorities()
     assert result["wave.target.joint_2"][-1] == pytest.approx(np.deg2rad(40))
     assert result["q_ref.joint_2"][-1] == pytest.approx(result["protection.target.joint_2"][-1], abs=1e-12)
     assert abs(result["q_ref.joint_2"][-1] - np.deg2rad(40)) > 0.1
-    with pytest.raises(SimrobError, match="controllers.other is driving joint_1"):
+    with pytest.raises(SimrobError, match=r"controllers\.other is driving joint_1"):
         simulate(arm(protection=protection, other=protection), duration=0.1)
 
 
