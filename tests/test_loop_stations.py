@@ -191,7 +191,7 @@ def test_a_leg_s_screws_are_those_of_the_plant():
         for number, axis in enumerate(limb.axes):
             small = np.zeros(len(positions))
             small[axis] = 1e-6
-            slope = (limb.place(positions + small) - limb.place(positions - small)) / 2e-6
+            slope = np.subtract(limb.place(positions + small), limb.place(positions - small)) / 2e-6
             assert limb.rates(positions)[:, number] == pytest.approx(slope, abs=1e-8)
 
 
