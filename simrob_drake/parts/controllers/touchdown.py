@@ -158,7 +158,7 @@ class UnknownGround(SampledBlock):
         return {**new, "plan": plan, "heights": np.array(heights)}
 
     def _phase(self, phase: float, raised: bool, lowers: bool, foot: str, read: Named) -> float:
-        """Return what a leg does next; the force on its foot is looked at only where that matters, for it takes time."""
+        """Return what a leg does next; the force on its foot is looked at only where it matters: that takes time."""
         if phase == _STANDS:
             return _FOLLOWS if raised else _STANDS
         if phase == _TOUCHED:
