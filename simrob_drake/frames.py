@@ -163,11 +163,15 @@ def finite(values: Any) -> Vector:
     return found if np.isfinite(found).all() else np.zeros(0)
 
 
+def vertical(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:
+    """Return the world's upward direction in the axes of a body of an orientation, of plain numbers."""
+    return 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
+
+
 def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
     """Return the angle between a body's direction ``up`` (3,) and the world's, at an orientation [rad].
 
     Of plain numbers, because a run asks after every step and at every sample.
     """
-    vertical = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
-    upward = sum(map(operator.mul, vertical, up))
+    upward = sum(map(operator.mul, vertical(qw, qx, qy, qz), up))
     return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward

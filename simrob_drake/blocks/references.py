@@ -89,10 +89,20 @@ def hold(position: npt.ArrayLike) -> Trajectory:
     return PiecewisePolynomial(np.asarray(position, dtype=float)[:, np.newaxis])
 
 
-def ramp(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0) -> Trajectory:
-    """Go from ``start`` to ``target``, each (n,) [rad], at constant speed in ``duration`` [s]."""
-    times = _rising(np.array([start_time, start_time + duration]), "times")
-    return PiecewisePolynomial.FirstOrderHold(times, np.column_stack([start, target]))
+def ramp(
+    start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0, blend: float = 0.0
+) -> Trajectory:
+    """Go from ``start`` to ``target``, each (n,) [rad], at constant speed.
+
+    With a ``blend`` [s] the speed grows and falls evenly for so long at either end, less than half of the duration.
+    """
+    ends = np.array([start, target], dtype=float)
+    if not blend:
+        return table([start_time, start_time + duration], ends, linear=True)
+    speed = (ends[1] - ends[0]) / (duration - blend)
+    reached, rest = speed * blend / 2, np.zeros_like(speed)
+    times = start_time + np.array([0.0, blend, duration - blend, duration])
+    return hermite(times, [ends[0], ends[0] + reached, ends[1] - reached, ends[1]], [rest, speed, speed, rest])
 
 
 def move(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0) -> Trajectory:

@@ -103,6 +103,12 @@ def test_a_guard_acts_at_the_first_sample_beyond_its_threshold_and_stays():
     assert Driven(guard()).sample(base_pose=leaning(0.51), reference=asked)["active"] == 1
 
 
+def test_a_guard_of_one_side_leaves_a_fall_to_the_other_side_alone():
+    one_side = {"toward": np.array([-1.0, 0.0, 0.0]), "height": -np.inf}
+    for angle, acts in ((0.51, 0), (0.49, 0), (-0.49, 0), (-0.51, 1)):  # about y: a positive angle leans along x
+        assert Driven(guard(**one_side)).sample(base_pose=leaning(angle), reference=np.zeros(2))["active"] == acts
+
+
 def test_a_guard_lets_go_once_all_was_well_for_long_enough():
     driven, asked = Driven(guard(reset_after=0.3)), np.zeros(2)
     seen = [

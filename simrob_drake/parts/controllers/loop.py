@@ -33,6 +33,8 @@ class LoopSection(Strict):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
     """Inputs of robots that it drives beside the reference."""
+    uppermost: ClassVar[bool] = False
+    """Whether it lies above all others, whatever their priorities."""
 
     kind: str
     robot: str | None = None
@@ -51,6 +53,11 @@ class LoopSection(Strict):
     def named(self) -> list[str]:
         """What it reads by names of the user's: sensors, outputs, columns."""
         return list(self.reads.values())
+
+    @property
+    def layer(self) -> tuple[bool, int]:
+        """Its place among the loops of a robot: the higher one lies above."""
+        return self.uppermost, self.priority or 0
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check what is known before anything is built.
@@ -148,10 +155,10 @@ def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None
     for (one, first), (other, second) in combinations(loops.items(), 2):
         robots = [station.robot(loop.robot, "controllers") for loop in (first, second)]
         weighed = first.weight is not None and second.weight is not None
-        if robots[0] is not robots[1] or weighed or first.priority != second.priority:
+        if robots[0] is not robots[1] or weighed or first.layer != second.layer:
             continue
         shared = [axis for axis in first.axes(robots[0]) if axis in second.axes(robots[0])]
         if shared:
-            told = f"drives {', '.join(shared[:3])}{' ...' if len(shared) > 3 else ''}, as controllers.{one} does"
+            told = f"driving {', '.join(shared[:3])}{' ...' if len(shared) > 3 else ''}, as controllers.{one} is"
             expected = "alone on its axes, or with a priority (or both with a weight), which says how they mix"
             raise InvalidParameter(f"controllers.{other}", told, expected)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -39,8 +39,10 @@ class MotorProtection(LoopSection):
     """Give way where a motor is loaded too much or gets too warm, then stop the robot where it is.
 
     It watches the torques of the servos, and perhaps the force at a sensor (`reads: {force: <sensor>}`), which stops it
-    without giving way first. It is to be the uppermost loop of its robot.
+    without giving way first. It lies above all other loops of its robot, whatever their priorities.
     """
+
+    uppermost: ClassVar[bool] = True
 
     kind: Literal["motor_protection"]
     limit: AxisValues | None = None

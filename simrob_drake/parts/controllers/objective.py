@@ -91,8 +91,10 @@ class Objective(LoopSection):
         if name != "measured" or name in self.reads:
             return super().source(builder, name, robot, site, key)
         signal, entry = self._measured(site, key)
-        output = super().source(builder, signal.output, robot, site, key)
         site.draw_nothing(f"{key}.measured")
+        if signal.output in site.of_state:
+            return mapped(builder, f"{key}.measured", site.of_state[signal.output].matrix[[entry]], site.state)
+        output = super().source(builder, signal.output, robot, site, key)
         return mapped(builder, f"{key}.measured", np.eye(output.size())[[entry]], output)
 
     def _measured(self, site: Site, key: str) -> tuple[Signal, int]:
@@ -191,22 +193,22 @@ class WeightedObjective(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how far the axes are to be moved now."""
-        measured, asked = read["measured"][0], memory["asked"][0]
-        number, held = int(memory["number"][0]), memory["held"][0]
+        measured, asked = read["measured"].item(), memory["asked"].item()
+        number, held = int(memory["number"].item()), memory["held"].item()
         if held >= self._hold and number + 1 < len(self._targets):
             number, held = number + 1, 0.0
         target, step = self._targets[number], self._speed * self.period
         asked = measured if math.isinf(asked) else asked  # it begins there
         asked = min(max(target, asked - step), asked + step)
         held = held + self.period if asked == target else 0.0
-        error, before, integral = asked - measured, memory["effort"][0], memory["integral"][0]
+        error, before, integral = asked - measured, memory["effort"].item(), memory["integral"].item()
         kp, ki = self._gains
         wanted = kp * error + integral + ki * error * self.period
         step = self._fastest * self.period
-        effort = float(np.clip(np.clip(wanted, before - step, before + step), -self._limit, self._limit))
+        effort = min(max(wanted, before - step, -self._limit), before + step, self._limit)
         if (wanted - effort) * error <= 0:  # else it would wind up
             integral += ki * error * self.period
-        moved = {"offset": self._weights * effort, "error": error, "integral": integral, "effort": effort}
+        moved: Changes = {"offset": self._weights * effort, "error": error, "integral": integral, "effort": effort}
         course = {"asked": asked, "number": number, "held": held}
         return {**moved, **course, **self._posture_now(memory, read, measured - target)}
 
