@@ -1,5 +1,6 @@
 """What the package shows; each name is loaded when it is first used, since Drake takes a second to load."""
 
+from .dynamics import Dynamics as Dynamics
 from .errors import SimrobError as SimrobError
 from .frames import as_transform as as_transform
 from .frames import three_point_frame as three_point_frame

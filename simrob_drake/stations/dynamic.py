@@ -15,11 +15,12 @@ from simrob_drake.blocks.wiring import joined, mapped, summed
 from simrob_drake.parts.site import FromState, Site, StationRobot
 from simrob_drake.signals import Role, Signal
 from simrob_drake.stations.drawing import draw_integral, draw_servos
+from simrob_drake.stations.friction import wire_friction
 from simrob_drake.stations.ports import StationPorts
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add inputs, state, servos and joint stops for every robot of a plant that stands in the diagram."""
+    """Add inputs, state, servos, friction and joint stops for every robot of a plant that stands in the diagram."""
     config = ports.config
     for robot in ports.plant.robots.values():
         signals = _add_signals(builder, ports, robot)
@@ -32,6 +33,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.inputs[name] = block.get_command_input_port()
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
             ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
+    wire_friction(builder, ports)
     if not config.solver.holds_joint_limits:
         stops = config.joint_stops
         add_joint_stops(builder, ports.plant.plant, stiffness=stops.stiffness, damping=stops.damping)

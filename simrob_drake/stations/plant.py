@@ -20,6 +20,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, ModelInstanceIndex, RigidBo
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.actuator_servo import set_actuators
+from simrob_drake.blocks.joint_friction import set_friction
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
@@ -186,6 +187,8 @@ def add_robot(
         implicit = station.config.servo_of(robot.name).realization == "implicit"
         if implicit or station.scheme == "cenic":
             set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)
+        if station.scheme != "cenic":
+            set_friction(plant, joints, model.friction, model.drives.friction_speed)
     own = {**vars(robot), "tcp": tcp}
     return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)
 
