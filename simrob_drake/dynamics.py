@@ -171,8 +171,8 @@ class Dynamics:
         """
         return self._each(self._payload, q, v=v, a=a)
 
-    def weakest_posture(self) -> tuple[float, Vector]:
-        """Return the least payload [kg] that the robot holds at rest anywhere within its limits, and where, shape (n,).
+    def weakest_posture(self) -> Vector:
+        """Return where within its limits the robot holds the least payload at rest, shape (n,) [rad or m].
 
         A search: five hundred postures of chance, and from the worst three along one axis after the other.
         """
@@ -185,8 +185,7 @@ class Dynamics:
                 rows[:, 1:, axis] = np.linspace(lower[axis], upper[axis], _ANGLES)
                 found = self.payload(rows.reshape(-1, len(self.axes))).min(axis=1).reshape(len(worst), -1)
                 worst = rows[np.arange(len(worst)), found.argmin(axis=1)]
-        held = self.payload(worst).min(axis=1)
-        return float(held.min()), worst[held.argmin()]
+        return np.asarray(worst[self.payload(worst).min(axis=1).argmin()]) + 0.0  # no -0
 
     def _each(self, compute: Callable[..., Vector], q: npt.ArrayLike, **others: npt.ArrayLike) -> Vector:
         """Compute for each posture, with the plant in it, from the other rows."""

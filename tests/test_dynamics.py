@@ -124,18 +124,15 @@ def test_a_rod_holds_what_its_closed_form_says() -> None:
         [0.0], v=2.0, a=3.0
     )  # a load has the inertia m l², and what turns it does not act on its axis
     assert speeding == pytest.approx([(20.0 - 2.0 * g * 0.25 - (0.04 + 2 * 0.25**2) * 3.0) / (0.5 * g + 0.5**2 * 3.0)])
-    mass, where = arm.weakest_posture()
-    assert mass == pytest.approx(arm.payload([0.0])[0])
-    assert np.cos(where) == pytest.approx(np.sign(np.cos(where)))
+    assert abs(np.cos(arm.weakest_posture())) == pytest.approx([1.0])
     weak = rod(dh={**rod().model_dump()["dh"], "rows": [{**ROD, "a": 0.5, "effort": 4.0}]})
     assert Dynamics.of_robot(weak).payload([0.0]) == [0.0]
 
 
 def test_the_weakest_posture_of_an_arm_is_none_better_than_a_thousand_others() -> None:
-    arm, lower_upper = Dynamics.of_robot("irb120"), load_robot("irb120").axis_limits
-    mass, where = arm.weakest_posture()
-    assert arm.payload(where).min() == pytest.approx(mass)
-    assert mass <= arm.payload(np.random.default_rng(5).uniform(*lower_upper, (1000, 6))).min()
+    arm, limits = Dynamics.of_robot("irb120"), load_robot("irb120").axis_limits
+    others = arm.payload(np.random.default_rng(5).uniform(*limits, (1000, 6)))
+    assert 0 < arm.payload(arm.weakest_posture()).min() <= others.min()
 
 
 def test_drives_of_a_urdf_and_of_a_description_are_the_same(tmp_path: Path) -> None:

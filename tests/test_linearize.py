@@ -10,6 +10,7 @@ from pydrake.systems.controllers import LinearQuadraticRegulator
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 
+from simrob_drake.cli.app import run_command
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import OutputError, SimrobError
 from simrob_drake.linear import LinearModel, linearize
@@ -176,6 +177,23 @@ def test_two_arms_and_integrators_have_names_of_their_own() -> None:
     integral = linearize(load_station("irb120_dynamic", {"servo.ki": 100, "servo.realization": "vector"}), POSTURE)
     assert integral.states[12] == "servo.integrator.0"
     np.testing.assert_allclose(integral.x0[:6], POSTURE, atol=1e-9)  # it does not sag
+
+
+def test_the_command_prints_poles_and_saves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "linear"
+    command = ["linearize", "irb120_dynamic", "--out", str(folder), "--set", "robot.drives.friction=2"]
+    assert run_command([*command, "--at", "{joint_2: 30, joint_3: 20}"]) == 0
+    out = capsys.readouterr().out
+    model = linearize("irb120_dynamic", np.deg2rad([0, 30, 20, 0, 0, 0]))
+    assert f"{model.modes[0].frequency:.3f}" in out
+    assert "irb120_dynamic: stable" in out
+    assert "left out: Coulomb friction" in out
+    with np.load(folder / "linear.npz") as saved:
+        np.testing.assert_allclose(saved["A"], model.A, atol=1e-12)
+    assert run_command([*command, "--at", "30"]) == 2  # it is there
+    for wrong, told in (("[1, 2]", "6 numbers"), ("{joint_9: 1}", "joint_6"), ("fast", "numbers per axis")):
+        assert run_command([*command, "--force", "--at", wrong]) == 2
+        assert told in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

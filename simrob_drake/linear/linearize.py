@@ -109,7 +109,8 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
             servo = servo.model_copy(update={"realization": "vector"})
         drives = (entry.drives or Drives()).model_copy(update={"friction": 0.0})
         robots[name] = entry.model_copy(update={"servo": servo, "drives": drives})
-    notes.append("Coulomb friction, whose slope at rest tells nothing of motion")
+    if any(robot.model.friction.any() for robot in resolve(config).robots.values()):
+        notes.append("Coulomb friction, whose slope at rest tells nothing of motion")
     changes: dict[str, object] = {key: {} for key in ("sensors", "monitors", "forces", "controllers")}
     changes |= {"contact": None, "floor": None, "robots": robots, "solver": ContinuousSolver(kind="continuous")}
     return config.model_copy(update=changes), notes

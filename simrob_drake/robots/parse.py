@@ -60,14 +60,14 @@ def add_urdf(
 def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[MultibodyPlant, Frame]:
     """Return a plant of a robot alone, and its root, which stands at the world's origin.
 
-    ``element`` is its URDF with what it carries, mesh names absolute; its own unless given.
+    It has no shapes, so no mesh is looked for. ``element`` is its URDF with what it carries; its own unless given.
 
     Raises:
         InvalidModel: a URDF that Drake cannot read.
     """
     plant = MultibodyPlant(0.0)
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -STANDARD_GRAVITY]))
-    robot = with_absolute_meshes(model.element, model.folder) if element is None else element
+    robot = model.element if element is None else element
     add_urdf(plant, robot, name=model.name, where=model.urdf_path, collision=False)
     root = plant.GetFrameByName(model.root)
     plant.WeldFrames(plant.world_frame(), root)
