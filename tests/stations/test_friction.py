@@ -38,19 +38,20 @@ def sled(tmp_path: Path) -> Path:
     return tmp_path / "sled.yaml"
 
 
-@pytest.mark.parametrize("realization", ["per_joint", "implicit"])
 @pytest.mark.parametrize(
-    ("solver", "tolerance"),
+    ("solver", "realization", "tolerance"),
     [
-        (RADAU, 1e-3),
-        ({"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 1e-4}, 1e-3),
-        (CENIC, 5e-3),  # of first order: a part of omega h / 2 of the way is lost at each
-        (DISCRETE, 5e-3),
-        ({**DISCRETE, "scheme": "lagged"}, 5e-3),
+        (RADAU, "per_joint", 2e-4),
+        (RADAU, "implicit", 2e-4),
+        ({"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 1e-4}, "per_joint", 2e-4),
+        (CENIC, "per_joint", 5e-3),  # of first order: a part of omega h / 2 of the way is lost at each
+        (CENIC, "implicit", 5e-3),
+        (DISCRETE, "implicit", 5e-3),
+        ({**DISCRETE, "scheme": "lagged"}, "per_joint", 5e-3),
     ],
 )
 def test_a_sled_on_a_spring_loses_the_same_at_every_turn(
-    sled: Path, solver: dict[str, Any], tolerance: float, realization: str
+    sled: Path, solver: dict[str, Any], realization: str, tolerance: float
 ) -> None:
     """It turns at x0 - 2 i c/k on either side, every pi sqrt((m + G² J) / k), and stops where c holds it.
 
@@ -83,3 +84,10 @@ def test_a_station_changes_friction(sled: Path) -> None:
     result = simulate(load_station(sled, {"robot.drives.friction": 0, "solver": RADAU}), progress=False)
     way = result["q.joint_1"] - 0.5
     assert np.abs(way[find_peaks(way)[0]]) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_long_steps_of_cenic_do_not_let_it_chatter(sled: Path) -> None:
+    """Steps that could turn the motion around, c h / M = 0.1 m/s, leave a sled calm in the end."""
+    config = load_station(sled, {"solver": {**CENIC, "max_step": 0.02, "error_control": False}})
+    speed = simulate(config, duration=4, progress=False)["v.joint_1"][-500:]
+    assert np.ptp(speed) < 0.005
