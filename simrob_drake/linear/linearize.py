@@ -107,10 +107,13 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         servo = config.servo_of(name)
         if servo.realization == "implicit":
             servo = servo.model_copy(update={"realization": "vector"})
-        drives = (entry.drives or Drives()).model_copy(update={"friction": 0.0})
+        drives = (entry.drives or Drives()).model_copy(update={"friction": 0.0, "backlash_deg": 0.0})
         robots[name] = entry.model_copy(update={"servo": servo, "drives": drives})
-    if any(robot.model.friction.any() for robot in resolve(config).robots.values()):
+    models = [robot.model for robot in resolve(config).robots.values()]
+    if any(model.friction.any() for model in models):
         notes.append("Coulomb friction, whose slope at rest tells nothing of motion")
+    if any(model.play.any() for model in models):
+        notes.append("backlash: gears do not let go")
     changes: dict[str, object] = {key: {} for key in ("sensors", "monitors", "forces", "controllers")}
     changes |= {"contact": None, "floor": None, "robots": robots, "solver": ContinuousSolver(kind="continuous")}
     return config.model_copy(update=changes), notes

@@ -90,6 +90,9 @@ class Drives(Strict):
     friction_speed: Positive = 0.01
     """v_s, below which Coulomb friction is proportional to speed [rad/s or m/s]; solvers that step loosely trip over a
     tenth of it."""
+    backlash_deg: _NotNegative | None = None
+    """How far the link is free against its motor in all, between stops as those of joints [deg, or m]; positions are
+    those of the motor. Dynamic stations alone know it, and it needs a rotor_inertia."""
 
 
 def _axes_by_name(axes: Any) -> Any:
@@ -232,6 +235,11 @@ class RobotModel(Strict):
     def friction(self) -> Vector:
         """Coulomb friction of every axis, shape (n,) [N·m or N]."""
         return np.array([joint_friction(joint) for joint in self.joints])
+
+    @property
+    def play(self) -> Vector:
+        """How far every axis' link is free against its motor, shape (n,) [rad or m]."""
+        return self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:

@@ -15,8 +15,9 @@ from simrob_drake.blocks.wiring import joined, mapped, summed
 from simrob_drake.parts.site import FromState, Site, StationRobot
 from simrob_drake.signals import Role, Signal
 from simrob_drake.stations.drawing import draw_integral, draw_servos
-from simrob_drake.stations.friction import wire_friction
+from simrob_drake.stations.friction import wire_friction, with_friction
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.solver_config import DiscreteSolver
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -85,6 +86,8 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         torque = add_actuator_servos(
             builder, plant, robot.instance, signals, robot.gains, actuation_map=actuation, prefix=robot.prefix
         )
+        if isinstance(ports.config.solver, DiscreteSolver):  # which tells each actuator the sum of its joint's
+            torque = with_friction(builder, ports, robot, torque)
         declare_torque(ports, robot, torque)
         ports.draw_nothing(f"{robot.prefix}desired_state", f"{robot.prefix}actuation")
         if (robot.gains.ki > 0).any():

@@ -38,7 +38,7 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
 
 
 def with_friction(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, torque: OutputPort) -> OutputPort:
-    """Return torques (n,) [N·m or N] of a motion, computed without friction, with what the motors give against that."""
+    """Return torques (n,) [N·m or N] without friction, with what the motors give against that."""
     if not robot.model.friction.any():
         return torque
     sliding = _sliding(builder, ports, robot, np.full(len(robot.axes), robot.model.drives.friction_speed))
