@@ -24,7 +24,7 @@ STATION = """
 robot: {model: robot.yaml}
 servo: {kp: 20000, kd: 500}
 reference: {kind: move, target_deg: 150, duration: 2}
-solver: {kind: continuous, scheme: radau3}
+solver: {kind: continuous, scheme: radau3, accuracy: 1.0e-4}
 duration: 2.5
 """
 
@@ -53,7 +53,7 @@ def link_and_motor(rod: Path, changes: dict[str, Any]) -> tuple[np.ndarray, np.n
     ],
 )
 def test_the_link_lies_on_the_lower_side_of_its_play(rod: Path, changes: dict[str, Any]) -> None:
-    """Half of the play behind the motor as it is lifted, half before it over the top, but for what the solver misses."""
+    """Half of the play behind the motor as it is lifted, half before it over the top, but for the solver's error."""
     link, motor = link_and_motor(rod, changes)
     up, over = (motor > 10) & (motor < 60), motor > 130
     np.testing.assert_allclose((link - motor)[up], -PLAY / 2, atol=0.02)
