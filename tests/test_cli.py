@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simrob_drake import Dynamics, Workcell
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.tables import _pose_differences
+from simrob_drake.robots.catalog import load_robot
 
 
 @pytest.fixture(autouse=True)
@@ -114,6 +116,20 @@ def test_check_foretells_the_overload(capsys):
     out = " ".join(capsys.readouterr().out.split())
     assert "warning torque of joint_2" in out
     assert "-20.79" in out
+
+
+def test_check_tells_what_an_arm_can_carry(capsys):
+    """The Puma's elbow is the first at its limit, stretched out level: see tests/test_dynamics.py for the figures."""
+    arm = Dynamics.of_robot("puma560")
+    assert run_command(["check", "puma560"]) == 0
+    out = capsys.readouterr().out
+    assert f"{arm.payload(load_robot('puma560').home).min():.3g} kg" in out
+    assert f"{arm.payload(arm.weakest_posture()).min():.3g} kg, by the motor of joint_2" in out
+    assert run_command(["check", "irb120_dynamic"]) == 0
+    course = np.linspace(0, 1, 51)[:, np.newaxis] * np.full(6, np.deg2rad(30))
+    held = Workcell("irb120_dynamic").arm().dynamics.payload(course).min()
+    assert f"{held:.3g} kg more at load" in " ".join(capsys.readouterr().out.split())
+    assert run_command(["check", "puma560", "--set", "duration=1"]) == ExitCode.BAD_INPUT
 
 
 def test_check_shows_a_urdf(capsys):

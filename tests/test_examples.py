@@ -82,6 +82,13 @@ def test_a_loop_of_ones_own_keeps_the_tool_at_its_height():
     assert kept.units["keep_height.error"] == "m"
 
 
+def test_the_regulator_takes_the_push_better_than_servos():
+    lqr = example("irb120_lqr")
+    most, late = lqr.strays(lqr.run())
+    assert most < 0.5 * lqr.strays(lqr.run_servos())[0]
+    assert late < 1e-3
+
+
 def test_weaker_motors_hold_less():
     results = example("irb120_overload").run(limits=(150.0, 10.0))
     ends = {limit: np.rad2deg(result["q.joint_2"][-1]) for limit, result in results.items()}

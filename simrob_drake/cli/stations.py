@@ -21,7 +21,7 @@ from simrob_drake.cli.options import (
     Video,
     with_import_options,
 )
-from simrob_drake.cli.robots import examine_file
+from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.saving import exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
 from simrob_drake.cli.simulink import (
@@ -101,7 +101,10 @@ def check(
     *,
     station: Annotated[
         str,
-        typer.Argument(metavar="STATION|FILE", help="A station, a robot's file, a Simulink model, or a CAD assembly."),
+        typer.Argument(
+            metavar="STATION|ROBOT|FILE",
+            help="A station, a robot or its file, a Simulink model, or a CAD assembly.",
+        ),
     ],
     set_: Settings = None,
     options: ImportOptions | None,
@@ -111,7 +114,7 @@ def check(
     assume: Assume = False,
     octave: RunOctave = False,
 ) -> None:
-    """Say before any run what a station's robots need, and what will go wrong; or what an import would do."""
+    """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do."""
     if is_model_file(station):
         given = model_options(options, library=library, set_=set_, variables=variables, assume=assume, octave=octave)
         examine_model(Path(station), given)
@@ -120,6 +123,11 @@ def check(
     if is_robot_file(station):
         refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
         examine_file(Path(station), options)
+        return
+    if station in robot_names():
+        refuse("left out with a robot: it changes stations", set=set_, allow_code=allow_code)
+        refuse_import("left out with a robot of the package: it is no import", options)
+        show_robot(load_robot(station))
         return
     refuse_import("left out with a station: it goes with a robot's file", options)
     console.print(findings_table(check_station(given_station(station, set_, allow_code=allow_code))))

@@ -4,8 +4,10 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.importer.report import DEEDS, Deed, ImportReport
+from simrob_drake.linear import LinearModel
 from simrob_drake.results.result import SimulationResult, table_of
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.steps import Finding
@@ -85,6 +87,28 @@ def robot_table(robot: RobotModel) -> Table:
     for index, axis in enumerate(robot.axes):
         limits = f"{lower[index]:.5g}", f"{upper[index]:.5g}", robot.unit_names[index]
         table.add_row(axis, *limits, f"{robot.efforts[index]:g}", robot.effort_units[index])
+    return table
+
+
+def payload_told(robot: RobotModel) -> list[str]:
+    """Return in words what an arm can hold at its first tool, at home and where it can least."""
+    dynamics, lines = Dynamics.of_robot(robot), []
+    for where, posture in (("at home", robot.home), ("in its weakest posture", dynamics.weakest_posture())):
+        masses = dynamics.payload(posture)
+        axis = int(np.argmin(masses))
+        if np.isfinite(masses[axis]):
+            figures = " ".join(f"{value:.3g}" for value in (posture / robot.user_units).round(3) + 0.0)
+            least = f"{masses[axis]:.3g} kg, by the motor of {list(robot.axes)[axis]}"
+            lines.append(f"payload at {next(iter(robot.tools))} {where} ({figures}): {least}")
+    return lines
+
+
+def modes_table(model: LinearModel) -> Table:
+    """Return the motions of a linear model, those of slow poles first."""
+    table = _numbers("mostly", "pole [1/s]", "frequency [Hz]", "damping ratio", "fades in [s]")
+    for mode in model.modes:
+        pole = f"{mode.pole.real:.4g}" + (f" ± {mode.pole.imag:.4g}i" if mode.pole.imag else "")
+        table.add_row(mode.mostly, pole, f"{mode.frequency:.3f}", f"{mode.damping:.3f}", f"{mode.time_constant:.4g}")
     return table
 
 

@@ -173,6 +173,11 @@ class StationRobot(ResolvedRobot):
         """Between its axes and the vectors of the plant, which is finalized."""
         return AxisMap.of_joints(self.plant, self.joints, [axis.sign for axis in self.model.axes.values()])
 
+    def free_inertias(self) -> Vector:
+        """Return the inertia (n,) [kg m² or kg] that each axis feels at the start while all others are free."""
+        mass = self.plant.CalcMassMatrix(self.plant.CreateDefaultContext())
+        return np.asarray(1 / np.diag(np.linalg.inv(mass))[self.axis_map.velocity_places])
+
 
 @dataclass(frozen=True)
 class StationPlant:

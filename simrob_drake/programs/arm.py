@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
+from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import PoseLike, Vector, as_transform, finite, pose_from_transform
+from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
@@ -185,6 +186,11 @@ class Arm(CellRobot):
         jacobians = self.chain.jacobian(rows)
         return jacobians if np.ndim(rows) > 1 else np.asarray(jacobians[0])
 
+    @property
+    def dynamics(self) -> Dynamics:
+        """Inertia, gravity, payload and more of the arm as it is, with what it carries; others rest."""
+        return self.cell.model.dynamics(self.name)
+
     def inverse_dynamics(
         self, q: npt.ArrayLike | None = None, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
     ) -> Vector:
@@ -198,11 +204,7 @@ class Arm(CellRobot):
         Returns:
             shape (n,), or (k, n) for rows [N·m or N].
         """
-        rows = self.chain.postures(self.position if q is None else q, "q")
-        model = self.cell.model
-        v_rows, a_rows = (_like(values, rows, name) for values, name in ((v, "v"), (a, "a")))
-        torques = np.array([model.torques(self.name, *row) for row in zip(rows, v_rows, a_rows, strict=True)])
-        return torques if q is not None and np.ndim(q) > 1 else np.asarray(torques[0])
+        return self.dynamics.inverse_dynamics(self.position if q is None else q, v, a)
 
     @property
     def plan(self) -> Planner:
@@ -329,11 +331,3 @@ class Arm(CellRobot):
         if q is not None:
             self.cell.draw({self.name: self.chain.postures(q, "q")[0]})
         return self.cell.show()
-
-
-def _like(values: npt.ArrayLike, rows: Vector, name: str) -> Vector:
-    """Return velocities or accelerations, one for all or of the shape of postures (k, n), in that shape."""
-    found = finite(values)
-    if found.shape not in ((), rows.shape, rows.shape[1:]):
-        raise InvalidParameter(name, values, f"a finite number, or as many as q has: {rows.shape}")
-    return np.broadcast_to(found, rows.shape)

@@ -5,8 +5,9 @@ Pieces change hands in it (SimRob's PegarEn): another parent, the same place in 
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces
+from pydrake.multibody.tree import Frame, ModelInstanceIndex
 
+from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import (
     PoseLike,
@@ -167,26 +168,13 @@ class StationModel(PosedStation):
             return self.plant.GetFrameByName(name, self.robots[owner].instance)
         return self.plant.GetFrameByName(name, self.plant.GetModelInstanceByName(f"{piece}::{piece}"))
 
-    def torques(
-        self, robot: str, position: Vector, velocity: Vector | float = 0.0, acceleration: Vector | float = 0.0
-    ) -> Vector:
-        """Return the torques (n,) [N·m or N] of a motion of one robot while the others rest, by inverse dynamics.
-
-        Args:
-            robot: its name.
-            position: shape (n,) [rad or m].
-            velocity: shape (n,) or one number.
-            acceleration: shape (n,) or one number.
-        """
-        own, plant = self.robots[robot], self.plant
-        self.place_robots({robot: position})
-        axes = own.axis_map
-        plant.SetVelocities(self._context, axes.spread_velocities(velocity))
-        forces = MultibodyForces(plant)
-        plant.CalcForceElementsContribution(self._context, forces)
-        torque = plant.CalcInverseDynamics(self._context, axes.spread_velocities(acceleration), forces)
-        plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
-        return axes.efforts(torque)
+    def dynamics(self, robot: str) -> Dynamics:
+        """Return the dynamics of a robot with what it carries, while the others stay as they are."""
+        own = self.robots[robot]
+        tool, placed = own.tools.get(own.tcp), self.plant.GetPositions(self._context)
+        return Dynamics(
+            own.model, self.plant, own.joints, tool=tool, torque_limit=own.gains.torque_limit, positions=placed
+        )
 
 
 def free_joint(piece: str) -> str:

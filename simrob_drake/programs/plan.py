@@ -84,6 +84,12 @@ class Plan:
         """Return the postures (m, n) at times (m,) [s]."""
         return np.asarray(self.trajectory.vector_values(times.tolist())).T
 
+    def motion(self, times: Vector) -> tuple[Vector, Vector, Vector]:
+        """Return positions, velocities and accelerations at times (m,) [s], (m, n) each, as dynamics take them."""
+        orders = [self.trajectory, self.trajectory.MakeDerivative(1), self.trajectory.MakeDerivative(2)]
+        positions, velocities, accelerations = (np.array(order.vector_values(times.tolist())).T for order in orders)
+        return positions, velocities, accelerations
+
     def named(self, time: float) -> tuple[int, str]:
         """Return the number of the point that a time [s] belongs to, counted from 1, and its name."""
         index = min(int(np.searchsorted(self.arrivals, time - 1e-9)), len(self.arrivals) - 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from os.path import isfile
 from pathlib import Path
@@ -10,14 +10,16 @@ from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.paths import models_root
+from simrob_drake.quantities import Positive
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
+from simrob_drake.robots.drives import joint_friction, set_drives
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
 from simrob_drake.robots.urdf import joint_effort, joint_limits, movable_joints, name_of, read_urdf, root_link
@@ -28,6 +30,22 @@ ROBOT_FILE = "robot.yaml"
 
 AxisValues = Number | list[Number] | dict[str, Number]
 """One number for all axes, a list in axis order, or a mapping by axis name or alias."""
+
+
+def every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
+    """Check every number of values per axis."""
+
+    def checked(values: AxisValues) -> AxisValues:
+        listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
+        if not all(map(accepts, listed)):
+            raise ValueError(meaning)
+        return values
+
+    return AfterValidator(checked)
+
+
+_NotNegative = Annotated[AxisValues, every(lambda value: value >= 0, "it is not negative")]
+_Positive = Annotated[AxisValues, every(lambda value: value > 0, "it is positive")]
 
 
 class Axis(Strict):
@@ -52,6 +70,29 @@ class Gains(Strict):
     """Derivative gain [N·m·s/rad or N·s/m]."""
     torque_limit: AxisValues | None = None
     """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""
+
+
+class Drives(Strict):
+    """Motors, gears and friction of a robot's joints, per axis. What is not given comes from its URDF.
+
+    A joint feels the inertia of its rotor times the square of its gear ratio. Friction is d v + c sat(v / v_s), viscous
+    and Coulomb's: below the speed v_s the second is proportional to v, so what it holds creeps.
+    """
+
+    rotor_inertia: _NotNegative | None = None
+    """Of the motor, about its own axis [kg m²; kg of one that slides]; `drake:rotor_inertia` of a URDF."""
+    gear_ratio: _Positive | None = None
+    """Speed of the motor over that of the joint; `drake:gear_ratio` of a URDF, or 1."""
+    damping: _NotNegative | None = None
+    """Viscous friction d at the joint [N·m·s/rad or N·s/m]; `damping` of a URDF's `dynamics`."""
+    friction: _NotNegative | None = None
+    """Coulomb friction c at the joint [N·m or N]; `friction` of a URDF's `dynamics`."""
+    friction_speed: Positive = 0.01
+    """v_s, below which Coulomb friction is proportional to speed [rad/s or m/s]; solvers that step loosely trip over a
+    tenth of it."""
+    backlash_deg: _NotNegative | None = None
+    """How far the link is free against its motor in all, between stops as those of joints [deg, or m]; positions are
+    those of the motor. Dynamic stations alone know it, and it needs a rotor_inertia."""
 
 
 def _axes_by_name(axes: Any) -> Any:
@@ -94,6 +135,8 @@ class RobotModel(Strict):
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
     """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
+    drives: Drives = Drives()
+    """Its motors, gears and friction, which a station may change."""
     servo: Gains = Gains()
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
@@ -124,7 +167,29 @@ class RobotModel(Strict):
         """
         root = read_urdf(self.urdf_path) if self.dh is None else dh_robot(self.name, self.dh)
         check_urdf(root, self.urdf_path)
+        joints = [axis.joint for axis in self.axes.values()]
+        for key in ("rotor_inertia", "gear_ratio", "damping", "friction"):
+            if (values := getattr(self.drives, key)) is not None:
+                set_drives(root, key, self._by_joint(joints, values, f"drives.{key}"))
         return root
+
+    def _by_joint(self, joints: list[str], values: AxisValues, key: str) -> dict[str, float]:
+        """Return values by joint, of those axes for which they are given."""
+        vector = self.axis_vector(values, key, np.nan)
+        return {joint: value for joint, value in zip(joints, vector.tolist(), strict=True) if np.isfinite(value)}
+
+    def with_drives(self, drives: Drives) -> RobotModel:
+        """Return the robot with other figures of its drives, as far as they are given."""
+        changes = drives.model_dump(exclude_unset=True)
+        for key, values in changes.items():
+            own = getattr(self.drives, key)
+            if isinstance(values, dict) and own is not None:
+                before = self.axis_vector(own, f"drives.{key}", np.nan)
+                vector = self.axis_vector(values, f"drives.{key}", before)
+                changes[key] = {
+                    axis: value for axis, value in zip(self.axes, vector.tolist(), strict=True) if np.isfinite(value)
+                }
+        return RobotModel.model_validate({**dict(self), "drives": self.drives.model_copy(update=changes)})
 
     @property
     def links(self) -> list[str]:
@@ -165,6 +230,16 @@ class RobotModel(Strict):
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
         return np.array([joint_effort(joint) for joint in self.joints])
+
+    @property
+    def friction(self) -> Vector:
+        """Coulomb friction of every axis, shape (n,) [N·m or N]."""
+        return np.array([joint_friction(joint) for joint in self.joints])
+
+    @property
+    def play(self) -> Vector:
+        """How far every axis' link is free against its motor, shape (n,) [rad or m]."""
+        return self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:

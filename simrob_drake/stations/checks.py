@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 
 from simrob_drake.blocks.references import Course
+from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.signals import Signal
@@ -76,10 +77,16 @@ def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course | None) -> list[Finding]:
     if course is None:
         return [Finding("ok", f"torque of {robot.prefix}", "not known: a controller says where the robot goes")]
-    _, positions = course_samples(course, ports.config.duration)
-    torques = np.array(
-        [holding_torque(ports.plant, robot, position) for position in positions[:: len(positions) // 50]]
+    positions = course_samples(course, ports.config.duration)[1]
+    positions = positions[:: len(positions) // 50]
+    dynamics = Dynamics(
+        robot.model,
+        ports.plant.plant,
+        robot.joints,
+        tool=robot.tools.get(robot.tcp),
+        torque_limit=robot.gains.torque_limit,
     )
+    torques = dynamics.gravity(positions)
     findings = []
     for axis, name in enumerate(robot.axes):
         torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
@@ -97,6 +104,13 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course |
             continue
         sag = f"; it sags by {abs(torque[-1]) / kp / unit.size:.3g} {unit.name} there" if kp > 0 else ""
         findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}"))
+    masses = dynamics.payload(positions).min(axis=0) if robot.tcp else np.array([np.inf])
+    if np.isfinite(masses.min()):
+        weakest = robot.axes[int(np.argmin(masses))]
+        text = (
+            f"at rest along the reference it holds {masses.min():.3g} kg more at {robot.tcp}, by the motor of {weakest}"
+        )
+        findings.append(Finding("ok", f"payload of {robot.name}", text))
     return findings
 
 

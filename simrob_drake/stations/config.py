@@ -6,11 +6,11 @@ slides. A value "per axis" is one number for all axes, a list in axis order, or 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from simrob_drake.blocks.servo import LARGEST_GAIN
 from simrob_drake.constants import STANDARD_GRAVITY
@@ -23,7 +23,7 @@ from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.quantities import FASTEST_RATE, ORIGIN, Colour, Duration, Inertia, NotNegative, Pose, Positive, Triple
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.catalog import AxisValues, Drives, every
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
@@ -37,22 +37,10 @@ MOST_STEPS = 10_000_000
 """Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 
 
-def _every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
-    """Check every number of values per axis."""
-
-    def checked(values: AxisValues) -> AxisValues:
-        listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
-        if not all(map(accepts, listed)):
-            raise ValueError(meaning)
-        return values
-
-    return AfterValidator(checked)
-
-
-_Gain = Annotated[AxisValues, _every(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")]
-_Positive = Annotated[AxisValues, _every(lambda value: value > 0, "a stop's stiffness is positive [N·m/rad or N/m]")]
-_NotNegative = Annotated[AxisValues, _every(lambda value: value >= 0, "a stop's damping is not negative")]
-_Limit = Annotated[AxisValues, _every(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
+_Gain = Annotated[AxisValues, every(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")]
+_Positive = Annotated[AxisValues, every(lambda value: value > 0, "a stop's stiffness is positive [N·m/rad or N/m]")]
+_NotNegative = Annotated[AxisValues, every(lambda value: value >= 0, "a stop's damping is not negative")]
+_Limit = Annotated[AxisValues, every(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
 
 
 class _Section(Strict):
@@ -132,6 +120,8 @@ class RobotConfig(_Section):
     """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
     feet: str | None = None
     """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
+    drives: Drives | None = None
+    """Motors, gears and friction; what is not given is as the robot's own file says."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None

@@ -17,11 +17,13 @@ from simrob_drake.parts.site import FromState, Site, StationRobot
 from simrob_drake.signals import Role, Signal
 from simrob_drake.stations.config import JointStops
 from simrob_drake.stations.drawing import draw_integral, draw_servos
+from simrob_drake.stations.friction import wire_friction, with_friction
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.solver_config import DiscreteSolver
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add inputs, state, servos and joint stops for every robot of a plant that stands in the diagram."""
+    """Add inputs, state, servos, friction and joint stops for every robot of a plant that stands in the diagram."""
     config = ports.config
     for robot in ports.plant.robots.values():
         signals = _add_signals(builder, ports, robot)
@@ -34,6 +36,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.inputs[name] = block.get_command_input_port()
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
             ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
+    wire_friction(builder, ports)
     if not config.solver.holds_joint_limits:
         stiffness, damping = _stops(ports)
         add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
@@ -98,6 +101,8 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         torque = add_actuator_servos(
             builder, plant, robot.instance, signals, robot.gains, actuation_map=actuation, prefix=robot.prefix
         )
+        if isinstance(ports.config.solver, DiscreteSolver):  # which tells each actuator the sum of its joint's
+            torque = with_friction(builder, ports, robot, torque)
         declare_torque(ports, robot, torque)
         ports.draw_nothing(f"{robot.prefix}desired_state", f"{robot.prefix}actuation")
         if (robot.gains.ki > 0).any():

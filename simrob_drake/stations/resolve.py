@@ -101,6 +101,11 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _robot_model(entry: RobotConfig) -> RobotModel:
+    robot = _robot_as_described(entry)
+    return robot if entry.drives is None else robot.with_drives(entry.drives)
+
+
+def _robot_as_described(entry: RobotConfig) -> RobotModel:
     if entry.urdf is not None:
         from simrob_drake.importer.cache import robot_from_file  # few stations need the importer
 

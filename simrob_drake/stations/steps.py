@@ -71,7 +71,7 @@ def step_findings(
 def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
     """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
     with np.errstate(divide="ignore"):
-        return np.asarray(_STABLE * _free_inertias(plant, robot) / robot.gains.kd)
+        return np.asarray(_STABLE * robot.free_inertias() / robot.gains.kd)
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
@@ -85,12 +85,6 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
 
 
-def _free_inertias(plant: StationPlant, robot: StationRobot) -> Vector:
-    """Return the inertia (n,) [kg m² or kg] that each axis feels while all others are free."""
-    mass = plant.plant.CalcMassMatrix(plant.plant.CreateDefaultContext())
-    return np.asarray(1 / np.diag(np.linalg.inv(mass))[robot.axis_map.velocity_places])
-
-
 def _creeping_findings(config: StationConfig, plant: StationPlant, courses: Mapping[str, Course]) -> list[Finding]:
     """Name the joints whose forces are so stiff for their inertia that a scheme of variable steps creeps."""
     solver = config.solver
@@ -98,7 +92,7 @@ def _creeping_findings(config: StationConfig, plant: StationPlant, courses: Mapp
         return []
     findings = []
     for robot in plant.robots.values():
-        inertia = np.abs(_free_inertias(plant, robot))
+        inertia = np.abs(robot.free_inertias())
         limits, course = np.array(robot.model.axis_limits), courses.get(robot.name)
         postures = robot.initial[np.newaxis] if course is None else course_samples(course, config.duration)[1]
         room = np.minimum(postures - limits[0], limits[1] - postures).min(axis=0)
