@@ -111,12 +111,6 @@ class StationModel(PosedStation):
             names=own.axes,
         )
 
-    def speed_limits(self, robot: str) -> Vector:
-        """Return the largest speed of each axis of a robot in its URDF, shape (n,) [rad/s or m/s]."""
-        joints = self.robots[robot].joints
-        limits = [min(joint.velocity_upper_limits()[0], -joint.velocity_lower_limits()[0]) for joint in joints]
-        return np.array(limits)
-
     def tool_in_use(self, robot: str) -> str:
         """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""
         own = self.robots[robot]

@@ -1,11 +1,12 @@
-"""The parts of a move, each from rest to rest: postures at parts of its time, enough for a spline to keep the way.
+"""The parts of a move, each from rest to rest: postures at its parts, enough for a spline to keep the way.
+
+The parts are those of its time, of which a smooth motion goes a share of its way by each; or, ``even``, of its way.
 
 A Cartesian part is solved at a few points, joined by a spline, and looked at half-way between them; where the tool
 would leave its line or arc, points are put in between until it does not.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.incremental import IncrementalSolver
 from simrob_drake.kinematics.solver import Solutions, Solver
 from simrob_drake.programs.errors import BrokenPath
-from simrob_drake.programs.trajectories import spline
+from simrob_drake.programs.trajectories import free_spline, spline
+from simrob_drake.programs.zones import Course, Way
 
 PATH_TOLERANCE = 2e-5
 """How far the tool may be from its line or arc between two points [m]."""
@@ -30,12 +32,12 @@ _SHRINKS = 0.8  # a continuous motion between points halves when their number do
 
 @dataclass(frozen=True)
 class Segment:
-    """Postures on the way to one target."""
+    """Postures on the way to one target, or to several that are passed within zones."""
 
-    parts: Vector  # of its time, from 0 to 1, shape (k,)
+    parts: Vector  # of its time or its way, from 0 to 1, shape (k,)
     postures: Vector  # there, shape (k, n) [rad or m]
     length: float  # of the tool's way [m]
-    target: str  # what it leads to, in words
+    passes: Vector = field(default_factory=lambda: np.ones(1))  # the parts of its way at which targets are
 
     @property
     def end(self) -> Vector:
@@ -43,58 +45,69 @@ class Segment:
         return np.asarray(self.postures[-1])
 
 
-def joint_segment(chain: Chain, start: Vector, end: Vector, *, points: int, target: str) -> Segment:
-    """Return the straight way in the space of the joints between two postures (n,)."""
+def joint_segment(
+    chain: Chain, course: Course, *, points: int, even: bool = False, passes: Vector | None = None
+) -> Segment:
+    """Return the way in the space of the joints on which ``course`` gives the postures (k, n) at its parts (k,)."""
     parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
-    postures = start + smooth(parts)[:, np.newaxis] * (end - start)
-    return Segment(parts, postures, tool_length(chain, postures), target)
+    postures = course(parts if even else smooth(parts))
+    return Segment(parts, postures, tool_length(chain, postures), np.ones(1) if passes is None else passes)
 
 
 def pose_segment(
-    solver: Solver, poses: Callable[[Vector], Vector], start: Vector, *, points: int, length: float, target: str
+    solver: Solver,
+    way: Way,
+    start: Vector,
+    *,
+    points: int,
+    target: str,
+    even: bool = False,
+    passes: Vector | None = None,
 ) -> Segment:
     """Return postures that lead the tool along poses.
 
     Args:
         solver: of the inverse kinematics.
-        poses: the poses (k, 4, 4) of the tool at parts (k,) of the way.
+        way: gives the poses (k, 4, 4) of the tool.
         start: the posture at its beginning, shape (n,).
         points: how many points are solved at least.
-        length: of the way [m].
         target: what it leads to, for messages.
+        even: at parts of its way.
+        passes: the parts of it at which targets are passed; its end unless given.
 
     Raises:
         Unreachable: a point that no posture reaches; the incremental solver may stray on the way, past singular
             postures, if it comes to the end.
         BrokenPath: points that no continuous motion joins.
     """
-    chain, strays = solver.chain, isinstance(solver, IncrementalSolver)
+    chain, strays, poses = solver.chain, isinstance(solver, IncrementalSolver), way.course
+    gone = (lambda parts: parts) if even else smooth
     count = max(points, _LEAST_POINTS)
     if strays:  # it follows small turns only
         first, last = poses(np.array([0.0, 1.0]))
         count = max(count, int(np.ceil(PEAK * turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
     parts = np.linspace(0.0, 1.0, count + 1)
-    targets = poses(smooth(parts))
+    targets = poses(gone(parts))
     solutions = solver.solve(targets[1:], start)
     if not strays or not solutions.reached[-1]:
         _require(solutions, parts[1:], targets[1:], points, target)
     postures = np.vstack([start, solutions.positions])
     exact = _away(chain, postures, targets) < PATH_TOLERANCE  # else the solver was asked for something else
-    jump = np.inf
+    curve, jump = free_spline if even else spline, np.inf
     while exact:
         last_jump, jump = jump, float(np.abs(np.diff(postures, axis=0)).max())
         if (jump > _JUMP and jump > _SHRINKS * last_jump) or len(parts) > _MOST_POINTS:
             raise _broken(chain, postures, parts, points, target)
         between = (parts[1:] + parts[:-1]) / 2
-        guesses = np.clip(spline(parts, postures)(between), chain.lower, chain.upper)
-        wanted = poses(smooth(between))
+        guesses = np.clip(curve(parts, postures)(between), chain.lower, chain.upper)
+        wanted = poses(gone(between))
         if _away(chain, guesses, wanted) < PATH_TOLERANCE:
             break
         solutions = solver.solve(wanted, guesses)
         _require(solutions, between, wanted, points, target)
         order = np.argsort(np.concatenate([parts, between]), kind="stable")
         parts, postures = np.concatenate([parts, between])[order], np.vstack([postures, solutions.positions])[order]
-    return Segment(parts, postures, length, target)
+    return Segment(parts, postures, way.length, np.ones(1) if passes is None else passes)
 
 
 def tool_length(chain: Chain, postures: Vector) -> float:

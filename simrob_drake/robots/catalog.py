@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from os.path import isfile
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
@@ -20,7 +20,16 @@ from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
-from simrob_drake.robots.urdf import joint_effort, joint_limits, movable_joints, name_of, read_urdf, root_link
+from simrob_drake.robots.urdf import (
+    joint_acceleration,
+    joint_effort,
+    joint_limits,
+    joint_speed,
+    movable_joints,
+    name_of,
+    read_urdf,
+    root_link,
+)
 from simrob_drake.robots.urdf_check import check_urdf
 from simrob_drake.yaml_files import FileName, Number, Strict, is_file_name, read_yaml, validated
 
@@ -28,6 +37,21 @@ ROBOT_FILE = "robot.yaml"
 
 AxisValues = Number | list[Number] | dict[str, Number]
 """One number for all axes, a list in axis order, or a mapping by axis name or alias."""
+
+
+def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
+    """Check every number of values per axis; ``meaning`` says which are accepted."""
+
+    def checked(values: AxisValues) -> AxisValues:
+        listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
+        if not all(map(accepts, listed)):
+            raise ValueError(meaning)
+        return values
+
+    return AfterValidator(checked)
+
+
+PositiveAxisValues = Annotated[AxisValues, every_axis(lambda value: value > 0, "a limit of motion must be positive")]
 
 
 class Axis(Strict):
@@ -94,6 +118,9 @@ class RobotModel(Strict):
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
     """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
+    acceleration_deg: PositiveAxisValues | None = None
+    """Largest acceleration of its axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
+    unless given, and without these none."""
     servo: Gains = Gains()
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
@@ -165,6 +192,19 @@ class RobotModel(Strict):
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
         return np.array([joint_effort(joint) for joint in self.joints])
+
+    @property
+    def speed_limits(self) -> Vector:
+        """Largest speed of every axis in the URDF, shape (n,) [rad/s or m/s]; infinite where none is told."""
+        return np.array([joint_speed(joint) for joint in self.joints])
+
+    @property
+    def accelerations(self) -> Vector:
+        """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite where none is told."""
+        own = np.array([joint_acceleration(joint) for joint in self.joints])
+        if self.acceleration_deg is None:
+            return own
+        return self.user_units * self.axis_vector(self.acceleration_deg, "acceleration_deg", own / self.user_units)
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:

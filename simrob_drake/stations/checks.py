@@ -80,7 +80,7 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course |
     torques = np.array(
         [holding_torque(ports.plant, robot, position) for position in positions[:: len(positions) // 50]]
     )
-    findings = []
+    findings, servo = [], ports.config.servo_of(robot.name)
     for axis, name in enumerate(robot.axes):
         torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
         unit = robot.model.units[axis]
@@ -95,7 +95,9 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course |
             text += f", at most {worst:.2f} {effort}, and the limit is {limit:g} {effort}: the joint will not hold; "
             findings.append(Finding("warning", subject, f"{text}raise servo.torque_limit or lighten the load"))
             continue
+        modelled = servo.feedforward != "none" or servo.law == "computed_torque"
         sag = f"; it sags by {abs(torque[-1]) / kp / unit.size:.3g} {unit.name} there" if kp > 0 else ""
+        sag = "; the servo's model holds it without sagging" if modelled else sag
         findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}"))
     return findings
 
