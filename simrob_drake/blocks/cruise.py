@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial.polynomial import polyder, polyval
 from pydrake.polynomial import Polynomial
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
@@ -25,6 +26,8 @@ from simrob_drake.given import SHORTEST
 
 _ROUNDING = 3.0
 """Parts of a ramp of an S-curve unless its jerk is told: in the first the acceleration rises, in the last it falls."""
+LONGEST_RAMP = _ROUNDING / (_ROUNDING - 1)
+"""How many times as long it takes as that of a trapezoid of the same speed and acceleration."""
 _RAMP = 0.25
 """Part of the whole time that a ramp takes where only that time is told."""
 _NO_WAY = 1e-9  # rad or m
@@ -50,8 +53,8 @@ class TimeLaw:
 
     def at(self, times: npt.ArrayLike, piece: int, order: int = 0) -> Vector:
         """Return a derivative at times (m,) [s] by one of the polynomials, shape (m,)."""
-        own = np.polynomial.Polynomial(self.coefficients[piece]).deriv(order)
-        return np.asarray(own(np.asarray(times, dtype=float) - self.breaks[piece]))
+        since = np.asarray(times, dtype=float) - self.breaks[piece]
+        return np.asarray(polyval(since, polyder(self.coefficients[piece], order)))
 
     def times_of(self, parts: Vector) -> Vector:
         """Return when the motion is at parts (m,) of its way, from 0 to 1, by straight lines between many looks [s]."""
@@ -80,7 +83,7 @@ def cruise(length: float, speed: float, acceleration: float, jerk: float | None 
         InvalidParameter: limits so large that it would take no time.
     """
     if jerk is None:
-        reached = min(speed, np.sqrt(acceleration * length / (_ROUNDING / (_ROUNDING - 1))))
+        reached = min(speed, np.sqrt(acceleration * length / LONGEST_RAMP))
         jerk = (_ROUNDING - 1) * acceleration**2 / reached
     bend = acceleration**2 / jerk  # the speed at which a ramp just reaches the acceleration, and leaves it at once
     fits = (np.sqrt(bend**2 + 4 * acceleration * length) - bend) / 2
@@ -99,7 +102,7 @@ def cruise_in(duration: float, length: float = 1.0, *, rounded: bool) -> TimeLaw
     """Return the law that takes a given time [s], a quarter of it to speed up: an S-curve, or a trapezoid."""
     ramp = _RAMP * duration
     speed = length / (duration - ramp)
-    acceleration = speed / ramp * (_ROUNDING / (_ROUNDING - 1) if rounded else 1.0)
+    acceleration = speed / ramp * (LONGEST_RAMP if rounded else 1.0)
     return cruise(length, speed, acceleration, None if rounded else np.inf)
 
 
@@ -137,7 +140,7 @@ def _of_phases(phases: list[tuple[float, float, float]], length: float) -> TimeL
     for time, push, change in phases:
         if time >= SHORTEST:
             rows.append([place, speed, push / 2, change / 6])
-            place = float(np.polynomial.Polynomial(rows[-1])(time))
+            place = float(polyval(time, rows[-1]))
             speed += push * time + change * time**2 / 2
             breaks.append(breaks[-1] + time)
     if not rows:

@@ -72,8 +72,9 @@ class ServoGains:
             if not (self.speed_limit > 0).all():
                 raise InvalidParameter("speed_limit", self.speed_limit, "positive [rad/s or m/s]")
             for name in ("kp", "kd"):
-                if not (getattr(self, name) > 0).all():
-                    raise InvalidParameter(f"the smallest {name}", getattr(self, name).min(), "positive in a cascade")
+                least = float(getattr(self, name).min())
+                if not least > 0:
+                    raise InvalidParameter(f"the smallest {name}", least, "positive in a cascade")
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.checks import check_limits, check_rates, rate_ratio
 from simrob_drake.programs.plan import Plan, joined, target_name
-from simrob_drake.programs.segments import Segment, joint_segment, pose_segment
+from simrob_drake.programs.segments import Segment, joint_segment, joint_way, pose_segment
 from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
-from simrob_drake.programs.timing import ACCELERATION, Check, How, arrivals, laws, profile_of
+from simrob_drake.programs.timing import ACCELERATION, Check, How, arrivals, laws, least_acceleration, profile_of
 from simrob_drake.programs.trajectories import Stretch, timed
 from simrob_drake.programs.zones import Way, through_zones, zone_size
 
@@ -33,6 +33,7 @@ POINTS, ARC_POINTS = 10, 20
 _MOST_POINTS = 10_000
 _LESS_THAN_FULL = 0.98  # of the joints' speeds, where durations are left to us
 
+_POINTS_A_ZONE = 4
 _TRIES = 4  # to find an acceleration that the joints allow
 
 
@@ -69,15 +70,8 @@ class Planner:
         if through and {"profile", "acceleration"} & {*how}:
             raise InvalidParameter("profile", "given", "given with stop=True or a zone: else the joints do not cruise")
         even = not through and _is_even(how, zone)
-        ways = []
-        for start, row in pairwise([self.start, *rows]):
-            course = partial(_straight, start, row)
-            ways.append(Way(course, joint_segment(self.chain, course, points=points, even=True).length))
-        groups = [through_zones(ways, zone)] if zone else [(way, np.ones(1)) for way in ways]
-        segments = [
-            joint_segment(self.chain, way.course, points=points * len(passes), even=even, passes=passes)
-            for way, passes in groups
-        ]
+        ways = [joint_way(self.chain, start, row) for start, row in pairwise([self.start, *rows])]
+        segments = [joint_segment(way, points=count, even=even) for way, count in _grouped(ways, zone, points)]
         return self._checked(segments, how, points, rows, through=through, even=even, hint=_hint(self.chain, rows))
 
     def move_j(
@@ -171,11 +165,10 @@ class Planner:
         """Plan a move whose tool goes one way after the other."""
         zone = _zone(how, len(ways))
         even, start, segments = _is_even(how, zone), self.start, list[Segment]()
-        for index, (way, passes) in enumerate([through_zones(ways, zone)] if zone else [(way, None) for way in ways]):
-            name, count = target_name(index, len(ways)), points * (1 if passes is None else len(passes))
-            found = pose_segment(inverse, way, start, points=count, target=name, even=even, passes=passes)
-            start = found.end
-            segments.append(found)
+        for index, (way, count) in enumerate(_grouped(ways, zone, points)):
+            name = target_name(index, len(ways))
+            segments.append(pose_segment(inverse, way, start, points=count, target=name, even=even))
+            start = segments[-1].end
         return self._checked(segments, how, points, even=even)
 
     def _inverse(self, solver: SolverLike | None) -> Solver:
@@ -207,7 +200,7 @@ class Planner:
             check_limits(self.chain, times, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint)
             check_limits(self.chain, looks, plan.postures(looks), plan.named)
             for order, limits in enumerate(self.rate_limits, 1):
-                check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(_remedy, how))
+                check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(_remedy, how, order))
         if check == "collision":
             self.collide(plan)
         return plan
@@ -229,19 +222,24 @@ class Planner:
         return self._slow_enough(plan) if free else plan(1.0)
 
     def _cruised(self, segments: list[Segment], how: How, points: int) -> Plan:
-        """Return the move by laws of time; with a speed alone as much sped up as the joints allow."""
+        """Return the move by laws of time; with a speed alone as much sped up as the joints allow.
+
+        Past corners it keeps its speed, or is refused: less acceleration would not help but by not reaching it.
+        """
         push = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
-        for _ in range(_TRIES):
-            found, free = laws(segments, how, points, push)
-            plan = partial(_by_laws, self.robot, segments, found, points)
-            if free or "speed" not in how or "acceleration" in how:
-                break
-            made = plan(1.0)
+        found, free = laws(segments, how, points, push)
+        plan = partial(_by_laws, self.robot, segments, found, points)
+        if free:
+            return self._slow_enough(plan)
+        made, wanted = plan(1.0), "speed" in how and "acceleration" not in how and profile_of(how) != "smooth"
+        least = min(push, least_acceleration(segments, how)) if wanted and "zone" in how else 0.0
+        for _ in range(_TRIES if wanted else 0):
             ratio = rate_ratio(made.trajectory, made.looks, self.rate_limits[1], 2) / _LESS_THAN_FULL
             if ratio <= 1:
                 break
-            push /= ratio
-        return self._slow_enough(plan) if free else plan(1.0)
+            push = max(push / ratio, least)
+            made = _by_laws(self.robot, segments, laws(segments, how, points, push)[0], points, 1.0)
+        return made
 
     def _slow_enough(self, plan: Callable[[float], Plan]) -> Plan:
         """Return a plan in as many times its duration as the joints need, one at least."""
@@ -264,9 +262,9 @@ def _by_laws(robot: str, segments: Sequence[Segment], found: Sequence[TimeLaw], 
     return Plan(robot, tuple(stretches), np.array(arrived), points)
 
 
-def _remedy(how: How, slower: float, duration: float) -> str:
+def _remedy(how: How, order: int, slower: float, duration: float) -> str:
     """Return what to do about a move that would have to be so many times slower, and so take a duration [s]."""
-    if "acceleration" in how:
+    if order == 2 and "acceleration" in how:
         return f"give it an acceleration of {how['acceleration'] / slower**2:.3g} m/s² or less, or a lower speed"
     if "speed" in how:
         wider = ", or a larger zone" if "zone" in how else ""
@@ -290,8 +288,13 @@ def _zone(how: How, count: int) -> float:
     return zone
 
 
-def _straight(start: Vector, end: Vector, parts: Vector) -> Vector:
-    return np.asarray(start + parts[:, np.newaxis] * (end - start))
+def _grouped(ways: Sequence[Way], zone: float, points: int) -> list[tuple[Way, int]]:
+    """Return what is gone without a rest, and of how many points: each way, or with a zone [m] all as one."""
+    if not zone:
+        return [(way, points) for way in ways]
+    whole = through_zones(ways, zone)
+    enough = min(int(_POINTS_A_ZONE * whole.length / zone), _MOST_POINTS)  # for a spline that bends in the zones alone
+    return [(whole, max(points * len(ways), enough))]
 
 
 def _line(begin: Vector, end: Vector) -> Way:

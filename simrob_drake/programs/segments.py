@@ -18,7 +18,7 @@ from simrob_drake.kinematics.incremental import IncrementalSolver
 from simrob_drake.kinematics.solver import Solutions, Solver
 from simrob_drake.programs.errors import BrokenPath
 from simrob_drake.programs.trajectories import free_spline, spline
-from simrob_drake.programs.zones import Course, Way
+from simrob_drake.programs.zones import Way
 
 PATH_TOLERANCE = 2e-5
 """How far the tool may be from its line or arc between two points [m]."""
@@ -45,25 +45,22 @@ class Segment:
         return np.asarray(self.postures[-1])
 
 
-def joint_segment(
-    chain: Chain, course: Course, *, points: int, even: bool = False, passes: Vector | None = None
-) -> Segment:
-    """Return the way in the space of the joints on which ``course`` gives the postures (k, n) at its parts (k,)."""
+def joint_way(chain: Chain, start: Vector, end: Vector) -> Way:
+    """Return the straight way in the space of the joints between two postures (n,)."""
+
+    def course(parts: Vector) -> Vector:
+        return np.asarray(start + parts[:, np.newaxis] * (end - start))
+
+    return Way(course, tool_length(chain, course(np.linspace(0.0, 1.0, _LEAST_POINTS + 1))))
+
+
+def joint_segment(way: Way, *, points: int, even: bool = False) -> Segment:
+    """Return the postures of a way in the space of the joints; ``even``: at parts of the way."""
     parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
-    postures = course(parts if even else smooth(parts))
-    return Segment(parts, postures, tool_length(chain, postures), np.ones(1) if passes is None else passes)
+    return Segment(parts, way.course(parts if even else smooth(parts)), way.length, way.passes)
 
 
-def pose_segment(
-    solver: Solver,
-    way: Way,
-    start: Vector,
-    *,
-    points: int,
-    target: str,
-    even: bool = False,
-    passes: Vector | None = None,
-) -> Segment:
+def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str, even: bool = False) -> Segment:
     """Return postures that lead the tool along poses.
 
     Args:
@@ -72,8 +69,7 @@ def pose_segment(
         start: the posture at its beginning, shape (n,).
         points: how many points are solved at least.
         target: what it leads to, for messages.
-        even: at parts of its way.
-        passes: the parts of it at which targets are passed; its end unless given.
+        even: at parts of the way.
 
     Raises:
         Unreachable: a point that no posture reaches; the incremental solver may stray on the way, past singular
@@ -107,7 +103,7 @@ def pose_segment(
         _require(solutions, between, wanted, points, target)
         order = np.argsort(np.concatenate([parts, between]), kind="stable")
         parts, postures = np.concatenate([parts, between])[order], np.vstack([postures, solutions.positions])[order]
-    return Segment(parts, postures, way.length, np.ones(1) if passes is None else passes)
+    return Segment(parts, postures, way.length, way.passes)
 
 
 def tool_length(chain: Chain, postures: Vector) -> float:

@@ -6,7 +6,7 @@ from typing import Literal, TypedDict, get_args
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.blocks.cruise import TimeLaw, cruise, cruise_in, smooth_law
+from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law
 from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, numbers
@@ -83,6 +83,11 @@ def laws(segments: Sequence[Segment], how: How, points: int, acceleration: float
     jerk, ways = None if profile == "s_curve" else np.inf, np.maximum(_ways(segments), _AT_ONCE)
     found = [cruise(1.0, how["speed"] / way, acceleration / way, jerk) for way in ways]
     return [law.slower(max(1.0, _LEAST_TIME / law.duration)) for law in found], False
+
+
+def least_acceleration(segments: Sequence[Segment], how: How) -> float:
+    """Return the acceleration with which a move reaches its speed just in the middle of its longest part [m/s²]."""
+    return float(LONGEST_RAMP * how["speed"] ** 2 / _ways(segments).max())
 
 
 def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector, bool]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -31,10 +31,11 @@ Course = Callable[[Vector], Vector]
 
 @dataclass(frozen=True)
 class Way:
-    """A way to one target: where it leads at its parts, and how long it is [m]."""
+    """A way to one target, or past several: where it leads at its parts, how long it is [m], where the targets are."""
 
     course: Course
     length: float
+    passes: Vector = field(default_factory=lambda: np.ones(1))
 
 
 def zone_size(zone: object) -> float:
@@ -53,8 +54,8 @@ def zone_size(zone: object) -> float:
     return max(int(number[1]) / 1e3, _SMALLEST)
 
 
-def through_zones(ways: Sequence[Way], zone: float) -> tuple[Way, Vector]:
-    """Return ways as one that passes their targets within zones, and at which parts of it, shape (k,).
+def through_zones(ways: Sequence[Way], zone: float) -> Way:
+    """Return ways to one target each as one that passes their targets within zones [m].
 
     Raises:
         InvalidParameter: a zone larger than half of a way that leads into or out of it.
@@ -79,7 +80,7 @@ def through_zones(ways: Sequence[Way], zone: float) -> tuple[Way, Vector]:
                 found[near] = _laid_over(left, before.course(np.ones(1))[0], entered)
         return found
 
-    return Way(course, float(ends[-1])), ends / ends[-1]
+    return Way(course, float(ends[-1]), ends / ends[-1])
 
 
 def _on(way: Way, short_of: Vector) -> Vector:
