@@ -47,7 +47,7 @@ def test_limits_come_from_the_urdf_where_the_robot_s_file_tells_none():
     assert (joint_speed(joint), joint_acceleration(joint)) == (2.0, 7.0)
     assert joint_acceleration(ET.fromstring('<joint><limit velocity="0"/></joint>')) == np.inf
     assert joint_speed(ET.fromstring('<joint><limit velocity="0"/></joint>')) == np.inf
-    np.testing.assert_allclose(np.rad2deg(load_robot("irb120").accelerations), [1500] * 3 + [2500] * 3)
+    np.testing.assert_allclose(np.rad2deg(load_robot("irb120").accelerations), [2000] * 3 + [3000] * 3)
 
 
 @pytest.mark.parametrize(
