@@ -22,7 +22,7 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from simrob_drake.blocks.references import BLEND, hold
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.given import SHORTEST
+from simrob_drake.given import LONGEST, SHORTEST
 
 _ROUNDING = 3.0
 """Parts of a ramp of an S-curve unless its jerk is told: in the first the acceleration rises, in the last it falls."""
@@ -31,6 +31,7 @@ LONGEST_RAMP = _ROUNDING / (_ROUNDING - 1)
 _RAMP = 0.25
 """Part of the whole time that a ramp takes where only that time is told."""
 _NO_WAY = 1e-9  # rad or m
+_QUICKEST = 1e-4  # s: what a ramp takes at least, and its rise, so that they are times that can be told apart
 _LOOKS = 500  # at each polynomial of a law
 
 
@@ -80,11 +81,19 @@ def cruise(length: float, speed: float, acceleration: float, jerk: float | None 
     The jerk of a trapezoid is infinite. None gives an S-curve whose acceleration rises for a third of the ramp.
 
     Raises:
-        InvalidParameter: limits so large that it would take no time.
+        InvalidParameter: limits so low that it would take for ever.
     """
+    slowest = max(length / speed, np.sqrt(length / acceleration), 0.0 if jerk is None else np.cbrt(length / jerk))
+    if not slowest < LONGEST:
+        told = f"shorter than {LONGEST:g} s: its limits are too low"
+        raise InvalidParameter("the time of the motion", f"{slowest:.2g} s", told)
+    speed = min(speed, length / _QUICKEST)
+    acceleration = min(acceleration, speed / _QUICKEST)
     if jerk is None:
         reached = min(speed, np.sqrt(acceleration * length / LONGEST_RAMP))
         jerk = (_ROUNDING - 1) * acceleration**2 / reached
+    elif np.isfinite(jerk):
+        jerk = min(jerk, acceleration / _QUICKEST)
     bend = acceleration**2 / jerk  # the speed at which a ramp just reaches the acceleration, and leaves it at once
     fits = (np.sqrt(bend**2 + 4 * acceleration * length) - bend) / 2
     if fits < bend:
@@ -98,12 +107,11 @@ def cruise(length: float, speed: float, acceleration: float, jerk: float | None 
     return _of_phases([*ramp, even, *braking], length)
 
 
-def cruise_in(duration: float, length: float = 1.0, *, rounded: bool) -> TimeLaw:
-    """Return the law that takes a given time [s], a quarter of it to speed up: an S-curve, or a trapezoid."""
-    ramp = _RAMP * duration
-    speed = length / (duration - ramp)
-    acceleration = speed / ramp * (LONGEST_RAMP if rounded else 1.0)
-    return cruise(length, speed, acceleration, None if rounded else np.inf)
+def cruise_in(duration: float, *, rounded: bool) -> TimeLaw:
+    """Return the law of a way of 1 that takes a time [s], a quarter of it to speed up: an S-curve, or a trapezoid."""
+    speed = 1 / (1 - _RAMP)
+    acceleration = speed / _RAMP * (LONGEST_RAMP if rounded else 1.0)
+    return cruise(1.0, speed, acceleration, None if rounded else np.inf).slower(duration)
 
 
 def cruising(
@@ -143,6 +151,4 @@ def _of_phases(phases: list[tuple[float, float, float]], length: float) -> TimeL
             place = float(polyval(time, rows[-1]))
             speed += push * time + change * time**2 / 2
             breaks.append(breaks[-1] + time)
-    if not rows:
-        raise InvalidParameter("the time of the motion", "none", "longer: limit speed and acceleration")
     return TimeLaw(np.array(breaks), np.array(rows) * length / place)

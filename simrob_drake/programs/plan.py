@@ -1,6 +1,5 @@
 """A move that is planned and checked."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,7 +7,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.frames import Vector
-from simrob_drake.programs.segments import Segment, named_point
+from simrob_drake.programs.segments import named_point
 from simrob_drake.programs.trajectories import Stretch, trajectory
 
 _LOOKS = 4  # a point
@@ -76,12 +75,3 @@ def target_name(index: int, count: int) -> str:
 def look_times(duration: float, points: int) -> Vector:
     """Return the times (k,) [s] at which a move of so many points is looked at."""
     return np.linspace(0.0, duration, _LOOKS * max(points, 10) + 1)
-
-
-def joined(segments: Sequence[Segment], times: Vector) -> tuple[Stretch, ...]:
-    """Return the motions of segments that end at times (k,) [s], resting at each end."""
-    begins = np.concatenate([[0.0], times[:-1]])
-    return tuple(
-        Stretch(segment.parts, segment.postures).at(begin, end - begin)
-        for segment, begin, end in zip(segments, begins, times, strict=True)
-    )

@@ -10,31 +10,26 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from simrob_drake.blocks.cruise import TimeLaw
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.given import positive, truth, whole
+from simrob_drake.given import truth, whole
 from simrob_drake.interpolation import Arc, stacked, turn
 from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
-from simrob_drake.programs.checks import check_limits, check_rates, rate_ratio
-from simrob_drake.programs.plan import Plan, joined, target_name
+from simrob_drake.programs.checks import check_limits, check_rates
+from simrob_drake.programs.plan import Plan, target_name
 from simrob_drake.programs.segments import Segment, joint_segment, joint_way, pose_segment
 from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
-from simrob_drake.programs.timing import ACCELERATION, Check, How, arrivals, laws, least_acceleration, profile_of
-from simrob_drake.programs.trajectories import Stretch, timed
+from simrob_drake.programs.timing import Check, How, Limits, remedy, through_all, timed
 from simrob_drake.programs.zones import Way, through_zones, zone_size
 
 POINTS, ARC_POINTS = 10, 20
 """Points on the way to a target unless given, as in SimRob; of arcs."""
 
 _MOST_POINTS = 10_000
-_LESS_THAN_FULL = 0.98  # of the joints' speeds, where durations are left to us
-
-_POINTS_A_ZONE = 4
-_TRIES = 4  # to find an acceleration that the joints allow
+_POINTS_A_ZONE, _ENOUGH = 4, 2000
 
 
 @dataclass(frozen=True)
@@ -50,7 +45,7 @@ class Planner:
     chain: Chain  # from the world to the tool
     start: Vector  # the posture from which the move begins, shape (n,) [rad or m]
     solver: SolverLike  # of moves that name none
-    rate_limits: tuple[Vector, Vector]  # largest speeds and accelerations of the axes, each of shape (n,)
+    rate_limits: Limits  # of the axes
     frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
     collide: Callable[[Plan], None]  # raises where a plan leads into something
 
@@ -69,10 +64,9 @@ class Planner:
         through = not stop and len(rows) > 1 and "zone" not in how
         if through and {"profile", "acceleration"} & {*how}:
             raise InvalidParameter("profile", "given", "given with stop=True or a zone: else the joints do not cruise")
-        even = not through and _is_even(how, zone)
         ways = [joint_way(self.chain, start, row) for start, row in pairwise([self.start, *rows])]
-        segments = [joint_segment(way, points=count, even=even) for way, count in _grouped(ways, zone, points)]
-        return self._checked(segments, how, points, rows, through=through, even=even, hint=_hint(self.chain, rows))
+        segments = [joint_segment(way, points=count) for way, count in _grouped(ways, zone, points)]
+        return self._checked(segments, how, points, rows, through=through, hint=_hint(self.chain, rows))
 
     def move_j(
         self,
@@ -164,12 +158,12 @@ class Planner:
     def _along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
         """Plan a move whose tool goes one way after the other."""
         zone = _zone(how, len(ways))
-        even, start, segments = _is_even(how, zone), self.start, list[Segment]()
+        start, segments = self.start, list[Segment]()
         for index, (way, count) in enumerate(_grouped(ways, zone, points)):
             name = target_name(index, len(ways))
-            segments.append(pose_segment(inverse, way, start, points=count, target=name, even=even))
+            segments.append(pose_segment(inverse, way, start, points=count, target=name))
             start = segments[-1].end
-        return self._checked(segments, how, points, even=even)
+        return self._checked(segments, how, points)
 
     def _inverse(self, solver: SolverLike | None) -> Solver:
         return solver_for(self.chain, self.solver if solver is None else solver)
@@ -186,13 +180,12 @@ class Planner:
         rows: Vector | None = None,
         *,
         through: bool = False,
-        even: bool = False,
         hint: str = "",
     ) -> Plan:
         """Give segments their times, and look at the move: first at the targets, for which messages may have a hint."""
         check: Check = how.get("check", "limits")
         one_of("check", check, get_args(Check))
-        plan = self._cruised(segments, how, points) if even else self._smooth(segments, how, points, through)
+        plan = (through_all if through else timed)(self.robot, segments, how, points, self.rate_limits)
         if check != "nothing":
             names = [(points, target_name(index, len(plan.arrivals))) for index in range(len(plan.arrivals))]
             ends = np.array([segment.end for segment in segments]) if rows is None else rows
@@ -200,81 +193,10 @@ class Planner:
             check_limits(self.chain, times, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint)
             check_limits(self.chain, looks, plan.postures(looks), plan.named)
             for order, limits in enumerate(self.rate_limits, 1):
-                check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(_remedy, how, order))
+                check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(remedy, how, order))
         if check == "collision":
             self.collide(plan)
         return plan
-
-    def _smooth(self, segments: list[Segment], how: How, points: int, through: bool) -> Plan:
-        """Return the move that is gone smoothly: slower, where its time is left to us and the joints need it."""
-        times, free = arrivals(segments, how, points)
-        if through:
-            parts, postures = (
-                np.append(0.0, times / times[-1]),
-                np.array([self.start, *(each.end for each in segments)]),
-            )
-            segments = [Segment(parts, postures, 0.0)]
-
-        def plan(factor: float) -> Plan:
-            ends = factor * (times[-1:] if through else times)
-            return Plan(self.robot, joined(segments, ends), factor * times, points)
-
-        return self._slow_enough(plan) if free else plan(1.0)
-
-    def _cruised(self, segments: list[Segment], how: How, points: int) -> Plan:
-        """Return the move by laws of time; with a speed alone as much sped up as the joints allow.
-
-        Past corners it keeps its speed, or is refused: less acceleration would not help but by not reaching it.
-        """
-        push = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
-        found, free = laws(segments, how, points, push)
-        plan = partial(_by_laws, self.robot, segments, found, points)
-        if free:
-            return self._slow_enough(plan)
-        made, wanted = plan(1.0), "speed" in how and "acceleration" not in how and profile_of(how) != "smooth"
-        least = min(push, least_acceleration(segments, how)) if wanted and "zone" in how else 0.0
-        for _ in range(_TRIES if wanted else 0):
-            ratio = rate_ratio(made.trajectory, made.looks, self.rate_limits[1], 2) / _LESS_THAN_FULL
-            if ratio <= 1:
-                break
-            push = max(push / ratio, least)
-            made = _by_laws(self.robot, segments, laws(segments, how, points, push)[0], points, 1.0)
-        return made
-
-    def _slow_enough(self, plan: Callable[[float], Plan]) -> Plan:
-        """Return a plan in as many times its duration as the joints need, one at least."""
-        first = plan(1.0)
-        ratios = [
-            rate_ratio(first.trajectory, first.looks, limits, order) ** (1 / order)
-            for order, limits in enumerate(self.rate_limits, 1)
-        ]
-        factor = max(ratios) / _LESS_THAN_FULL
-        return first if factor <= 1 else plan(factor)
-
-
-def _by_laws(robot: str, segments: Sequence[Segment], found: Sequence[TimeLaw], points: int, factor: float) -> Plan:
-    """Return the move by a law of time for each segment, in ``factor`` times the time."""
-    stretches, arrived, begin = list[Stretch](), list[float](), 0.0
-    for segment, law in zip(segments, (law.slower(factor) for law in found), strict=True):
-        stretches += [stretch.at(begin) for stretch in timed(segment.parts, segment.postures, law)]
-        arrived += (begin + law.times_of(segment.passes)).tolist()
-        begin += law.duration
-    return Plan(robot, tuple(stretches), np.array(arrived), points)
-
-
-def _remedy(how: How, order: int, slower: float, duration: float) -> str:
-    """Return what to do about a move that would have to be so many times slower, and so take a duration [s]."""
-    if order == 2 and "acceleration" in how:
-        return f"give it an acceleration of {how['acceleration'] / slower**2:.3g} m/s² or less, or a lower speed"
-    if "speed" in how:
-        wider = ", or a larger zone" if "zone" in how else ""
-        return f"give the move a speed of {how['speed'] / slower:.3g} m/s or less{wider}"
-    return f"give the move a duration of {duration:.3g} s or more"
-
-
-def _is_even(how: How, zone: float) -> bool:
-    """Tell whether a move is gone by a law of time along its way, and not smoothly from target to target."""
-    return zone > 0 or profile_of(how) != "smooth"
 
 
 def _zone(how: How, count: int) -> float:
@@ -293,7 +215,7 @@ def _grouped(ways: Sequence[Way], zone: float, points: int) -> list[tuple[Way, i
     if not zone:
         return [(way, points) for way in ways]
     whole = through_zones(ways, zone)
-    enough = min(int(_POINTS_A_ZONE * whole.length / zone), _MOST_POINTS)  # for a spline that bends in the zones alone
+    enough = min(int(_POINTS_A_ZONE * whole.length / zone), _ENOUGH)  # for a spline that bends in the zones alone
     return [(whole, max(points * len(ways), enough))]
 
 

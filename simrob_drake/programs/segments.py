@@ -1,23 +1,20 @@
-"""The parts of a move, each from rest to rest: postures at its parts, enough for a spline to keep the way.
-
-The parts are those of its time, of which a smooth motion goes a share of its way by each; or, ``even``, of its way.
+"""The parts of a move, each from rest to rest: postures at parts of its way, enough for a spline to keep to it.
 
 A Cartesian part is solved at a few points, joined by a spline, and looked at half-way between them; where the tool
 would leave its line or arc, points are put in between until it does not.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from simrob_drake.blocks.references import PEAK, smooth
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import turned_by
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.incremental import IncrementalSolver
 from simrob_drake.kinematics.solver import Solutions, Solver
 from simrob_drake.programs.errors import BrokenPath
-from simrob_drake.programs.trajectories import free_spline, spline
+from simrob_drake.programs.trajectories import free_spline
 from simrob_drake.programs.zones import Way
 
 PATH_TOLERANCE = 2e-5
@@ -34,10 +31,10 @@ _SHRINKS = 0.8  # a continuous motion between points halves when their number do
 class Segment:
     """Postures on the way to one target, or to several that are passed within zones."""
 
-    parts: Vector  # of its time or its way, from 0 to 1, shape (k,)
+    parts: Vector  # of its way, from 0 to 1, shape (k,)
     postures: Vector  # there, shape (k, n) [rad or m]
     length: float  # of the tool's way [m]
-    passes: Vector = field(default_factory=lambda: np.ones(1))  # the parts of its way at which targets are
+    passes: Vector  # the parts at which targets are
 
     @property
     def end(self) -> Vector:
@@ -54,13 +51,13 @@ def joint_way(chain: Chain, start: Vector, end: Vector) -> Way:
     return Way(course, tool_length(chain, course(np.linspace(0.0, 1.0, _LEAST_POINTS + 1))))
 
 
-def joint_segment(way: Way, *, points: int, even: bool = False) -> Segment:
-    """Return the postures of a way in the space of the joints; ``even``: at parts of the way."""
+def joint_segment(way: Way, *, points: int) -> Segment:
+    """Return the postures of a way in the space of the joints."""
     parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
-    return Segment(parts, way.course(parts if even else smooth(parts)), way.length, way.passes)
+    return Segment(parts, way.course(parts), way.length, way.passes)
 
 
-def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str, even: bool = False) -> Segment:
+def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str) -> Segment:
     """Return postures that lead the tool along poses.
 
     Args:
@@ -69,7 +66,6 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
         start: the posture at its beginning, shape (n,).
         points: how many points are solved at least.
         target: what it leads to, for messages.
-        even: at parts of the way.
 
     Raises:
         Unreachable: a point that no posture reaches; the incremental solver may stray on the way, past singular
@@ -77,26 +73,25 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
         BrokenPath: points that no continuous motion joins.
     """
     chain, strays, poses = solver.chain, isinstance(solver, IncrementalSolver), way.course
-    gone = (lambda parts: parts) if even else smooth
     count = max(points, _LEAST_POINTS)
     if strays:  # it follows small turns only
         first, last = poses(np.array([0.0, 1.0]))
-        count = max(count, int(np.ceil(PEAK * turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
+        count = max(count, int(np.ceil(turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
     parts = np.linspace(0.0, 1.0, count + 1)
-    targets = poses(gone(parts))
+    targets = poses(parts)
     solutions = solver.solve(targets[1:], start)
     if not strays or not solutions.reached[-1]:
         _require(solutions, parts[1:], targets[1:], points, target)
     postures = np.vstack([start, solutions.positions])
     exact = _away(chain, postures, targets) < PATH_TOLERANCE  # else the solver was asked for something else
-    curve, jump = free_spline if even else spline, np.inf
+    jump = np.inf
     while exact:
         last_jump, jump = jump, float(np.abs(np.diff(postures, axis=0)).max())
         if (jump > _JUMP and jump > _SHRINKS * last_jump) or len(parts) > _MOST_POINTS:
             raise _broken(chain, postures, parts, points, target)
         between = (parts[1:] + parts[:-1]) / 2
-        guesses = np.clip(curve(parts, postures)(between), chain.lower, chain.upper)
-        wanted = poses(gone(between))
+        guesses = np.clip(free_spline(parts, postures)(between), chain.lower, chain.upper)
+        wanted = poses(between)
         if _away(chain, guesses, wanted) < PATH_TOLERANCE:
             break
         solutions = solver.solve(wanted, guesses)

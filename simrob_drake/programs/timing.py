@@ -11,7 +11,10 @@ from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, numbers
 from simrob_drake.given import LONGEST, SHORTEST, positive, seconds
+from simrob_drake.programs.checks import rate_ratio
+from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.segments import Segment
+from simrob_drake.programs.trajectories import Stretch, by_law
 
 POINT_TIME = 0.1
 """Time that a point of a move takes unless something else is asked [s]; Ts in SimRob."""
@@ -26,6 +29,10 @@ Check = Literal["nothing", "limits", "collision"]
 _TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
 _AT_ONCE = 1e-6  # m: what the way to a target counts at least
 _LEAST_TIME = 0.01  # s to a target
+_LESS_THAN_FULL = 0.98  # of the joints' limits, where durations are left to us
+_TRIES = 4  # to find an acceleration that the joints allow
+Limits = tuple[Vector, Vector]
+"""Largest speeds and accelerations of axes, each of shape (n,) [rad/s or m/s, rad/s² or m/s²]."""
 
 
 class How(TypedDict, total=False):
@@ -67,12 +74,81 @@ def profile_of(how: How) -> Profile:
     return profile
 
 
-def laws(segments: Sequence[Segment], how: How, points: int, acceleration: float) -> tuple[list[TimeLaw], bool]:
-    """Return by which law of time each segment is gone, and whether its duration was left to us.
+def timed(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
+    """Return the move that goes segment by segment by a law of time, and rests at the end of each.
+
+    Where its time is left to us it takes as long as the joints need; with a speed alone it is sped up as they allow.
+    Past corners it keeps that speed: less acceleration would help there only by not reaching it.
 
     Raises:
         InvalidParameter: as :func:`arrivals`.
     """
+    push = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
+    found, free = _laws(segments, how, points, push)
+    made = _by_laws(robot, segments, found, points)
+    if free:
+        slower = _needed(made, limits)
+        return made if slower <= 1 else _by_laws(robot, segments, [law.slower(slower) for law in found], points)
+    if "speed" not in how or "acceleration" in how or profile_of(how) == "smooth":
+        return made
+    reaching = LONGEST_RAMP * how["speed"] * (how["speed"] / _ways(segments).max())  # in the middle of the longest part
+    least = min(push, reaching) if "zone" in how else 0.0
+    for _ in range(_TRIES):
+        ratio = rate_ratio(made.trajectory, made.looks, limits[1], 2) / _LESS_THAN_FULL
+        if ratio <= 1:
+            break
+        push = max(push / ratio, least)
+        made = _by_laws(robot, segments, _laws(segments, how, points, push)[0], points)
+    return made
+
+
+def through_all(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
+    """Return the move that passes smoothly through the ends of all segments, and rests at the last.
+
+    Raises:
+        InvalidParameter: as :func:`arrivals`.
+    """
+    times, free = arrivals(segments, how, points)
+    rows = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
+
+    def plan(times: Vector) -> Plan:
+        return Plan(robot, (Stretch(np.append(0.0, times), rows),), times, points)
+
+    made = plan(times)
+    slower = _needed(made, limits) if free else 1.0
+    return made if slower <= 1 else plan(times * slower)
+
+
+def remedy(how: How, order: int, slower: float, duration: float) -> str:
+    """Return what to do about a move that would have to be so many times slower, and so take a duration [s].
+
+    Because of speeds (order 1) or accelerations (2).
+    """
+    if order == 2 and "acceleration" in how:
+        return f"give it an acceleration of {how['acceleration'] / slower**2:.3g} m/s² or less, or a lower speed"
+    if "speed" in how:
+        wider = ", or a larger zone" if "zone" in how else ""
+        return f"give the move a speed of {how['speed'] / slower:.3g} m/s or less{wider}"
+    return f"give the move a duration of {duration:.3g} s or more"
+
+
+def _needed(plan: Plan, limits: Limits) -> float:
+    """Return in how many times its time a plan can be done by far."""
+    ratios = [rate_ratio(plan.trajectory, plan.looks, limit, order) for order, limit in enumerate(limits, 1)]
+    return float(max(ratio ** (1 / order) for order, ratio in enumerate(ratios, 1)) / _LESS_THAN_FULL)
+
+
+def _by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], points: int) -> Plan:
+    stretches, arrived, begin = list[Stretch](), list[float](), 0.0
+    for segment, law in zip(segments, laws, strict=True):
+        stretches += [stretch.at(begin) for stretch in by_law(segment.parts, segment.postures, law)]
+        arrived += (begin + law.times_of(segment.passes)).tolist()
+        begin += law.duration
+    return Plan(robot, tuple(stretches), np.array(arrived), points)
+
+
+def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: float) -> tuple[list[TimeLaw], bool]:
+    """Return by which law of time each segment is gone, and whether its duration was left to us."""
     profile = profile_of(how)
     times, free = arrivals(segments, how, points)
     durations = np.diff(times, prepend=0.0).tolist()
@@ -83,11 +159,6 @@ def laws(segments: Sequence[Segment], how: How, points: int, acceleration: float
     jerk, ways = None if profile == "s_curve" else np.inf, np.maximum(_ways(segments), _AT_ONCE)
     found = [cruise(1.0, how["speed"] / way, acceleration / way, jerk) for way in ways]
     return [law.slower(max(1.0, _LEAST_TIME / law.duration)) for law in found], False
-
-
-def least_acceleration(segments: Sequence[Segment], how: How) -> float:
-    """Return the acceleration with which a move reaches its speed just in the middle of its longest part [m/s²]."""
-    return float(LONGEST_RAMP * how["speed"] ** 2 / _ways(segments).max())
 
 
 def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector, bool]:

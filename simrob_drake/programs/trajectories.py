@@ -61,7 +61,7 @@ class Stretch:
         return Stretch(begin + factor * self.times, self.postures, ends)
 
 
-def timed(parts: Vector, postures: Vector, law: TimeLaw) -> tuple[Stretch, ...]:
+def by_law(parts: Vector, postures: Vector, law: TimeLaw) -> tuple[Stretch, ...]:
     """Return the motions by which a way is gone that leads through postures (k, n) at its parts (k,), from 0 to 1.
 
     Each is that of one polynomial of the law: no spline smoothes the acceleration or jerk that jumps between two.

@@ -22,7 +22,7 @@ from simrob_drake.interpolation import stacked
 
 _LARGEST = 200  # mm, of RAPID's zones
 _SMALLEST = 3e-4  # m: z0
-_KNOWN = f"'fine', 'z0' to 'z{_LARGEST}' for so many millimetres, or a positive number [m]"
+_KNOWN = f"'fine', 'z0' to 'z{_LARGEST}' for so many millimetres, or a number from {_SMALLEST:g} [m]"
 _TOO_WIDE = 1 + 1e-9
 
 Course = Callable[[Vector], Vector]
@@ -45,7 +45,10 @@ def zone_size(zone: object) -> float:
         InvalidParameter: no zone.
     """
     if not isinstance(zone, str):
-        return positive(zone, "zone", "m")
+        size = positive(zone, "zone", "m")
+        if size < _SMALLEST:
+            raise InvalidParameter("zone", zone, _KNOWN)
+        return size
     if zone == "fine":
         return 0.0
     number = re.fullmatch(r"z(\d{1,3})", zone)

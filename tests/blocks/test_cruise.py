@@ -122,7 +122,16 @@ def test_an_s_curve_of_axes_keeps_their_jerks() -> None:
     assert np.isclose(jerks[:2], [30.0, 20.0]).any()
 
 
-def test_no_way_takes_no_time_and_no_limits_are_refused() -> None:
+def test_no_way_takes_no_time_and_no_limit_no_time_that_cannot_be_told() -> None:
     assert cruising(START, START, SPEEDS, PUSHES).value(3.0).ravel() == pytest.approx(START)
-    with pytest.raises(InvalidParameter, match="limit speed and acceleration"):
-        cruise(1e-9, 1e9, 1e9, np.inf)
+    for jerk in (np.inf, None, 1e300):
+        law = cruise(1.0, 1e300, 1e300, jerk)
+        assert 1e-4 < law.duration < 1e-3
+        np.testing.assert_allclose(ends(law, 0)[[0, -1], [0, 1]], [0, 1], atol=1e-9)
+        np.testing.assert_allclose(ends(law, 1)[[0, -1], [0, 1]], 0, atol=1e-9 * np.abs(ends(law, 1)).max())
+
+
+@pytest.mark.parametrize("limits", [(1e-300, 1.0, 1.0), (1.0, 1e-300, None), (1.0, 1.0, 1e-300)])
+def test_what_would_take_for_ever_is_refused(limits) -> None:
+    with pytest.raises(InvalidParameter, match=r"the time of the motion is .*limits are too low"):
+        cruise(1.0, *limits)
