@@ -22,6 +22,9 @@ _TOUCH = 1e-4
 _DROP = 2e-3
 """A robot that starts higher over the floor than this drops on it [m]."""
 
+_FASTER = 1.001
+"""A speed by straight lines between looks counts as beyond a limit from this part of it on."""
+
 _DEEP = 1e-3  # m: things that rest on each other are less deep in each other
 
 
@@ -36,6 +39,8 @@ def check_station(config: StationConfig) -> list[Finding]:
     for name, course in closed.courses.items():
         check_course(ports.plant.robots[name], course, config.duration)
     findings = [Finding("ok", "references", "all within the joint limits")]
+    for name, course in closed.courses.items():
+        findings += _speed_findings(ports.plant.robots[name], course, config.duration)
     for robot in ports.plant.robots.values():
         findings += _import_findings(config, robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
@@ -71,6 +76,19 @@ def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
     text = f"{import_summary(robot.model)}; `simrob check {urdf}` tells all"
     return [Finding("ok", f"import of {urdf.name}", text)]
+
+
+def _speed_findings(robot: StationRobot, course: Course, duration: float) -> list[Finding]:
+    """Name the axes that a reference asks for more speed than they have."""
+    times, positions = course_samples(course, duration)
+    speeds, limits = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1], robot.model.speed_limits
+    findings = []
+    for axis in np.flatnonzero(speeds > _FASTER * limits):
+        unit, name = robot.model.user_units[axis], f"{robot.model.unit_names[axis]}/s"
+        text = f"{robot.prefix}{robot.axes[axis]} is asked for {speeds[axis] / unit:.4g} {name}"
+        text += f", its limit is {limits[axis] / unit:.4g} {name}; give it more time"
+        findings.append(Finding("warning", "references", text))
+    return findings
 
 
 def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course | None) -> list[Finding]:

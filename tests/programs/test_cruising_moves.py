@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import SimrobError, Workcell
+from simrob_drake.blocks.references import hermite, hermite_samples
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
 from simrob_drake.programs.zones import zone_size
@@ -126,6 +127,15 @@ def test_a_program_runs_with_them_on_both_kinds_of_station(dynamic):
         arm.move_l([0.0, 0.0, 0.02], wobj=arm, speed=0.1)
         (again,) = arm.replay()
         np.testing.assert_array_equal(again.axes("q")[-1], arm.position)
+
+
+def test_a_saved_move_keeps_its_corners_of_speed(arm):
+    plan = arm.plan.move_l(CORNERS[1], wobj="table", speed=0.15, profile="trapezoid")
+    times, *values = hermite_samples(plan.trajectory, 0.0, plan.duration, 200.0)
+    again = hermite(times, *values)
+    looks = np.linspace(0, plan.duration, 777)
+    pushes = [course.MakeDerivative(2).vector_values(looks) for course in (plan.trajectory, again)]
+    np.testing.assert_allclose(pushes[1], pushes[0], atol=1e-2 * np.abs(pushes[0]).max())
 
 
 def test_zones_are_rapid_s():
