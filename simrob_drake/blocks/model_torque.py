@@ -38,8 +38,8 @@ def add_feedforward(
 ) -> list[OutputPort]:
     """Add the torques (n) [N·m] that robots of a finalized plant take on the way that each is asked to go.
 
-    One whose signals have no reference velocity and acceleration is taken to rest at each position: its torques are
-    those against gravity. What else there is in the plant rests where it is by default.
+    One whose signals have no reference acceleration is taken to rest at each position: its torques are those against
+    gravity. What else there is in the plant rests where it is by default.
     """
     rest = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
     states, rates = [], []  # ports, each with the matrix that puts it into the vectors of the plant
@@ -47,9 +47,8 @@ def add_feedforward(
         count, spread = len(axes.signs), axes.state_matrix.T
         rest[spread.any(axis=1)] = 0.0
         states.append((signals.reference, spread[:, :count]))
-        if signals.reference_velocity is not None:
+        if signals.reference_velocity is not None and signals.reference_acceleration is not None:
             states.append((signals.reference_velocity, spread[:, count:]))
-        if signals.reference_acceleration is not None:
             rates.append((signals.reference_acceleration, axes.velocity_matrix.T))
     state = _spread(builder, f"{name}.state", states, rest)
     rate = _spread(builder, f"{name}.acceleration", rates, np.zeros(plant.num_velocities())) if rates else None

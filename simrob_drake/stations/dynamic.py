@@ -80,17 +80,14 @@ def _with_feedforward(
     builder: DiagramBuilder, ports: StationPorts, signals: Mapping[str, ServoSignals]
 ) -> dict[str, ServoSignals]:
     """Add the torques that the model foretells, and return what the servos read, by robot, with them in it."""
-    given, asked = dict(signals), {}
-    for name, own in signals.items():
-        servo = ports.config.servo_of(name)
-        if servo.feedforward != "none":
-            still = {} if servo.follows_motion else dict.fromkeys(_DERIVATIVES)
-            asked[name] = ports.plant.robots[name].axis_map, replace(own, **still)
+    given, servo_of = dict(signals), ports.config.servo_of
+    asked = {name: own for name, own in signals.items() if servo_of(name).feedforward != "none"}
     if not asked:
         return given
-    torques = add_feedforward(builder, ports.plant.plant, list(asked.values()), name="model_feedforward")
-    for name, torque in zip(asked, torques, strict=True):
-        own, prefix = given[name], ports.plant.robots[name].prefix
+    robots = [(ports.plant.robots[name].axis_map, own) for name, own in asked.items()]
+    torques = add_feedforward(builder, ports.plant.plant, robots, name="model_feedforward")
+    for (name, own), torque in zip(asked.items(), torques, strict=True):
+        prefix = ports.plant.robots[name].prefix
         parts = [port for port in (own.feedforward,) if port is not None]
         given[name] = replace(own, feedforward=summed(builder, f"{prefix}whole_feedforward", torque, *parts))
     draw_feedforward(ports, list(asked))

@@ -36,6 +36,8 @@ def two_links() -> tuple[MultibodyPlant, AxisMap]:
         plant.AddJointActuator(f"motor_{index}", joints[-1])
         parent = link.body_frame()
     plant.Finalize()
+    for joint in joints:
+        joint.set_default_angle(0.7)  # which is not where they are asked to be
     return plant, AxisMap.of_joints(plant, joints, SIGNS)
 
 

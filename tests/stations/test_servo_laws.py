@@ -77,18 +77,19 @@ def test_each_robot_has_its_own_and_pieces_that_fly_do_not_matter():
     assert off["right"].max() > 0.5
 
 
-def test_an_input_of_torques_comes_on_top():
-    station = build_station(load_station("irb120_dynamic", {"servo.feedforward": "gravity", "inputs": ["feedforward"]}))
-    context = station.CreateDefaultContext()
-    station.GetInputPort("reference").FixValue(context, np.zeros(6))
-    torque = {}
-    for extra in (0.0, 2.0):
-        station.GetInputPort("feedforward").FixValue(context, np.full(6, extra))
-        torque[extra] = station.GetOutputPort("torque").Eval(context)
-    np.testing.assert_allclose(torque[2.0] - torque[0.0], 2.0, atol=1e-12)
-    plant, own = station.ports.plant.plant, station.ports.plant.robots["robot"]
+def test_gravity_asks_for_no_speed_and_an_input_of_torques_comes_on_top():
+    """Beside an arm whose motion counts, in one model."""
+    servos = {"left": "gravity", "right": "inverse_dynamics"}
+    change = {f"robots.{name}.servo": {"kp": 9, "kd": 10, "feedforward": kind} for name, kind in servos.items()}
+    station = build_station(load_station("two_irb120", {**change, "inputs": ["feedforward", "reference_velocity"]}))
+    context, own = station.CreateDefaultContext(), station.ports.plant.robots["left"]
+    for name in station.ports.inputs:
+        value = 0.5 if name.endswith("velocity") else 2.0 if name.endswith("feedforward") else 0.0
+        station.GetInputPort(name).FixValue(context, np.full(6, value))
+    plant = station.ports.plant.plant
     weight = -own.axis_map.efforts(plant.CalcGravityGeneralizedForces(plant.CreateDefaultContext()))
-    np.testing.assert_allclose(torque[0.0], weight, atol=1e-12)
+    found = station.GetOutputPort("left.torque").Eval(context)
+    np.testing.assert_allclose(found, weight + 2.0 + 10 * 0.5, atol=1e-12)  # with the damping's share
 
 
 def test_a_cascade_goes_no_faster_than_its_limit():
