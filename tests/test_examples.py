@@ -116,20 +116,22 @@ def test_the_pencil_keeps_to_the_axes_of_the_holes():
 def test_the_rook_stands_on_its_square(mode):
     arm, _ = example("irb120_chess").run(mode=mode)
     off = arm.cell.frame("rook").translation() - arm.cell.frame("chess_board.square_5_5").translation()
-    assert np.linalg.norm(off) < (1e-6 if mode == "kinematic" else 0.02)  # the dynamic arm sags
+    assert np.linalg.norm(off) < (1e-6 if mode == "kinematic" else 5e-4)  # its servos know its weight and the rook's
     assert arm.cell.config.pieces["pencil"].parent == "gripper"
     assert arm.cell.config.pieces["rook"].parent == "chess_board"
 
 
-def test_the_dynamic_arm_strays_by_millimetres():
+def test_the_dynamic_arm_strays_by_millimetres_unless_its_servos_know_its_weight():
     ways = example("irb120_same_program").run()
     off = np.linalg.norm(ways["dynamic"] - ways["kinematic"], axis=1)
     assert 1e-3 < off.max() < 0.03
+    assert np.linalg.norm(ways["dynamic, with feedforward"] - ways["kinematic"], axis=1).max() < 5e-4
     assert ways["dynamic"][:, 2].mean() < ways["kinematic"][:, 2].mean()  # it hangs lower
 
 
-def test_the_bar_goes_from_hand_to_hand():
-    cell, moves = example("two_arms_handover").run()
+@pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
+def test_the_bar_goes_from_hand_to_hand(mode):
+    cell, moves = example("two_arms_handover").run(mode=mode)
     parents = [move.config.pieces["bar"].parent for move in moves]
     assert [parents[0], parents[3], parents[7], cell.config.pieces["bar"].parent] == [
         "world",
@@ -137,7 +139,9 @@ def test_the_bar_goes_from_hand_to_hand():
         "right_gripper",
         "world",
     ]
-    np.testing.assert_allclose(cell.frame("bar").translation(), [0.5, 0.3, 0.0], atol=1e-6)
+    np.testing.assert_allclose(
+        cell.frame("bar").translation(), [0.5, 0.3, 0.0], atol=1e-6 if mode == "kinematic" else 3e-4
+    )
 
 
 def test_the_belt_s_rook_stands_on_the_pallet():

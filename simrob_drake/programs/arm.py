@@ -19,9 +19,9 @@ from simrob_drake.kinematics.solver import require
 from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
 from simrob_drake.programs.ongoing import CellRobot, OngoingStation
-from simrob_drake.programs.plan import How
 from simrob_drake.programs.planner import Planner
 from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
+from simrob_drake.programs.timing import How
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
@@ -47,7 +47,8 @@ class Arm(CellRobot):
     Every move begins where the reference of the last one ended, rests at its end, and returns the run. On a kinematic
     station the arm is then exactly there; on a dynamic one it is where its motors brought it, and goes on from that
     state. A move that cannot be done raises an error before anything moves. ``points``, ``duration``, ``times``,
-    ``speed`` and ``check`` of moves are those of :class:`~simrob_drake.programs.plan.How`.
+    ``speed``, ``acceleration``, ``profile``, ``zone`` and ``check`` of moves are those of
+    :class:`~simrob_drake.programs.timing.How`.
 
     Poses are those of the tool centre point, in the world unless a work object is given: pose vectors
     [x y z Rz Ry Rx], matrices (4, 4), RigidTransforms, one or many; or places [x y z], which keep the orientation.
@@ -209,12 +210,13 @@ class Arm(CellRobot):
     @property
     def plan(self) -> Planner:
         """Plan moves without running them: the methods of the same names; :meth:`Workcell.run` runs several at once."""
+        model = self.cell.robot(self.name).model
         return Planner(
             robot=self.name,
             chain=self.chain,
             start=self.reference,
             solver=self.solver,
-            speed_limits=self.cell.model.speed_limits(self.name),
+            rate_limits=(model.speed_limits, model.accelerations),
             frame=self.frame,
             collide=self.cell.check_collisions,
         )

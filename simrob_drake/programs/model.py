@@ -11,7 +11,6 @@ from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import (
     PoseLike,
-    Vector,
     as_transform,
     pose_from_transform,
     transform_from_xyz_quaternion,
@@ -111,12 +110,6 @@ class StationModel(PosedStation):
             signs=own.axis_map.signs,
             names=own.axes,
         )
-
-    def speed_limits(self, robot: str) -> Vector:
-        """Return the largest speed of each axis of a robot in its URDF, shape (n,) [rad/s or m/s]."""
-        joints = self.robots[robot].joints
-        limits = [min(joint.velocity_upper_limits()[0], -joint.velocity_lower_limits()[0]) for joint in joints]
-        return np.array(limits)
 
     def tool_in_use(self, robot: str) -> str:
         """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""

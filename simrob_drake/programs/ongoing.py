@@ -15,10 +15,10 @@ from simrob_drake.frames import PoseLike, Vector, as_transform, finite, poses_fr
 from simrob_drake.given import instance, seconds
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.programs.checks import check_collisions, look_times
+from simrob_drake.programs.checks import check_collisions
 from simrob_drake.programs.grasps import let_go, taken
 from simrob_drake.programs.model import StationModel, free_joint, reparented
-from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.plan import Plan, look_times
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
 from simrob_drake.programs.trajectories import Stretch, rest, trajectory

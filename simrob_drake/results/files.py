@@ -89,7 +89,7 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     for robot in config.robots:
         reference, given = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes
-        way = _way_through_samples(config)
+        way: Interpolation = "cubic" if config.follows_speed(robot) else "linear"  # as simulate() joins samples
         if isinstance(given, Trajectory):
             way, samples = "hermite", _rows_of(given, config.duration)
         elif given is not None:
@@ -104,11 +104,6 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
         write_table(folder / file, columns, times, values)
         config = _with_reference(config, robot, Table(kind="table", file=file, interpolation=way))
     return config
-
-
-def _way_through_samples(config: StationConfig) -> Interpolation:
-    """Return how samples that simulate() is given are joined: smoothly where their derivatives are needed."""
-    return "linear" if config.mode == "dynamic" and "reference_velocity" not in config.inputs else "cubic"
 
 
 def _rows_of(reference: Trajectory, duration: float) -> Samples:

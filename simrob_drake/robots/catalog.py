@@ -22,7 +22,16 @@ from simrob_drake.robots.dh_urdf import dh_robot
 from simrob_drake.robots.drives import joint_friction, set_drives
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
-from simrob_drake.robots.urdf import joint_effort, joint_limits, movable_joints, name_of, read_urdf, root_link
+from simrob_drake.robots.urdf import (
+    joint_acceleration,
+    joint_effort,
+    joint_limits,
+    joint_speed,
+    movable_joints,
+    name_of,
+    read_urdf,
+    root_link,
+)
 from simrob_drake.robots.urdf_check import check_urdf
 from simrob_drake.yaml_files import FileName, Number, Strict, is_file_name, read_yaml, validated
 
@@ -32,8 +41,8 @@ AxisValues = Number | list[Number] | dict[str, Number]
 """One number for all axes, a list in axis order, or a mapping by axis name or alias."""
 
 
-def every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
-    """Check every number of values per axis."""
+def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
+    """Check every number of values per axis; ``meaning`` says which are accepted."""
 
     def checked(values: AxisValues) -> AxisValues:
         listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
@@ -44,8 +53,8 @@ def every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
     return AfterValidator(checked)
 
 
-_NotNegative = Annotated[AxisValues, every(lambda value: value >= 0, "it is not negative")]
-_Positive = Annotated[AxisValues, every(lambda value: value > 0, "it is positive")]
+NotNegativeAxisValues = Annotated[AxisValues, every_axis(lambda value: value >= 0, "it must not be negative")]
+PositiveAxisValues = Annotated[AxisValues, every_axis(lambda value: value > 0, "it must be positive")]
 
 
 class Axis(Strict):
@@ -79,18 +88,18 @@ class Drives(Strict):
     and Coulomb's: below the speed v_s the second is proportional to v, so what it holds creeps.
     """
 
-    rotor_inertia: _NotNegative | None = None
+    rotor_inertia: NotNegativeAxisValues | None = None
     """Of the motor, about its own axis [kg m²; kg of one that slides]; `drake:rotor_inertia` of a URDF."""
-    gear_ratio: _Positive | None = None
+    gear_ratio: PositiveAxisValues | None = None
     """Speed of the motor over that of the joint; `drake:gear_ratio` of a URDF, or 1."""
-    damping: _NotNegative | None = None
+    damping: NotNegativeAxisValues | None = None
     """Viscous friction d at the joint [N·m·s/rad or N·s/m]; `damping` of a URDF's `dynamics`."""
-    friction: _NotNegative | None = None
+    friction: NotNegativeAxisValues | None = None
     """Coulomb friction c at the joint [N·m or N]; `friction` of a URDF's `dynamics`."""
     friction_speed: Positive = 0.01
     """v_s, below which Coulomb friction is proportional to speed [rad/s or m/s]; solvers that step loosely trip over a
     tenth of it."""
-    backlash_deg: _NotNegative | None = None
+    backlash_deg: NotNegativeAxisValues | None = None
     """How far the link is free against its motor in all, between stops as those of joints [deg, or m]; positions are
     those of the motor. Dynamic stations alone know it, and it needs a rotor_inertia."""
 
@@ -137,6 +146,9 @@ class RobotModel(Strict):
     """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
     drives: Drives = Drives()
     """Its motors, gears and friction, which a station may change."""
+    acceleration_deg: PositiveAxisValues | None = None
+    """Largest acceleration of its axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
+    unless given, and without these none."""
     servo: Gains = Gains()
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
@@ -240,6 +252,19 @@ class RobotModel(Strict):
     def play(self) -> Vector:
         """How far every axis' link is free against its motor, shape (n,) [rad or m]."""
         return self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
+
+    @property
+    def speed_limits(self) -> Vector:
+        """Largest speed of every axis in the URDF, shape (n,) [rad/s or m/s]; infinite where none is told."""
+        return np.array([joint_speed(joint) for joint in self.joints])
+
+    @property
+    def accelerations(self) -> Vector:
+        """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite where none is told."""
+        own = np.array([joint_acceleration(joint) for joint in self.joints])
+        if self.acceleration_deg is None:
+            return own
+        return self.user_units * self.axis_vector(self.acceleration_deg, "acceleration_deg", own / self.user_units)
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:

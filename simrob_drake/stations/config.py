@@ -23,7 +23,7 @@ from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.quantities import FASTEST_RATE, ORIGIN, Colour, Duration, Inertia, NotNegative, Pose, Positive, Triple
-from simrob_drake.robots.catalog import AxisValues, Drives, every
+from simrob_drake.robots.catalog import AxisValues, Drives, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
@@ -31,16 +31,19 @@ from simrob_drake.yaml_files import FileName, Number, Strict
 
 Input = Literal["feedforward", "reference_velocity", "external_force", "external_torque"]
 Realization = Literal["per_joint", "vector", "implicit"]
+Law = Literal["pid", "cascade", "computed_torque"]
+Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
 MOST_STEPS = 10_000_000
 """Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 
 
-_Gain = Annotated[AxisValues, every(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")]
-_Positive = Annotated[AxisValues, every(lambda value: value > 0, "a stop's stiffness is positive [N·m/rad or N/m]")]
-_NotNegative = Annotated[AxisValues, every(lambda value: value >= 0, "a stop's damping is not negative")]
-_Limit = Annotated[AxisValues, every(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
+_Gain = Annotated[
+    AxisValues, every_axis(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")
+]
+_Limit = Annotated[AxisValues, every_axis(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
+_Speed = Annotated[AxisValues, every_axis(lambda value: value > 0, "a speed limit must be positive [rad/s or m/s]")]
 
 
 class _Section(Strict):
@@ -64,23 +67,47 @@ class ServoConfig(_Section):
 
     realization: Realization = "per_joint"
     """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
+    law: Law = "pid"
+    """PID; a cascade, whose position loop asks a velocity loop within it for at most speed_limit; or computed torque:
+    by the arm's model kp and kd are the same for every joint and in every posture."""
+    feedforward: Feedforward = "none"
+    """What the model of the robot and all that it carries adds for the motion that is asked for: the torque against
+    gravity, or all that it takes; then the derivative acts on the error of the speed, too."""
     kp: _Gain | None = None
-    """Proportional gain, per axis [N·m/rad, or N/m where it slides]."""
+    """Proportional gain, per axis [N·m/rad, or N/m where it slides; 1/s² of a computed torque]."""
     ki: _Gain | None = None
     """Integral gain, per axis [N·m/(rad·s) or N/(m·s)]; 0 leaves the integrators out."""
     kd: _Gain | None = None
-    """Derivative gain, per axis [N·m·s/rad or N·s/m]."""
+    """Derivative gain, per axis [N·m·s/rad or N·s/m; 1/s of a computed torque]."""
     torque_limit: _Limit | None = None
     """Saturation, per axis [N·m or N]; the URDF's effort unless given."""
     integral_limit: _Limit | None = None
     """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
+    speed_limit: _Speed | None = None
+    """What the position loop of a cascade may ask for, per axis [rad/s or m/s]; the URDF's speed unless given."""
     admittance_gain: Annotated[NotNegative, Field(le=LARGEST_GAIN)] = 0.0
     """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
 
+    @property
+    def follows_motion(self) -> bool:
+        """Whether speed and acceleration that are asked for count, too."""
+        return self.law == "computed_torque" or self.feedforward == "inverse_dynamics"
+
     @model_validator(mode="after")
-    def _torque_is_known(self) -> ServoConfig:
+    def _fits_together(self) -> ServoConfig:
         if self.admittance_gain > 0 and self.realization == "implicit":
             raise ValueError("admittance_gain needs realization per_joint or vector: implicit hides the servo's torque")
+        if self.law != "pid" and self.realization == "implicit":
+            raise ValueError(f"law {self.law} needs realization per_joint or vector: actuators know the law pid alone")
+        if self.law != "pid" and self.admittance_gain > 0:
+            raise ValueError("admittance_gain goes with law pid")
+        if self.speed_limit is not None and self.law != "cascade":
+            raise ValueError("speed_limit goes with law cascade")
+        if self.law == "computed_torque":
+            if self.feedforward != "none":
+                raise ValueError("law computed_torque is the whole torque of the model: leave feedforward out")
+            if self.kp is None or self.kd is None:
+                raise ValueError("law computed_torque needs kp [1/s²] and kd [1/s], such as 400 and 40")
         return self
 
 
@@ -90,9 +117,9 @@ class JointStops(Strict):
     Axes that slide have stops of the same figures, in N/m and N·s/m, unless they are given their own.
     """
 
-    stiffness: _Positive = 5.73e5
+    stiffness: PositiveAxisValues = 5.73e5
     """Spring of a stop, per axis [N·m/rad or N/m]; 1e4 N·m/deg."""
-    damping: _NotNegative = 573.0
+    damping: NotNegativeAxisValues = 573.0
     """Damper of a stop, per axis [N·m·s/rad or N·s/m]; 10 N·m·s/deg."""
 
 
@@ -282,6 +309,11 @@ class StationConfig(_Section):
     def servo_of(self, robot: str) -> ServoConfig:
         """Return a robot's own servo section, or the station's."""
         return self.robots[robot].servo or self.servo
+
+    def follows_speed(self, robot: str) -> bool:
+        """Tell whether a robot is given the speed that it is asked for, so that samples are joined smoothly."""
+        given = self.mode == "kinematic" or "reference_velocity" in self.inputs
+        return given or self.servo_of(robot).follows_motion
 
     def reference_of(self, robot: str) -> ReferenceConfig:
         """Return a robot's own reference section, or the station's."""

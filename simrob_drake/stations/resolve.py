@@ -35,6 +35,7 @@ class ResolvedStation(Surroundings):
     config: StationConfig
 
 
+_SERVO_KEYS = "kp", "ki", "kd", "torque_limit", "integral_limit", "speed_limit"
 _FOOT = "foot"  # how tools on feet are called, after their side
 
 
@@ -145,6 +146,11 @@ def _robot(
 ) -> ResolvedRobot:
     entry = config.robots[name]
     _check_axes(config, name, model)
+    servo = config.servo_of(name)
+    if config.mode == "dynamic" and model.base == "floating" and (servo.follows_motion or servo.feedforward != "none"):
+        told = "left out: a robot on its own feet does not know what carries it"
+        key = "law" if servo.law == "computed_torque" else "feedforward"
+        raise InvalidParameter(f"servo.{key}", getattr(servo, key), told)
     if model.feet is None and entry.feet is not None:
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
@@ -164,7 +170,7 @@ def _robot(
         model=model,
         base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
         floats=config.mode == "dynamic" and model.base == "floating",
-        gains=servo_gains(model, config.servo_of(name)),
+        gains=servo_gains(model, servo),
         stops=_stops(config, name, model),
         initial=_initial_position(entry, name, model),
         carried=carried,
@@ -177,7 +183,7 @@ def _robot(
 
 
 def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
-    """Return the figures of a robot's servos: the station's, else the robot's own, else the URDF's efforts."""
+    """Return the figures of a robot's servos: the station's, else the robot's own, else the URDF's."""
     efforts = robot.efforts
 
     def figures(key: str) -> Vector:
@@ -186,11 +192,15 @@ def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
         given = getattr(servo, key)
         return base if given is None else robot.axis_vector(given, f"servo.{key}", base)
 
-    limit = efforts if servo.torque_limit is None else robot.axis_vector(servo.torque_limit, "torque_limit", efforts)
-    integral = (
-        limit if servo.integral_limit is None else robot.axis_vector(servo.integral_limit, "integral_limit", limit)
-    )
-    return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, integral)
+    def limits(key: str, otherwise: Vector) -> Vector:
+        given = getattr(servo, key)
+        return otherwise if given is None else robot.axis_vector(given, f"servo.{key}", otherwise)
+
+    limit = limits("torque_limit", efforts)
+    speed = limits("speed_limit", robot.speed_limits) if servo.law == "cascade" else None
+    if servo.law == "computed_torque" and (figures("ki") > 0).any():
+        raise InvalidParameter("servo.ki", servo.ki, "0 with law computed_torque, whose model takes its place")
+    return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, limits("integral_limit", limit), speed)
 
 
 def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:
@@ -222,7 +232,7 @@ def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
     """Check that the axes exist that servos and reference of a robot name."""
     servo, reference = config.servo_of(robot), config.reference_of(robot)
     values: dict[str, AxisValues | None] = {
-        **{f"servo.{key}": getattr(servo, key) for key in ("kp", "ki", "kd", "torque_limit", "integral_limit")},
+        **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
         **{f"reference.{key}": value for key, value in reference.axis_values().items()},
     }
     for key, value in values.items():

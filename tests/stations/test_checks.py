@@ -33,6 +33,13 @@ def test_too_weak_a_motor_is_foretold_with_its_figures():
     assert text_of(findings({"servo.torque_limit": 10}), "torque of joint_1").level == "ok"
 
 
+def test_too_fast_a_reference_is_foretold():
+    found = [finding for finding in findings({"reference.duration": 0.1}) if finding.subject == "references"]
+    told = {finding.text.split()[0]: finding.text for finding in found if finding.level == "warning"}
+    assert list(told) == ["joint_1", "joint_2", "joint_3"]  # 300 deg/s; the wrist has 320 and 420
+    assert told["joint_1"] == "joint_1 is asked for 300 deg/s, its limit is 250 deg/s; give it more time"
+
+
 def test_too_heavy_a_load_is_foretold():
     finding = text_of(findings({"pieces.load.mass": 60}), "torque of joint_2")
     assert finding.level == "warning"

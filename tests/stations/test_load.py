@@ -126,7 +126,7 @@ BLAMED = [
     ({"servo": {"kp": 1, "kpp": 1}}, "override servo: servo.kpp: unknown key"),
     ({"robot.base": [0, 0]}, "override robot.base: needs 6 values"),
     ({"contact": {}, "contact.friction": 0.01}, "override contact.friction: must be .* keys of: static, dynamic"),
-    ({"servo": 3}, "override servo: must be a section with keys of: realization, kp, .*it is 3"),
+    ({"servo": 3}, "override servo: must be a section with keys of: realization, law, .*it is 3"),
     ({"pieces": 3}, "override pieces: must be a section of names and their entries"),
     ({"monitors.fal": {}}, "override monitors.fal: .*fal.kind: this key is needed; known: joint_limit, .*, fall"),
     (

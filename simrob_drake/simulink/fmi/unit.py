@@ -189,6 +189,7 @@ _PER_AXIS = {
     "position": lambda unit: unit.si,
     "velocity": lambda unit: f"{unit.si}/s",
     "reference_velocity": lambda unit: f"{unit.si}/s",
+    "reference_acceleration": lambda unit: f"{unit.si}/s2",
     "torque": _effort,
     "feedforward": _effort,
     "joint_torque": _effort,
