@@ -15,8 +15,8 @@ from simrob_drake.kinematics.poses import Targets as Targets
 from simrob_drake.kinematics.poses import pose_errors as pose_errors
 from simrob_drake.kinematics.poses import pose_matrices as pose_matrices
 from simrob_drake.kinematics.registry import make_solver as make_solver
+from simrob_drake.kinematics.six_axis_arm import NoClosedForm as NoClosedForm
 from simrob_drake.kinematics.solver import Solutions as Solutions
 from simrob_drake.kinematics.solver import Solver as Solver
 from simrob_drake.kinematics.solver import Unreachable as Unreachable
 from simrob_drake.kinematics.solver import require as require
-from simrob_drake.kinematics.spherical_arm import NoClosedForm as NoClosedForm
