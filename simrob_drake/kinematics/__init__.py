@@ -4,6 +4,7 @@ from simrob_drake.kinematics.analytic import AnalyticSolver as AnalyticSolver
 from simrob_drake.kinematics.chain import Chain as Chain
 from simrob_drake.kinematics.chain import UnsupportedChain as UnsupportedChain
 from simrob_drake.kinematics.constrained import ConstrainedSolver as ConstrainedSolver
+from simrob_drake.kinematics.every_branch import branches as branches
 from simrob_drake.kinematics.goals import Aiming as Aiming
 from simrob_drake.kinematics.goals import DistanceBounds as DistanceBounds
 from simrob_drake.kinematics.goals import JointBounds as JointBounds

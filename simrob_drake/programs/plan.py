@@ -53,12 +53,14 @@ class Plan:
         stretches: the motions from rest to rest that it is made of, one after the other, the first from time 0.
         arrivals: when each target is reached, shape (k,) [s].
         points: on the way to each target.
+        check: what was looked at; collisions are again with the moves that are run at the same time.
     """
 
     robot: str
     stretches: tuple[Stretch, ...]
     arrivals: Vector
     points: int
+    check: Check = "limits"
 
     @cached_property
     def trajectory(self) -> Trajectory:

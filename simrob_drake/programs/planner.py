@@ -1,7 +1,7 @@
 """Plan the moves of one robot from where it is: RAPID's words, with everything checked before anything moves."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Unpack, get_args
@@ -190,7 +190,7 @@ class Planner:
             check_speeds(self.chain, plan.trajectory, looks, self.speed_limits, plan.named)
         if check == "collision":
             self.collide(plan)
-        return plan
+        return replace(plan, check=check)
 
     def _plan(self, segments: list[Segment], times: Vector, points: int, through: bool) -> Plan:
         if through:
