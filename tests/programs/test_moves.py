@@ -367,6 +367,43 @@ class TestCollisions:
         kinematic.move_l([0.1, 0.15, -0.01], wobj="table")
         kinematic.move_l([0.1, 0.15, 0.05], wobj="table", check="collision")
 
+    @pytest.fixture
+    def into_the_middle(self):
+        """Two arms that face each other, and how each goes to the middle between them and back."""
+        cell = Workcell("two_arms")
+
+        def to_middle(name, **how):
+            arm = cell.arm(name)
+            home = arm.pose()
+            return arm.plan.move_l([[0.0, 0.0, 0.35, *home[3:]], home], check="collision", **how)
+
+        return cell, to_middle
+
+    def test_moves_at_once_are_checked_against_each_other(self, into_the_middle):
+        cell, to_middle = into_the_middle
+        plans = to_middle("left"), to_middle("right")
+        with pytest.raises(
+            PathCollision, match=r"point \d+ of 10 .*: (left|right).* would run into (left|right).*"
+        ) as hit:
+            cell.run(*plans)
+        assert {body.split(".")[0].split("_")[0] for body in hit.value.bodies} == {"left", "right"}
+        assert cell.state is None or np.array_equal(cell.position("left"), plans[0].start)  # nothing moved
+
+    def test_the_same_moves_do_one_after_the_other(self, into_the_middle):
+        cell, to_middle = into_the_middle
+        assert cell.run(to_middle("left")).ending == "completed"
+        assert cell.run(to_middle("right"), to_middle("left", duration=20.0), duration=0.2).ending == "completed"
+
+    def test_an_arm_that_came_after_the_plan_was_made_is_seen(self, into_the_middle):
+        cell, to_middle = into_the_middle
+        plan, right = to_middle("left"), cell.arm("right")
+        right.move_l([0.0, 0.0, 0.35])
+        for _ in range(2):
+            with pytest.raises(PathCollision, match=r"left.* would run into right"):
+                cell.run(plan)
+            with pytest.raises(PathCollision, match=r"left.* would run into right"):
+                to_middle("left")
+
 
 def test_a_method_is_no_attribute_to_assign_to():
     with pytest.raises(AttributeError, match=r"tool is a method of Arm: call tool\('gripper'\)"):
