@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.interpolation import Arc, turned_by
-from simrob_drake.kinematics import NoClosedForm, Unreachable
+from simrob_drake.kinematics import IncrementalSolver, NoClosedForm, Unreachable
 from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.programs.errors import BrokenPath, JointLimitExceeded, PathCollision, SpeedLimitExceeded
 from tests.programs.conftest import DOWN, HOME, positions_between
@@ -351,6 +351,22 @@ def test_the_closed_form_is_refused_for_seven_axes_and_the_numeric_one_found():
     assert result.ending == "completed"
     far = arm.move_j([0.1, 1.6, 0.5])  # only the belt gets it there
     assert far["q.belt"][-1] > 0.5
+
+
+def test_the_incremental_solver_passes_a_singular_posture_only_where_it_may_stray(kinematic):
+    kinematic.move_abs_j([0, 0.1, 0.2, 0, -0.15, 0])
+    start = kinematic.pose()[:3]
+    end = start + np.array([0, 0.005, 0.12])  # past the straight wrist, not through it
+    with pytest.raises(Unreachable, match=r"point \d+ of 10 .* the best solution comes within 0\.00"):
+        kinematic.move_l(end, solver="incremental")
+    with pytest.raises(Unreachable, match=r"point \d+ of 10"):
+        kinematic.move_l(end, solver=IncrementalSolver(kinematic.chain, stray=2e-4))
+    points = kinematic.chain.forward(
+        positions_between(kinematic.move_l(end, solver=IncrementalSolver(kinematic.chain, stray=5e-3), check="nothing"))
+    )[:, :3, 3]
+    assert 2e-4 < off_line(points, start, end).max() < 5e-3
+    with pytest.raises(SimrobError, match=r"stray is -1; it must be a distance"):
+        IncrementalSolver(kinematic.chain, stray=-1)
 
 
 class TestCollisions:
