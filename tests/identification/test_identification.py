@@ -95,5 +95,5 @@ def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(InvalidConfig, match=r"^none\.csv: cannot be read"):
         read_bounces("none.csv")
     for nothing in (None, 3):
-        with pytest.raises(InvalidParameter, match="file is .*; it must be a path"):
+        with pytest.raises(InvalidParameter, match=r"file is .*; it must be a path"):
             read_bounces(nothing)
