@@ -23,6 +23,7 @@ from simrob_drake.kinematics.solver import TURN, nearest_turns
 
 _SIX = 6  # axes reach a pose in a finite number of ways
 _AT_ONCE, _MOST = 100, 600  # starts for a target in one round, and in all
+_TOGETHER = 200  # targets that are searched for side by side
 _OFTEN = 6  # how often each posture must be met
 _STEPS = 25  # from one start
 _EXACT, _REACHED = np.array([1e-10, 1e-10]), np.array([1e-8, 1e-8])  # m and rad
@@ -57,7 +58,8 @@ def branches(
     try:
         found = _reached(freed, matrices, _closed_form(chain, matrices, begin, moving))
     except NoClosedForm:
-        found = _search(freed, matrices, begin, moving)
+        parts = np.array_split(matrices, -(-len(matrices) // _TOGETHER))
+        found = [rows for part in parts for rows in _search(freed, part, begin, moving)]
     return [nearest_turns(chain, rows, np.broadcast_to(begin, rows.shape))[0] for rows in found]
 
 

@@ -207,7 +207,7 @@ class Arm(CellRobot):
         def meant(q: Vector) -> Branch:
             return Branch.of(chain, q, self.inverse_dynamics(q), limit, collision(model, self.name, self.reference, q))
 
-        return Branches.of(chain, target, begin, held or {}, meant)
+        return Branches.of(chain, target, begin, {} if held is None else held, meant)
 
     def jacobian(self, q: npt.ArrayLike | None = None) -> Vector:
         """Return what the axes' speeds give of the tool's: shape (6, n), or (k, 6, n) for rows.

@@ -64,6 +64,8 @@ def test_an_axis_too_many_is_held_at_each_of_several_places():
     assert sorted({branch.posture[0] for branch in found}) == [0.0, 0.1]
     with pytest.raises(InvalidParameter, match="held: belt is far; it must be a finite number"):
         arm.branches(arm.pose(), held={"belt": "far"})
+    with pytest.raises(InvalidParameter, match=r"held is \[0\.1\]; it must be a mapping of axes"):
+        arm.branches(arm.pose(), held=[0.1])
     with pytest.raises(InvalidParameter, match="pose is 2 poses; it must be one pose"):
         arm.branches([arm.pose(), arm.pose()])
 
