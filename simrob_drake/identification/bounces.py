@@ -19,6 +19,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.given import path
 
 COLUMNS = ("time", "height")
 _LONGEST_GAP = 5.0  # times the usual interval
@@ -57,13 +58,15 @@ class BounceTrace:
         return low_points
 
 
-def read_bounces(file: Path) -> BounceTrace:
+def read_bounces(file: Path | str) -> BounceTrace:
     """Read a CSV file with the columns ``time`` [s] and ``height`` [m] of the ball's lowest point over the floor.
 
     Raises:
         InvalidConfig: a file without these columns, with something that is no number, with gaps, with times that do
             not rise, or with too few bounces to learn from.
+        InvalidParameter: no path.
     """
+    file = path(file, "file")
     values, lines = read_columns(file, COLUMNS)
     times, heights = values.T
     if len(times) < _FEWEST_SAMPLES:

@@ -17,11 +17,13 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
 from simrob_drake.programs.automatic import pace_of, run_cells
+from simrob_drake.programs.branches import Branch, Branches
 from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
 from simrob_drake.programs.ongoing import CellRobot, OngoingStation
 from simrob_drake.programs.planner import Planner
 from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
 from simrob_drake.programs.timing import How
+from simrob_drake.programs.together import collision
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
@@ -177,6 +179,37 @@ class Arm(CellRobot):
         targets = world_poses(pose, self.frame(wobj), turn, "pose")
         found = require(solver_for(chain, self.solver if solver is None else solver).solve(targets, begin), "pose")
         return np.asarray(found[0]) if is_single(pose) else found
+
+    def branches(
+        self,
+        pose: PoseTargets,
+        wobj: WorkObject = None,
+        *,
+        held: Mapping[str, npt.ArrayLike] | None = None,
+        start: npt.ArrayLike | None = None,
+    ) -> Branches:
+        """Return every posture that brings the tool to a pose, with torque, room to the limits and collision of each.
+
+        Args:
+            pose: one, or a place, which keeps the orientation that the tool has.
+            wobj: the work object in whose frame it is.
+            held: of an arm with more than six axes those that stay, by name, at one position [rad or m] or each of
+                several; see :func:`~simrob_drake.kinematics.branches`.
+            start: posture (n,) near to which whole turns are chosen; where the arm is unless given.
+
+        Returns:
+            as text a table; empty where nothing reaches the pose.
+        """
+        chain, begin = self.chain, self.position if start is None else start
+        target = world_poses(pose, self.frame(wobj), chain.forward(self.position)[0, :3, :3], "pose")
+        if len(target) != 1:
+            raise InvalidParameter("pose", f"{len(target)} poses", "one pose")
+        limit, model = self.cell.robot(self.name).gains.torque_limit, self.cell.collision_model
+
+        def meant(q: Vector) -> Branch:
+            return Branch.of(chain, q, self.inverse_dynamics(q), limit, collision(model, self.name, self.reference, q))
+
+        return Branches.of(chain, target, begin, {} if held is None else held, meant)
 
     def jacobian(self, q: npt.ArrayLike | None = None) -> Vector:
         """Return what the axes' speeds give of the tool's: shape (6, n), or (k, 6, n) for rows.

@@ -15,12 +15,12 @@ from simrob_drake.frames import PoseLike, Vector, as_transform, finite, poses_fr
 from simrob_drake.given import instance, seconds
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.programs.checks import check_collisions
 from simrob_drake.programs.grasps import let_go, taken
 from simrob_drake.programs.model import StationModel, free_joint, reparented
-from simrob_drake.programs.plan import Plan, look_times
+from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
+from simrob_drake.programs.together import check_moves
 from simrob_drake.programs.trajectories import Stretch, rest, trajectory
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.state import State
@@ -143,13 +143,13 @@ class OngoingStation:
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
         if not plans and duration is None:
-            raise InvalidParameter(
-                "plans", "empty", "some, such as arm.plan.move_l(...), or go with a duration to wait"
-            )
+            raise InvalidParameter("plans", "empty", "some, such as arm.plan.move_l(...), or a duration to wait")
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         for plan in plans:
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
                 raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
+        if any(plan.check == "collision" for plan in plans):  # each alone was, with the others as they stood then
+            self.check_collisions(*plans)
         own = {plan.robot: plan.stretches for plan in plans}
         stretches = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
         take = Take(self.config, self.state, stretches, end)
@@ -254,18 +254,20 @@ class OngoingStation:
         if self._window:
             self._window.draw(config, self._shown_state())
 
-    def check_collisions(self, plan: Plan) -> None:
-        """Check that a planned move runs into nothing, the other robots where they are.
+    def check_collisions(self, *plans: Plan) -> None:
+        """Check that planned moves, run at the same time, run into nothing; other robots stay where they are.
 
         Raises:
             PathCollision: names the first offending point.
         """
-        instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
-        model = self._collision_model
-        model.place_pieces(self.state)
-        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
-        times = look_times(plan.duration, plan.points * len(plan.arrivals))
-        check_collisions(model, {plan.robot: plan.postures(times)}, times, plan.named)
+        check_moves(self.collision_model, plans)
+
+    @property
+    def collision_model(self) -> StationModel:
+        """The station's plant with the shapes that collide, robots where they should be now."""
+        self._collision_model.place_pieces(self.state)
+        self._collision_model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        return self._collision_model
 
     def show(self) -> str:
         """Open a browser window, in which everything from now on is shown at the pace of the clock.

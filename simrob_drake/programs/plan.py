@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -10,6 +11,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.programs.segments import named_point
 from simrob_drake.programs.trajectories import Stretch, trajectory
 
+Check = Literal["nothing", "limits", "collision"]
+"""What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions."""
 _LOOKS = 4  # a point
 
 
@@ -22,12 +25,14 @@ class Plan:
         stretches: the motions from rest to rest that it is made of, one after the other, the first from time 0.
         arrivals: when each target is reached, shape (k,) [s].
         points: on the way to each target.
+        check: what was looked at; collisions are again with the moves that are run at the same time.
     """
 
     robot: str
     stretches: tuple[Stretch, ...]
     arrivals: Vector
     points: int
+    check: Check = "limits"
 
     @cached_property
     def trajectory(self) -> Trajectory:

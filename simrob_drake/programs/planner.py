@@ -1,7 +1,7 @@
 """Plan the moves of one robot from where it is: RAPID's words, with everything checked before anything moves."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Unpack, get_args
@@ -19,10 +19,10 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.checks import check_limits, check_rates
-from simrob_drake.programs.plan import Plan, target_name
+from simrob_drake.programs.plan import Check, Plan, target_name
 from simrob_drake.programs.segments import Segment, joint_segment, joint_way, pose_segment
 from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
-from simrob_drake.programs.timing import Check, How, Limits, remedy, through_all, timed
+from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
 from simrob_drake.programs.zones import Way, through_zones, zone_size
 
 POINTS, ARC_POINTS = 10, 20
@@ -196,7 +196,7 @@ class Planner:
                 check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(remedy, how, order))
         if check == "collision":
             self.collide(plan)
-        return plan
+        return replace(plan, check=check)
 
 
 def _zone(how: How, count: int) -> float:

@@ -68,19 +68,20 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
         target: what it leads to, for messages.
 
     Raises:
-        Unreachable: a point that no posture reaches; the incremental solver may stray on the way, past singular
-            postures, if it comes to the end.
+        Unreachable: a point that no posture reaches; the incremental solver may ``stray`` on the way, past singular
+            postures, as far as it says, if it comes to the end.
         BrokenPath: points that no continuous motion joins.
     """
-    chain, strays, poses = solver.chain, isinstance(solver, IncrementalSolver), way.course
+    chain, poses = solver.chain, way.course
+    stray = solver.stray if isinstance(solver, IncrementalSolver) else 0.0
     count = max(points, _LEAST_POINTS)
-    if strays:  # it follows small turns only
+    if isinstance(solver, IncrementalSolver):  # it follows small turns only
         first, last = poses(np.array([0.0, 1.0]))
         count = max(count, int(np.ceil(turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
     parts = np.linspace(0.0, 1.0, count + 1)
     targets = poses(parts)
     solutions = solver.solve(targets[1:], start)
-    if not strays or not solutions.reached[-1]:
+    if not (solutions.reached[-1] and (solutions.position_error <= stray).all()):
         _require(solutions, parts[1:], targets[1:], points, target)
     postures = np.vstack([start, solutions.positions])
     exact = _away(chain, postures, targets) < PATH_TOLERANCE  # else the solver was asked for something else

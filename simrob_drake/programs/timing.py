@@ -12,7 +12,7 @@ from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, numbers
 from simrob_drake.given import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.programs.checks import rate_ratio
-from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.plan import Check, Plan
 from simrob_drake.programs.segments import Segment
 from simrob_drake.programs.trajectories import Stretch, by_law
 
@@ -24,8 +24,6 @@ ACCELERATION = 2.0
 Profile = Literal["smooth", "trapezoid", "s_curve"]
 """How a move is sped up and slowed down: by a polynomial of degree five, evenly, or with an acceleration that does not
 jump; the last two cruise in between."""
-Check = Literal["nothing", "limits", "collision"]
-"""What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions."""
 _TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
 _AT_ONCE = 1e-6  # m: what the way to a target counts at least
 _LEAST_TIME = 0.01  # s to a target

@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from simrob_drake import load_station, simulate
+from tests.benchmarks.branches import every_branch
 from tests.benchmarks.costs import costs, runner
 from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
 from tests.benchmarks.importing import imports
@@ -126,6 +127,7 @@ def main() -> None:
         runner,
         contact,
         inverse_kinematics,
+        every_branch,
         planning,
         attaching,
         beside_mujoco,

@@ -59,7 +59,7 @@ def csv_text(times, heights, header="time,height"):
 def test_a_file_gives_the_trace(trace, tmp_path):
     file = tmp_path / "trace.csv"
     file.write_text(csv_text(trace.times, trace.heights))
-    again = read_bounces(file)
+    again = read_bounces(str(file))
     np.testing.assert_array_equal(again.times, trace.times)
     np.testing.assert_array_equal(again.heights, trace.heights)
     assert again.bounces == trace.bounces >= 3
@@ -92,3 +92,8 @@ def test_traces_that_teach_nothing_are_refused(text, message, tmp_path):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(InvalidConfig, match="cannot be read"):
         read_bounces(tmp_path / "none.csv")
+    with pytest.raises(InvalidConfig, match=r"^none\.csv: cannot be read"):
+        read_bounces("none.csv")
+    for nothing in (None, 3):
+        with pytest.raises(InvalidParameter, match=r"file is .*; it must be a path"):
+            read_bounces(nothing)
