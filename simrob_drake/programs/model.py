@@ -18,7 +18,7 @@ from simrob_drake.frames import (
 )
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.results.record.state import JointState, State
+from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
@@ -131,11 +131,11 @@ class StationModel(PosedStation):
         one_of("piece", piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
         one_of(f"frame of {piece}", frame, known)
-        return self._piece_link(piece, f"{piece}_{frame}")
+        return self.station.piece_frame(piece, f"{piece}_{frame}")
 
     def piece_origin(self, piece: str) -> Frame:
         """Return the frame in which a piece is described."""
-        return self._piece_link(piece, piece)
+        return self.station.piece_frame(piece, piece)
 
     def links(self, robot: str) -> list[str]:
         """Return the links of a robot that are none of its tools, which pieces can be put on, too."""
@@ -161,12 +161,6 @@ class StationModel(PosedStation):
             one_of(f"tool or link of {parent}", frame, [*own.model.tools, *own.model.links])
         return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, frame), own.instance)
 
-    def _piece_link(self, piece: str, name: str) -> Frame:
-        owner = self.resolved.pieces[piece].carrier
-        if owner in self.robots:
-            return self.plant.GetFrameByName(name, self.robots[owner].instance)
-        return self.plant.GetFrameByName(name, self.plant.GetModelInstanceByName(f"{piece}::{piece}"))
-
     def torques(
         self, robot: str, position: Vector, velocity: Vector | float = 0.0, acceleration: Vector | float = 0.0
     ) -> Vector:
@@ -187,11 +181,6 @@ class StationModel(PosedStation):
         torque = plant.CalcInverseDynamics(self._context, axes.spread_velocities(acceleration), forces)
         plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
         return axes.efforts(torque)
-
-
-def free_joint(piece: str) -> str:
-    """Return the name of the joint of a free piece in a state."""
-    return f"{piece}::{piece}/{piece}"
 
 
 def reparented(

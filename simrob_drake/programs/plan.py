@@ -7,6 +7,7 @@ from typing import Literal, TypedDict
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import PEAK
@@ -15,6 +16,7 @@ from simrob_drake.frames import Vector, numbers
 from simrob_drake.given import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.programs.segments import Segment, named_point
 from simrob_drake.programs.trajectories import Stretch, trajectory
+from simrob_drake.yaml_files import Strict
 
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits and speeds, or these and collisions."""
@@ -53,12 +55,16 @@ class Plan:
         stretches: the motions from rest to rest that it is made of, one after the other, the first from time 0.
         arrivals: when each target is reached, shape (k,) [s].
         points: on the way to each target.
+        told: what the file of a program would say; None if none can say it.
+        frame: where the work object was when the move was planned; None without one.
     """
 
     robot: str
     stretches: tuple[Stretch, ...]
     arrivals: Vector
     points: int
+    told: Strict | None = None
+    frame: RigidTransform | None = None
 
     @cached_property
     def trajectory(self) -> Trajectory:
