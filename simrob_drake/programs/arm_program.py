@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.programs.arm_moves import PLANNED, PlannedMove, TogetherMove, ToolMove, WaitMove, in_si, said
+from simrob_drake.programs.arm_moves import PlannedMove, TogetherMove, ToolMove, WaitMove, in_si, said
 from simrob_drake.programs.hands import apply
 from simrob_drake.programs.moves import AttachMove, JointMove, ReleaseMove
 from simrob_drake.programs.one_move import move_name, naming, targets_on
@@ -142,5 +142,5 @@ def _names(move: AnyMove) -> Iterator[str]:
             yield wobj.split(".", 1)[0]
 
 
-ARM_ONLY = (*PLANNED.values(), WaitMove, ToolMove, TogetherMove)
+ARM_ONLY = PlannedMove | WaitMove | ToolMove | TogetherMove
 """Moves by which a program is one of arms."""

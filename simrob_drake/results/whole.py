@@ -158,7 +158,7 @@ def _carried(run: RecordedRun, pieces: Sequence[str], rows: Vector) -> _Position
 
 def _marks(runs: Sequence[RecordedRun], stations: Sequence[StationConfig], begins: Vector) -> tuple[Event, ...]:
     """Return when runs ended, and which pieces went to whom then; the end of the last one is that of the program."""
-    marks, ends = [], begins[1:].tolist()
+    marks, ends = list[Event](), begins[1:].tolist()
     for run, end, before, after in zip(runs, ends, stations[:-1], stations[1:], strict=False):
         changes = [name for name, piece in after.pieces.items() if before.pieces[name].parent != piece.parent]
         told = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
