@@ -92,15 +92,15 @@ def look_at(cell: Workcell, program: Program, file: str) -> Finding:
 
 
 def of_arms(cell: Workcell, program: Program) -> bool:
-    """Tell whether a program is done by arms: it has moves of theirs, or its robot has no legs."""
+    """Tell whether a program is done by arms: it has moves of theirs, or its robots have no legs."""
     from simrob_drake.programs.arm_program import ARM_ONLY
 
-    if program.references or not program.moves:
+    if program.references:
         return False
-    if any(isinstance(move, ARM_ONLY) for move in program.moves):
-        return True
-    model = cell.robot(cell.robot_name(program.robot)).model
-    return model.base == "fixed" and model.feet is None and bool(model.tools)
+    robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]
+    models = [cell.robot(name).model for name in robots]
+    legless = all(model.base == "fixed" and model.feet is None and model.tools for model in models)
+    return legless or any(isinstance(move, ARM_ONLY) for move in program.moves)
 
 
 def _performed(cell: Workcell, program: Program, file: str) -> tuple[SimulationResult, str]:

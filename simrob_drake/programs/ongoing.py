@@ -1,6 +1,6 @@
 """A station that goes on where its last run left it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -154,10 +154,7 @@ class OngoingStation:
         Returns:
             the run; unless it diverged or was interrupted, the next one begins where it ended.
         """
-        for plan in plans:
-            instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
-        if len({plan.robot for plan in plans}) < len(plans):
-            raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
+        check_plans(plans)
         if not plans and duration is None:
             raise InvalidParameter(
                 "plans", "empty", "some, such as arm.plan.move_l(...), or go with a duration to wait"
@@ -354,6 +351,18 @@ class OngoingStation:
     @cached_property
     def _collision_model(self) -> StationModel:
         return StationModel(self.config, collision=True)
+
+
+def check_plans(plans: Sequence[Plan]) -> None:
+    """Check that plans can be run at the same time.
+
+    Raises:
+        InvalidParameter: something that is no plan, or two of one robot.
+    """
+    for plan in plans:
+        instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
+    if len({plan.robot for plan in plans}) < len(plans):
+        raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
 
 
 def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:

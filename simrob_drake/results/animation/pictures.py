@@ -42,7 +42,7 @@ Frames: TypeAlias = int | Literal["events"]
 """Of a strip: how many at even times, or one for each event."""
 
 _DPI = 100
-_HEIGHT, _LOW, _FEW = 360, 240, 8  # pixels of a frame; of one of many, and how many are few
+_HEIGHT, _LOW, _FEW = 360, 240, 7  # pixels of a frame; of one of many, and how many are few
 _GAP = 6  # pixels between frames
 _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
 _WIDEST = 5.8  # width of a strip, in heights of a frame
