@@ -49,7 +49,7 @@ class Workcell(RecordedStation):
         """Do a program of arms from the state that the station is in, and return all of it as one result.
 
         All of it is looked at before anything moves, up to a move that depends on where a piece comes to rest. A run
-        that does not go to its end, as a monitor ends it, is the last.
+        that does not go to its end, as a monitor ends it, is the last. What cannot be done leaves all as it was.
 
         Args:
             program: one, or the YAML file of one; see :class:`Program`.
@@ -64,7 +64,13 @@ class Workcell(RecordedStation):
         trial = Workcell(self.config)
         trial.state = self.state
         rehearse(trial, given, file)
-        runs = perform(self, given, file)
+        config, state, entries = self.config, self.state, list(self.tape.entries)
+        try:
+            runs = perform(self, given, file)
+        except BaseException:
+            self._change(config)
+            self.state, self.tape.entries = state, entries
+            raise
         return joined(runs, left=self.config, program=given.model_copy(update={"station": STATION}).text())
 
 

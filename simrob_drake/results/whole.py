@@ -32,7 +32,7 @@ def joined(runs: Sequence[Run], *, left: StationConfig | None = None, program: s
     """Return runs that follow each other as one result.
 
     Its signals are those that all runs have, and ``piece.<piece>`` for each piece that changes hands; where one run
-    ends and the next begins stands what the next one says. Contact forces are not drawn in its recording.
+    ends and the next begins stands what the next one says. Contact forces are drawn in the recording of a single run only.
 
     Args:
         runs: of one station, each begun where the one before ended.
@@ -80,7 +80,7 @@ def joined(runs: Sequence[Run], *, left: StationConfig | None = None, program: s
         start=runs[0].start,
         references={},
         warnings=list(dict.fromkeys(warning for run in runs for warning in run.warnings)),
-        contacts_at=None,
+        contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
         did="",
         runs=tuple(runs),
         marks=_marks(runs, stations, begins),

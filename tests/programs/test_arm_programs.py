@@ -297,6 +297,15 @@ def test_the_look_ahead_ends_where_a_piece_comes_to_rest():
         cell.perform(Program.model_validate({"moves": [{"release": "box"}]}))
 
 
+def test_what_turns_out_on_the_way_leaves_the_station_as_it_was():
+    cell = Workcell(load_station("irb120_dynamic", FALLS))
+    moves = [{"wait": 0.05}, {"release": "box"}, {"wait": 0.3}, {"attach": "box"}, {"wait": 0.1}]
+    before = cell.config
+    with pytest.raises(InvalidParameter, match=r"move 3: box, to be taken, is \d+ mm away from load"):
+        cell.perform(Program.model_validate({"moves": moves}))
+    assert (cell.state, cell.config, cell.tape.entries) == (None, before, [])
+
+
 def test_a_monitor_ends_the_program():
     cell = Workcell(load_station("irb120_dynamic", {"monitors": {"joint_limit": {"margin_deg": 60}}}))
     moves = [{"wait": 0.1}, {"move_abs_j": [0, 1.2, 0, 0, 0, 0]}, {"wait": 1.0}]
