@@ -32,7 +32,7 @@ def joined(runs: Sequence[Run], *, left: StationConfig | None = None, program: s
     """Return runs that follow each other as one result.
 
     Its signals are those that all runs have, and ``piece.<piece>`` for each piece that changes hands; where one run
-    ends and the next begins stands what the next one says. Contact forces are drawn in the recording of a single run only.
+    ends and the next begins stands what the next one says. Its recording shows contact forces if it is a single run.
 
     Args:
         runs: of one station, each begun where the one before ended.
