@@ -18,7 +18,7 @@ PICK = [
     {"attach": {"piece": "bar", "robot": "left"}},
     {"move_l": {"targets": [0, 0, 0.05], "wobj": "bar", "robot": "left", "speed": 0.5}},
 ]
-WAVES = {"station": "humanoid_fixed", "moves": [{"target_deg": {"HomDF": 20}, "duration": 0.2}, {"act": "wave"}]}
+WAVES = {"station": "humanoid_fixed", "moves": [{"act": "wave"}, {"target_deg": {"HomDF": 20}, "duration": 0.2}]}
 
 
 @pytest.fixture(autouse=True)
@@ -73,7 +73,9 @@ def test_the_folder_of_a_program_of_legs_holds_all_of_it(tmp_path, capsys):
     assert values[0, 0] == 0
     assert (np.diff(values[:, 0]) > 0).all()
     assert values[-1, 0] > 2.0
-    assert "move ends" in (tmp_path / "r" / "events.csv").read_text()
+    assert "act wave ends" in (tmp_path / "r" / "events.csv").read_text()
+    assert run_command(["run", "r/program.yaml", "--out", "again", "--no-recording"]) == ExitCode.DONE
+    np.testing.assert_array_equal(signals(tmp_path / "again")[1], values)
 
 
 def test_check_says_what_a_program_takes(capsys):

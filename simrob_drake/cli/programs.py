@@ -106,10 +106,12 @@ def of_arms(cell: Workcell, program: Program) -> bool:
 def _performed(cell: Workcell, program: Program, file: str) -> tuple[SimulationResult, str]:
     """Let the robots of a station do a program; return all of it, and the way of one that walks in words."""
     from simrob_drake.programs.legged_robot import LeggedRobot
+    from simrob_drake.programs.recorded import STATION
+    from simrob_drake.results.whole import joined
 
     if of_arms(cell, program):
         return cell.perform(file), ""
-    robot = LeggedRobot(cell, program.robot)
+    robot, begun = LeggedRobot(cell, program.robot), (cell.config, cell.state)
     robot.run(file)
-    result = robot.result()
+    result = joined(robot.runs, begun=begun, left=cell.config, program=program.on(STATION).text())
     return result, way_of(result, robot.name)

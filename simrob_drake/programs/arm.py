@@ -71,7 +71,7 @@ class Workcell(RecordedStation):
             self._change(config)
             self.state, self.tape.entries = state, entries
             raise
-        return joined(runs, left=self.config, program=given.model_copy(update={"station": STATION}).text())
+        return joined(runs, begun=(config, state), left=self.config, program=given.on(STATION).text())
 
 
 class Arm(CellRobot):

@@ -5,6 +5,7 @@ of a program is checked before the first stage runs.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import groupby
 
@@ -65,9 +66,11 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[LegMove], station: StationC
                 else:
                     motion = _planned(robot, move, station)
                     anew = changed or resolve(station).ground.incline  # then it depends on what was done before
-                    stages.append(
+                    stage = (
                         partial(_walk_anew, move=move, name=name) if anew else partial(_go_as_planned, plan=[motion])
                     )
+                    did = f"act {move.act.name}" if isinstance(move, ActMove) else "walk"
+                    stages.append(partial(_called, stage=stage, did=did))
     return stages
 
 
@@ -120,6 +123,10 @@ def _planned(robot: LeggedGeometry, move: WalkMove | ActMove, station: StationCo
         return planned_gait(robot, move.act.name, move.act.model_extra or {}, station=station)
     walk, more = move.walk, move.walk.model_extra or {}
     return planned_gait(robot, walk.gait, more, steps=walk.steps, amplitude=walk.amplitude, station=station)
+
+
+def _called(robot: LeggedGeometry, stage: Callable[[LeggedGeometry], SimulationResult], did: str) -> SimulationResult:
+    return replace(stage(robot), did=did)
 
 
 def _go_as_planned(robot: LeggedGeometry, plan: list[JointMotion]) -> SimulationResult:

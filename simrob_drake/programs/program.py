@@ -110,6 +110,10 @@ class Program(Strict):
         """
         return self.model_copy(update={"automatic": None if given is False else pace_of(given)})
 
+    def on(self, station: str) -> Program:
+        """Return the program with another station that it is to run on."""
+        return self.model_copy(update={"station": station})
+
     def with_reference(self, cell: JointMove) -> Program:
         """Return the program with a cell behind the others."""
         instance(cell, "cell", JointMove, "a JointMove, such as JointMove(target_deg={'waist': 10})")

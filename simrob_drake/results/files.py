@@ -119,8 +119,7 @@ def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> 
 
 def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     """Write the references that are no part of the configuration as tables, and return one that names them."""
-    begun = result.runs[0] if result.runs else result
-    config = begun.config.model_copy(update={"duration": result.config.duration})
+    config = (result.begun or result.config).model_copy(update={"duration": result.config.duration})
     for robot in config.robots:
         reference, given = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes

@@ -18,7 +18,7 @@ from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_fro
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.record.events import Event, begins_of
 from simrob_drake.results.record.run import RecordedRun
-from simrob_drake.results.record.state import free_joint, joints_of
+from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.stations.config import PieceConfig, StationConfig
 from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.poses import piece_pose_signal, unit_poses
@@ -28,7 +28,13 @@ Run = TypeVar("Run", bound=RecordedRun)
 _Positions = dict[str, Vector]  # by joint, shape (k, nq) each
 
 
-def joined(runs: Sequence[Run], *, left: StationConfig | None = None, program: str = "") -> Run:
+def joined(
+    runs: Sequence[Run],
+    *,
+    begun: tuple[StationConfig, State | None] | None = None,
+    left: StationConfig | None = None,
+    program: str = "",
+) -> Run:
     """Return runs that follow each other as one result.
 
     Its signals are those that all runs have, and ``piece.<piece>`` for each piece that changes hands; where one run
@@ -36,6 +42,7 @@ def joined(runs: Sequence[Run], *, left: StationConfig | None = None, program: s
 
     Args:
         runs: of one station, each begun where the one before ended.
+        begun: the station and its state before all that was done; those of the first run unless given.
         left: the station as the last run left it, with what was attached or let go since.
         program: the YAML that does it all again.
 
@@ -44,6 +51,7 @@ def joined(runs: Sequence[Run], *, left: StationConfig | None = None, program: s
     """
     if not runs:
         raise InvalidParameter("runs", "empty", "some: what was run last")
+    station, start = (runs[0].config, runs[0].start) if begun is None else begun
     last, stations = runs[-1], [*(run.config for run in runs), *([left] if left else [])]
     for key in ("robots", "pieces"):
         if any(set(getattr(station, key)) != set(getattr(stations[0], key)) for station in stations):
@@ -77,12 +85,13 @@ def joined(runs: Sequence[Run], *, left: StationConfig | None = None, program: s
         stepping_time=sum(run.stepping_time for run in runs),
         signal_time=sum(run.signal_time for run in runs),
         notes={name: note for run in runs for name, note in run.notes.items()},
-        start=runs[0].start,
+        start=start,
         references={},
         warnings=list(dict.fromkeys(warning for run in runs for warning in run.warnings)),
         contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
         did="",
         runs=tuple(runs),
+        begun=station,
         marks=_marks(runs, stations, begins),
         program=program,
     )
