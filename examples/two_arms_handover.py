@@ -20,6 +20,7 @@ def run(*, mode: str = "kinematic") -> tuple[Workcell, list[SimulationResult]]:
     """Hand the bar over, and return the station with all moves."""
     cell = Workcell(load_station("two_arms", {"mode": mode}))
     left, right = cell.arm("left"), cell.arm("right")
+    cell.record()
     moves = [left.move_j([0, 0, LIFT, *DOWN], wobj="bar"), left.move_l([0, 0, -GRIP], wobj="bar", speed=0.3)]
     left.attach("bar")
     left.tool("left_gripper")  # its moves are those of the gripper, not of the bar's end
@@ -39,11 +40,12 @@ def run(*, mode: str = "kinematic") -> tuple[Workcell, list[SimulationResult]]:
 
 
 def main() -> None:
-    """Print where the bar is now."""
+    """Print where the bar is now, and save the whole as one result."""
     cell, moves = run()
     x, y, z = cell.frame("bar").translation()
     print(f"{len(moves)} moves in {sum(move.stop_time for move in moves):.1f} s")
     print(f"the bar's upper end is now the lower one, at x = {x:.3f}, y = {y:.3f}, z = {z:.3f} m")
+    print("files in", cell.save())
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simrob_drake import load_station, simulate
+from simrob_drake import Workcell, load_station, simulate
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 NOTEBOOKS = sorted((Path(__file__).parent.parent / "examples").glob("*.ipynb"))
@@ -148,6 +148,12 @@ def test_the_belt_s_rook_stands_on_the_pallet():
     cell, _ = example("belt_pick").run()
     assert cell.config.pieces["rook"].parent == "pallet"
     np.testing.assert_allclose(cell.frame("rook").translation(), [0.1, 0.4, 0.0626], atol=1e-6)
+
+
+def test_the_belt_s_program_is_the_same_as_a_file():
+    cell, _ = example("belt_pick").run()
+    whole = Workcell("belt_pick").perform(EXAMPLES[0].parent / "belt_pick.yaml")
+    np.testing.assert_allclose(whole.values, cell.result().values, rtol=0, atol=1e-9)
 
 
 def test_both_hands_leave_the_parcel_beside():

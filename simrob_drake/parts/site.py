@@ -197,6 +197,12 @@ class StationPlant:
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
     ground: Ground = field(default_factory=Ground)
 
+    def piece_frame(self, piece: str, frame: str) -> Frame:
+        """Return a frame of a piece by its name in the plant; that in which the piece is described has the piece's."""
+        carriers = [robot.instance for robot in self.robots.values() if piece in robot.carried]
+        instance = carriers[0] if carriers else self.plant.GetModelInstanceByName(f"{piece}::{piece}")
+        return self.plant.GetFrameByName(frame, instance)
+
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
         """Let a plant that stands outside of the diagram pose its geometry.
 

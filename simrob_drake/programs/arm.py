@@ -4,33 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import PoseLike, Vector, as_transform
+from simrob_drake.given import instance
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
+from simrob_drake.programs.arm_program import perform, rehearse
 from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.branches import Branch, Branches
+from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
-from simrob_drake.programs.ongoing import CellRobot, OngoingStation
 from simrob_drake.programs.planner import Planner
+from simrob_drake.programs.program import Program
+from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
 from simrob_drake.programs.timing import How
 from simrob_drake.programs.together import collision
+from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.whole import joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 
 
-class Workcell(OngoingStation):
-    """A station with arms, which share its state: see :class:`OngoingStation`."""
+class Workcell(RecordedStation):
+    """A station with arms, which share its state: see :class:`OngoingStation` and :class:`RecordedStation`."""
 
     def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
         """Return one of the station's robots, to be programmed.
@@ -41,6 +47,34 @@ class Workcell(OngoingStation):
             solver: of the inverse kinematics, where a move names none.
         """
         return Arm(self, name, tool, solver=solver)
+
+    def perform(self, program: Program | Path | str) -> SimulationResult:
+        """Do a program of arms from the state that the station is in, and return all of it as one result.
+
+        All of it is looked at before anything moves, up to a move that depends on where a piece comes to rest. A run
+        that does not go to its end, as a monitor ends it, is the last. What cannot be done leaves all as it was.
+
+        Args:
+            program: one, or the YAML file of one; see :class:`Program`.
+
+        Raises:
+            InvalidParameter: a program without a move that takes time, or with moves for legs.
+            InvalidConfig: a damaged file.
+            SimrobError: what the arms cannot do; names the move.
+        """
+        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
+        given, file = (program, "") if isinstance(program, Program) else (Program.load(program), str(program))
+        trial = Workcell(self.config)
+        trial.state = self.state
+        rehearse(trial, given, file)
+        config, state, entries = self.config, self.state, list(self.tape.entries)
+        try:
+            runs = perform(self, given, file)
+        except BaseException:
+            self._change(config)
+            self.state, self.tape.entries = state, entries
+            raise
+        return joined(runs, begun=(config, state), left=self.config, program=given.on(STATION).text())
 
 
 class Arm(CellRobot):
@@ -118,16 +152,7 @@ class Arm(CellRobot):
         Raises:
             UnknownName: no such tool.
         """
-        entry, robot = self.cell.config.robots[self.name], self.cell.model.robots[self.name]
-        if isinstance(tool, str):
-            one_of(f"tool of {self.name}", tool, robot.tools)
-            changes: dict[str, object] = {} if tool == robot.tcp else {"tcp": tool, "tcp_offset": None}
-        else:
-            before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
-            changes = {"tcp_offset": tuple(pose_from_transform(before @ as_transform(tool)).tolist())}
-        config = self.cell.config
-        robots = {**config.robots, self.name: entry.model_copy(update=changes)}
-        self.cell.change(config.model_copy(update={"robots": robots}))
+        self.cell.tool(self.name, tool)
 
     def tool_pose(self) -> RigidTransform:
         """Return where the tool centre point is now, in the world; :meth:`pose` gives it as numbers."""
@@ -135,7 +160,7 @@ class Arm(CellRobot):
 
     def frame(self, wobj: WorkObject = None) -> RigidTransform:
         """Return the pose of a work object in the world; see :class:`Arm`."""
-        if wobj is self:
+        if wobj is self or (isinstance(wobj, str) and wobj == self.name):
             return as_transform(self.chain.forward(self.reference)[0])
         return self.cell.frame(wobj)
 
@@ -306,19 +331,31 @@ class Arm(CellRobot):
 
     def record(self) -> None:
         """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
-        self.cell.tape.record()
+        self.cell.record()
 
     def pause(self) -> None:
         """Stop recording (``Rec(0)``)."""
-        self.cell.tape.running = False
+        self.cell.pause()
 
     def resume(self) -> None:
         """Go on recording (``Rec(1)``)."""
-        self.cell.tape.running = True
+        self.cell.resume()
 
     def replay(self) -> list[SimulationResult]:
         """Run the recorded moves again, each from the state that it began in (``Rep()``); the arm stays where it is."""
-        return self.cell.tape.replay()
+        return self.cell.replay()
+
+    def result(self) -> SimulationResult:
+        """Return all that was recorded as one result; see :meth:`Workcell.result`."""
+        return self.cell.result()
+
+    def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
+        """Write all that was recorded to a folder; see :meth:`Workcell.save`."""
+        return self.cell.save(folder, **options)
+
+    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
+        """Write all that was recorded as a film; see :meth:`Workcell.film`."""
+        return self.cell.film(file, frames=frames)
 
     def add_reference(self, targets: npt.ArrayLike, duration: float = MOVE_TIME) -> None:
         """Store a posture (n,), or many (k, n) [rad or m], as cells for :meth:`simulate` with ``automatic`` (AddRef).
@@ -340,7 +377,7 @@ class Arm(CellRobot):
         duration: float | None = None,
         automatic: bool | Mapping[str, Any] = False,
     ) -> SimulationResult:
-        """Run all recorded moves as one, on this station or another; see :meth:`Tape.simulate`. The arm stays.
+        """Do again all that was recorded, on this station or another; see :meth:`Workcell.simulate`. The arm stays.
 
         Args:
             station: another one, such as the dynamic one.
@@ -350,7 +387,7 @@ class Arm(CellRobot):
         """
         config = None if station is None else Workcell(station).config
         if automatic is False:
-            return self.cell.tape.simulate(config, duration=duration)
+            return self.cell.simulate(config, duration=duration)
         if duration is not None:
             raise InvalidParameter("duration", duration, "left out: an automatic robot takes its own time")
         other = Workcell(self.cell.config if config is None else config)

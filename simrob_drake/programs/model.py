@@ -18,7 +18,7 @@ from simrob_drake.frames import (
 )
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.results.record.state import JointState, State
+from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
@@ -125,11 +125,11 @@ class StationModel(PosedStation):
         one_of("piece", piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
         one_of(f"frame of {piece}", frame, known)
-        return self._piece_link(piece, f"{piece}_{frame}")
+        return self.station.piece_frame(piece, f"{piece}_{frame}")
 
     def piece_origin(self, piece: str) -> Frame:
         """Return the frame in which a piece is described."""
-        return self._piece_link(piece, piece)
+        return self.station.piece_frame(piece, piece)
 
     def links(self, robot: str) -> list[str]:
         """Return the links of a robot that are none of its tools, which pieces can be put on, too."""
@@ -168,11 +168,6 @@ class StationModel(PosedStation):
         return Dynamics(
             own.model, self.plant, own.joints, tool=tool, torque_limit=own.gains.torque_limit, positions=placed
         )
-
-
-def free_joint(piece: str) -> str:
-    """Return the name of the joint of a free piece in a state."""
-    return f"{piece}::{piece}/{piece}"
 
 
 def reparented(

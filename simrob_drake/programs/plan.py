@@ -5,11 +5,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.frames import Vector
 from simrob_drake.programs.segments import named_point
 from simrob_drake.programs.trajectories import Stretch, trajectory
+from simrob_drake.yaml_files import Strict
 
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions."""
@@ -26,6 +28,8 @@ class Plan:
         arrivals: when each target is reached, shape (k,) [s].
         points: on the way to each target.
         check: what was looked at; collisions are again with the moves that are run at the same time.
+        told: what the file of a program would say; None if none can say it.
+        frame: where the work object was when the move was planned; None without one.
     """
 
     robot: str
@@ -33,6 +37,8 @@ class Plan:
     arrivals: Vector
     points: int
     check: Check = "limits"
+    told: Strict | None = None
+    frame: RigidTransform | None = None
 
     @cached_property
     def trajectory(self) -> Trajectory:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import Unpack, get_args
+from typing import Any, Unpack, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from simrob_drake.programs.checks import check_limits, check_rates
 from simrob_drake.programs.plan import Check, Plan, target_name
 from simrob_drake.programs.segments import Segment, joint_segment, joint_way, pose_segment
 from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
+from simrob_drake.programs.telling import told
 from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
 from simrob_drake.programs.zones import Way, through_zones, zone_size
 
@@ -66,7 +67,8 @@ class Planner:
             raise InvalidParameter("profile", "given", "given with stop=True or a zone: else the joints do not cruise")
         ways = [joint_way(self.chain, start, row) for start, row in pairwise([self.start, *rows])]
         segments = [joint_segment(way, points=count) for way, count in _grouped(ways, zone, points)]
-        return self._checked(segments, how, points, rows, through=through, hint=_hint(self.chain, rows))
+        plan = self._checked(segments, how, points, rows, through=through, hint=_hint(self.chain, rows))
+        return replace(plan, told=told("move_abs_j", self.robot, targets, how, stop=stop))
 
     def move_j(
         self,
@@ -97,7 +99,8 @@ class Planner:
         if not solutions.reached.all():
             row = solutions.first_missed
             raise solutions.unreachable(row, target_name(row, len(poses)))
-        return self.move_abs_j(solutions.positions, stop=stop, **how)
+        plan = self.move_abs_j(solutions.positions, stop=stop, **how)
+        return self._told(plan, "move_j", targets, how, wobj, solver, stop=stop)
 
     def move_l(
         self, targets: PoseTargets, *, wobj: WorkObject = None, solver: SolverLike | None = None, **how: Unpack[How]
@@ -118,7 +121,7 @@ class Planner:
         inverse, points = self._inverse(solver), _points(how, POINTS)
         poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
         ways = [_line(begin, end) for begin, end in pairwise([self._pose(), *poses])]
-        return self._along(ways, inverse, how, points)
+        return self._told(self._along(ways, inverse, how, points), "move_l", targets, how, wobj, solver)
 
     def move_c(
         self,
@@ -153,7 +156,22 @@ class Planner:
             _arc_through(begin, middle, end, f"the arc to {target_name(index, len(poses))}")
             for index, (begin, middle, end) in enumerate(zip([self._pose(), *poses], middles, poses, strict=False))
         ]
-        return self._along(ways, inverse, how, points)
+        return self._told(self._along(ways, inverse, how, points), "move_c", targets, how, wobj, solver, via=via)
+
+    def _told(
+        self,
+        plan: Plan,
+        name: str,
+        targets: PoseTargets,
+        how: How,
+        wobj: WorkObject,
+        solver: SolverLike | None,
+        **more: Any,
+    ) -> Plan:
+        """Return a plan with what a program's file would say in place of the call that made it."""
+        used = self.solver if solver is None else solver
+        move = told(name, self.robot, targets, how, wobj=wobj, solver=used, **more)
+        return replace(plan, told=move, frame=None if wobj is None else self.frame(wobj))
 
     def _along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
         """Plan a move whose tool goes one way after the other."""

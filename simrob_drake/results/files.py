@@ -4,6 +4,7 @@ import csv
 import json
 from datetime import datetime
 from pathlib import Path
+from typing import Literal, TypedDict
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -12,6 +13,7 @@ from simrob_drake.blocks.references import Samples, hermite_samples
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
+from simrob_drake.results.record.events import all_events
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.stations.config import StationConfig
@@ -20,8 +22,18 @@ from simrob_drake.stations.load import station_yaml
 RUNS = Path("runs")
 SUMMARY = "summary.json"
 START = "start.json"
+EVENTS, PROGRAM = "events.csv", "program.yaml"
 _TRAJECTORY_RATE = 1000.0
 """Samples a second [Hz] of a Drake trajectory that is not made of smooth cubics."""
+
+
+class Saved(TypedDict, total=False):
+    """How a result is saved, see :func:`save_result`."""
+
+    force: bool
+    recording: bool
+    video: bool
+    frames: int | Literal["events"] | None
 
 
 def default_folder(station: str) -> Path:
@@ -32,9 +44,18 @@ def default_folder(station: str) -> Path:
 
 
 def save_result(
-    result: RecordedRun, folder: Path, *, force: bool = False, recording: bool = True, video: bool = False
+    result: RecordedRun,
+    folder: Path,
+    *,
+    force: bool = False,
+    recording: bool = True,
+    video: bool = False,
+    frames: int | Literal["events"] | None = None,
 ) -> Path:
     """Write summary, signals, plots, film strip, recording and the resolved station.
+
+    Of a program that is the station in which it began; ``events.csv`` tells what happened when, and ``program.yaml``,
+    where one can say it, does it all again on that station.
 
     Args:
         result: the run.
@@ -42,24 +63,30 @@ def save_result(
         force: replace a result that is there.
         recording: write ``recording.html`` and ``film_strip.png``.
         video: write ``video.mp4``; needs the extra ``video``.
+        frames: of the strip, as :func:`film_strip` takes them; seven unless given, and of a program one an event.
 
     Returns:
         the folder.
 
     Raises:
+        InvalidParameter: fewer than two frames.
         OutputError: the folder cannot be written, or exists.
     """
     # matplotlib and Meshcat are loaded where they are needed: most commands do without
-    from simrob_drake.results.animation.pictures import frame_writer, save_film_strip, save_video
+    from simrob_drake.results.animation.pictures import check_frames, frame_writer, save_film_strip, save_video
     from simrob_drake.results.animation.recording import save_recording
     from simrob_drake.results.plots.files import save_plots
 
+    shown: int | Literal["events"] = ("events" if result.runs else 7) if frames is None else frames
+    check_frames(shown)
     if video:
         frame_writer()
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
         summary = json.dumps(summary_of(result), indent=2, ensure_ascii=False)
         (work / SUMMARY).write_text(summary + "\n", encoding="utf-8")
         write_table(work / "signals.csv", result.names, result.times, result.values)
+        if result.runs:
+            _write_program(result, work)
         config = with_tables(result, work)
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
@@ -69,10 +96,17 @@ def save_result(
         save_plots(result, work / "plots")
         if recording:
             save_recording(result, work / "recording.html")
-            save_film_strip(result, work / "film_strip.png")
+            save_film_strip(result, work / "film_strip.png", frames=shown)
         if video:
             save_video(result, work / "video.mp4")
     return folder
+
+
+def _write_program(result: RecordedRun, folder: Path) -> None:
+    with (folder / EVENTS).open("w", newline="", encoding="utf-8") as lines:
+        csv.writer(lines).writerows([(TIME_COLUMN, "event"), *all_events(result)])
+    if result.program:
+        (folder / PROGRAM).write_text(result.program, encoding="utf-8")
 
 
 def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> None:
@@ -85,7 +119,7 @@ def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> 
 
 def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     """Write the references that are no part of the configuration as tables, and return one that names them."""
-    config = result.config
+    config = (result.begun or result.config).model_copy(update={"duration": result.config.duration})
     for robot in config.robots:
         reference, given = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes

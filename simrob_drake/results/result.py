@@ -5,11 +5,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from simrob_drake.errors import shortened
+from simrob_drake.errors import InvalidParameter, shortened
 from simrob_drake.given import path, truth
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.record.run import RecordedRun
@@ -76,7 +76,13 @@ class SimulationResult(RecordedRun):
         )
 
     def save(
-        self, folder: Path | str | None = None, *, force: bool = False, recording: bool = True, video: bool = False
+        self,
+        folder: Path | str | None = None,
+        *,
+        force: bool = False,
+        recording: bool = True,
+        video: bool = False,
+        frames: int | Literal["events"] | None = None,
     ) -> Path:
         """Write the result to a folder, ``runs/<station>-<time>`` unless given, and return it.
 
@@ -84,7 +90,28 @@ class SimulationResult(RecordedRun):
         """
         target = default_folder(self.config.name) if folder is None else path(folder, "folder")
         kinds = {"force": force, "recording": recording, "video": video}
-        return save_result(self, target, **{name: truth(value, name) for name, value in kinds.items()})
+        return save_result(self, target, frames=frames, **{name: truth(value, name) for name, value in kinds.items()})
+
+    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
+        """Write the motion as a film, and return its file.
+
+        Args:
+            file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
+            frames: of a strip: how many, or one for each of its ``events``.
+
+        Raises:
+            InvalidParameter: another kind of file, or fewer than two frames.
+            OutputError: the file cannot be written.
+        """
+        from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which load matplotlib
+        from simrob_drake.results.animation.recording import save_recording
+
+        target = path(file, "file")
+        if target.suffix == ".png":
+            return save_film_strip(self, target, frames=frames)
+        if target.suffix not in (".html", ".mp4"):
+            raise InvalidParameter("file", target.name, "one that ends in .html, .png, .mp4")
+        return (save_recording if target.suffix == ".html" else save_video)(self, target)
 
     def summary(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds."""

@@ -65,7 +65,7 @@ def test_the_camera_goes_with_the_robot_but_does_not_sway(walked):
 
 
 def test_a_walking_robot_is_equally_large_in_all_frames(walked):
-    images = list(Studio([walked], height=200).images(np.array([0.0, walked.stop_time / 2, walked.stop_time])))
+    images = list(Studio(walked, height=200).images(np.array([0.0, walked.stop_time / 2, walked.stop_time])))
     for image in images:
         colours = image.astype(int)
         blue = np.flatnonzero((colours[:, :, 2] > colours[:, :, 0] + 60).any(axis=1))

@@ -55,7 +55,8 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     config = with_floor_under(result.config, gone)
     scene = Scene(config, meshcat=meshcat)
     _record(meshcat, scene, result, times, frames_per_second)
-    draw_tool_paths(meshcat, result)
+    for number, part in enumerate(result.parts):  # the tool may change in between
+        draw_tool_paths(meshcat, part, number)
     points = scene.extents_of_run(result, way)
     look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=side(scene.station)))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
