@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.beside import done_beside
 from simrob_drake.blocks.references import Samples, hermite_samples
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
@@ -49,10 +50,9 @@ def save_result(
     Raises:
         OutputError: the folder cannot be written, or exists.
     """
-    # matplotlib and Meshcat are loaded where they are needed: most commands do without
+    # what draws is loaded where it is needed: most commands do without
     from simrob_drake.results.animation.pictures import frame_writer, save_film_strip, save_video
     from simrob_drake.results.animation.recording import save_recording
-    from simrob_drake.results.plots.files import save_plots
 
     if video:
         frame_writer()
@@ -65,14 +65,19 @@ def save_result(
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
             config = config.model_copy(update={"start": Path(START)})
         (work / "station.yaml").write_text(station_yaml(config), encoding="utf-8")
-        (work / "plots").mkdir()
-        save_plots(result, work / "plots")
-        if recording:
-            save_recording(result, work / "recording.html")
-            save_film_strip(result, work / "film_strip.png")
-        if video:
-            save_video(result, work / "video.mp4")
+        with done_beside(lambda: _save_plots(result, work / "plots")):
+            if recording:
+                save_recording(result, work / "recording.html")
+                save_film_strip(result, work / "film_strip.png")
+            if video:
+                save_video(result, work / "video.mp4")
     return folder
+
+
+def _save_plots(result: RecordedRun, folder: Path) -> None:
+    from simrob_drake.results.plots.files import save_plots  # which loads matplotlib
+
+    save_plots(result, folder)
 
 
 def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> None:

@@ -65,7 +65,7 @@ class SimulationResult(RecordedRun):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: these lines, a film strip and where all ended."""
-        from simrob_drake.results.animation.pictures import film_strip  # which loads matplotlib
+        from simrob_drake.results.animation.pictures import film_strip  # which takes its time to load
 
         strip = b64encode(film_strip(self)).decode()
         head, *rows = table_of(self)

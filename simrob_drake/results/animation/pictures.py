@@ -3,13 +3,14 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
+from importlib.metadata import distribution
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure
+from PIL import Image, ImageDraw, ImageFont
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
@@ -38,9 +39,8 @@ from simrob_drake.results.animation.scene import RENDERER, Scene, with_floor_und
 from simrob_drake.results.record.events import begins_of, events_of
 from simrob_drake.results.record.run import RecordedRun
 
-Image = npt.NDArray[np.uint8]
+Pixels = npt.NDArray[np.uint8]
 
-_DPI = 100
 _GAP = 6  # pixels between frames
 _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
 _WIDEST = 5.8  # width of a strip, in heights of a frame
@@ -49,6 +49,8 @@ _BACKGROUND = np.array([0.98, 0.98, 0.98])
 _ASPECTS = 0.6, 2.4  # narrowest and widest picture
 _PLACES = 200  # of a way, under which the floor has lines
 _SHADOW_MAP = 1024  # pixels a side
+_WHITE, _GREY = (255, 255, 255), (64, 64, 64)
+_FONT = "matplotlib/mpl-data/fonts/ttf/DejaVuSans.ttf"  # matplotlib need not be loaded for it
 
 
 def film_strip(
@@ -81,7 +83,7 @@ def film_strip(
     captions, strip = _captions(times, studio.way), BytesIO()
     if events:
         captions = [f"{caption}\n{text}" for caption, (_, text) in zip(captions, events, strict=True)]
-    _strip(list(studio.images(times)), captions).savefig(strip, dpi=_DPI, format="png")
+    _strip(list(studio.images(times)), captions).save(strip, format="png")
     return strip.getvalue()
 
 
@@ -173,21 +175,25 @@ def _captions(times: Vector, way: Way | None) -> list[str]:
     return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
 
 
-def _strip(images: list[Image], captions: list[str]) -> Figure:
+def _strip(images: list[Pixels], captions: list[str]) -> Image.Image:
     """Put images side by side with captions, in as many rows as keep them large where they are wide."""
     height, width = images[0].shape[:2]
     lines = max(caption.count("\n") for caption in captions) + 1
     below = max(round(_CAPTION * height), 14) * lines
     columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
     rows = -(-len(images) // columns)
-    total = columns * (width + _GAP) - _GAP, rows * (height + below)
-    figure = Figure(figsize=(total[0] / _DPI, total[1] / _DPI), dpi=_DPI)
+    strip = Image.new("RGB", (columns * (width + _GAP) - _GAP, rows * (height + below)), _WHITE)
+    pen, font = ImageDraw.Draw(strip), _font(0.6 * below / lines)
     for number, (image, text) in enumerate(zip(images, captions, strict=True)):
-        left, bottom = number % columns * (width + _GAP), (rows - 1 - number // columns) * (height + below)
-        figure.figimage(image, left, bottom + below)
-        middle = (left + width / 2) / total[0], (bottom + below / 2) / total[1]
-        figure.text(*middle, text, ha="center", va="center", fontsize=0.6 * below / lines * 72 / _DPI, color="0.25")
-    return figure
+        left, top = number % columns * (width + _GAP), number // columns * (height + below)
+        strip.paste(Image.fromarray(image), (left, top))
+        middle = left + width / 2, top + height + below / 2
+        pen.multiline_text(middle, text, _GREY, font, anchor="mm", align="center")
+    return strip
+
+
+def _font(size: float) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), size)
 
 
 class Studio:
@@ -227,13 +233,13 @@ class Studio:
         azimuth, points = side(self._scenes[0].station), np.vstack(seen)
         width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
-        self._shape = height, oversampling, width, oversampling, 3
+        self._oversampling = oversampling
         distance = float(np.linalg.norm(self._camera.target - self._camera.eye))
         lens = CameraInfo(width=width * oversampling, height=height * oversampling, fov_y=FIELD_OF_VIEW)
         depth = ClippingRange(distance / 20, distance * 20)
         self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
 
-    def images(self, times: Vector) -> Iterator[Image]:
+    def images(self, times: Vector) -> Iterator[Pixels]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
         ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
         numbers = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self._runs) - 1)
@@ -242,8 +248,9 @@ class Studio:
             scene.place(run.positions_at(np.clip([time - self._begins[number]], 0.0, run.stop_time))[0])
             query, pose = scene.query(), _pose(self._camera.moved(way))
             rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), pose)
-            colours = rendered.data[:, :, :3].reshape(self._shape)
-            yield colours.mean(axis=(1, 3)).astype(np.uint8) if self._shape[1] > 1 else colours[:, 0, :, 0].copy()
+            size = rendered.width(), rendered.height()
+            image = Image.frombuffer("RGBX", size, rendered.data, "raw", "RGBX", 0, 1)
+            yield np.asarray(image.reduce(self._oversampling))[:, :, :3].copy()
 
 
 def _later(way: Way, begin: float, times: Vector) -> Vector:
