@@ -27,6 +27,7 @@ ROAD = [
     "cli",
 ]
 BASE = {
+    "beside",
     "errors",
     "files",
     "constants",

@@ -256,9 +256,9 @@ class Site:
     blocks: dict[str, LeafSystem] = field(default_factory=dict)
 
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
-        """Add an output with what it is."""
+        """Add an output with what it is; a signal of no columns, as of limbs that a robot lacks, is none."""
         self.outputs[output] = port
-        self.signals.extend(signals)
+        self.signals.extend(signal for signal in signals if signal.names)
         if of_state is not None:
             self.of_state[output] = of_state
 

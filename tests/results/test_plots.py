@@ -8,10 +8,12 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.text import Text
+from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import OutputError
+from simrob_drake.frames import transform_from_xyz_quaternion
 from simrob_drake.results.plots.files import save_plots
 from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure
 from simrob_drake.results.plots.joint_plots import side_groups
@@ -86,6 +88,38 @@ def test_positions_are_in_degrees_with_reference_and_error(result, drawn):
     np.testing.assert_allclose(curve(position, "reference").get_ydata(), wanted)
     assert curve(position, "reference").get_linestyle() == "--"
     np.testing.assert_allclose(curve(error, "error: reference - position").get_ydata(), wanted - reached)
+
+
+def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
+    """Against the pose that the plant tells for the reference, and the angle between the two orientations."""
+    figure = drawn(result)["tcp"]
+    panels = figure.axes[::2]
+    assert [panel.get_title(loc="left") for panel in panels] == ["x", "y", "z", "Rz", "Ry", "Rx"]
+    row = len(result.times) // 2
+    robot = result.plant.robots["robot"]
+    context = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositions(context, result.axes("q_ref")[row])
+    wanted = robot.tools[robot.tcp].CalcPoseInWorld(context)
+    reached = transform_from_xyz_quaternion(result.pose("tcp")[row])
+    for of, pose in (("reference", wanted), ("tool centre point", reached)):
+        shown = [curve(panel, of).get_ydata()[row] for panel in panels]
+        np.testing.assert_allclose(shown[:3], pose.translation(), atol=1e-12)
+        turn = RollPitchYaw(*np.deg2rad(shown[:2:-1])).ToRotationMatrix()
+        assert turn.IsNearlyEqualTo(pose.rotation(), 1e-9)
+    errors = [panel.get_lines()[0].get_ydata()[row] for panel in figure.axes[1::2]]
+    np.testing.assert_allclose(errors[:3], 1e3 * (wanted.translation() - reached.translation()), atol=1e-9)
+    turned = (wanted.rotation() @ reached.rotation().inverse()).ToAngleAxis()
+    assert abs(turned.angle()) > np.deg2rad(0.1)
+    np.testing.assert_allclose(errors[:2:-1], np.rad2deg(turned.angle()) * turned.axis(), atol=1e-9)
+
+
+def test_angles_that_go_on_turning_do_not_jump(result, drawn):
+    half = np.linspace(np.deg2rad(85), np.deg2rad(100), len(result.times))  # of Rz, through 180 degrees
+    nothing = np.zeros_like(half)
+    turning = changed(result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=nothing, tcp__qz=np.sin(half))
+    np.testing.assert_allclose(
+        curve(drawn(turning)["tcp"].axes[6], "tool centre point").get_ydata(), np.rad2deg(2 * half)
+    )
 
 
 def test_a_kinematic_run_has_no_error(drawn):
@@ -213,14 +247,15 @@ def test_numbers_and_labels_keep_clear_of_each_other_and_of_the_edge(standing, n
 
 def test_a_long_run_that_moves_all_the_time_is_shown_in_detail_too(result, drawn):
     times = np.linspace(0.0, 30.0, len(result.times))
-    busy = changed(replace(result, times=times), tau__joint_2=(-1.0) ** np.arange(len(times)))
+    slow = replace(result, times=times, positions_at=lambda at: result.positions_at(at / 50))
+    busy = changed(slow, tau__joint_2=(-1.0) ** np.arange(len(times)))
     figures = drawn(busy)
     assert set(figures) == {"position", "torque", "torque_detail", "tcp"}
     detail = curve(figures["torque_detail"].axes[1], "torque")
     assert detail.get_xdata()[[0, -1]] == pytest.approx([13.5, 16.5], abs=0.51)
     whole = curve(figures["torque"].axes[1], "torque")
     assert whole.get_linewidth() < detail.get_linewidth()
-    assert set(drawn(replace(result, times=times))) == {"position", "torque", "tcp"}  # long, but calm
+    assert set(drawn(slow)) == {"position", "torque", "tcp"}  # long, but calm
 
 
 def test_a_free_piece_is_shown_where_it_is_and_how_fast(drawn):

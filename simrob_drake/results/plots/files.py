@@ -10,7 +10,8 @@ from simrob_drake.folders import writing
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.plots.base_plot import base_figure
 from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, is_dense
-from simrob_drake.results.plots.joint_plots import position_stacks, tcp_stacks, torque_stacks
+from simrob_drake.results.plots.joint_plots import position_stacks, torque_stacks
+from simrob_drake.results.plots.tool_plots import tcp_stacks
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.walks import legged_robots
 from simrob_drake.signals import Panel
@@ -65,8 +66,8 @@ def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iter
             part = begin, begin + _DETAIL
             yield f"{name}_detail", grid_figure(result, f"{title}, {part[0]:.2f} to {part[1]:.2f} s", stacks, span=part)
     if robot.tcp:
-        title = f"position of the tool '{robot.tcp}' in the world{whose}"
-        yield "tcp", grid_figure(result, title, tcp_stacks(result, robot))
+        title = f"tool '{robot.tcp}' in the world{whose}"
+        yield "tcp", grid_figure(result, title, tcp_stacks(result, robot), columns=3)
     if robot.name in legged_robots(result):
         yield "base", base_figure(result, robot, f"way of the base{whose}")
 

@@ -22,6 +22,10 @@ from simrob_drake.results.record.run import DIVERGED, RecordedRun
 COLOURS = ("#1f6fb4", "#e08214", "#4d9221", "#8c2d7a", "#01a0a0", "#8c510a", "#f4729b", "0.35")
 """Of curves that share a frame."""
 
+VALUE, REFERENCE, ERROR = COLOURS[0], COLOURS[1], COLOURS[3]
+ERROR_HEIGHT = 0.65
+"""Of the plot of an error under that of its value [inches]."""
+
 RED = "#b2182b"
 """The colour of notes, of limits, and of a run's stop and its reason."""
 
@@ -34,7 +38,7 @@ _HEAD, _LEGEND, _LINE = 0.5, 0.25, 0.2  # inches: title of a figure, legend, and
 _FRAME = 2.6  # inches: least width of a frame
 _TICK = 8  # points
 _DIGIT = 0.64 * _TICK / 72  # inches
-_SMALLEST = {"m": 1e-3, "deg": 0.1, "N": 0.01, "N·m": 0.01, "m/s": 1e-3}  # span of an axis: less is noise
+_SMALLEST = {"m": 1e-3, "mm": 0.1, "deg": 0.1, "N": 0.01, "N·m": 0.01, "m/s": 1e-3}  # span of an axis: less is noise
 _TRUSTED = 0.95  # the part of a diverging run that sets the scale
 _HUGE = 1e9  # nobody reads larger values off a plot
 _MOST = 48  # stacks of a figure; 300 would take a minute and half a gigabyte
@@ -53,6 +57,11 @@ class Curve:
     colour: str
     weight: float = 1.0
     line: str = "-"
+
+
+def dashed(values: Vector, label: str, colour: str) -> Curve:
+    """Return the dashed curve of a reference or a limit."""
+    return Curve(values, label, colour, 0.75, "--")
 
 
 @dataclass(frozen=True)
