@@ -76,6 +76,11 @@ class ResolvedRobot:
     tcp_offset: Pose | None
     feet: FootContact | None
 
+    def __repr__(self) -> str:
+        """Say in one line which robot it is."""
+        tool = f", tool {self.tcp}" if self.tcp else ""
+        return f"<{type(self).__name__} {self.name}: {self.model.name}, {len(self.axes)} axes{tool}>"
+
     @property
     def axes(self) -> list[str]:
         """The names of the axes, in order."""
@@ -148,7 +153,7 @@ class Surroundings:
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StationRobot(ResolvedRobot):
     """A robot in the plant of a station.
 
@@ -189,6 +194,10 @@ class StationPlant:
     robots: dict[str, StationRobot]
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
     ground: Ground = field(default_factory=Ground)
+
+    def __repr__(self) -> str:
+        """Say in one line what stands in it."""
+        return f"<StationPlant of {[*self.robots.values()]}, free pieces {[*self.free_pieces]}>"
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
         """Let a plant that stands outside of the diagram pose its geometry.
@@ -254,6 +263,10 @@ class Site:
     spatial_forces: list[OutputPort] = field(default_factory=list)
     drawn: dict[str, Drawn | None] = field(default_factory=dict)
     blocks: dict[str, LeafSystem] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Say in one line what goes in and what comes out."""
+        return f"<{type(self).__name__}: {', '.join(self.inputs) or 'nothing'} → {', '.join(self.outputs)}>"
 
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
         """Add an output with what it is; a signal of no columns, as of limbs that a robot lacks, is none."""

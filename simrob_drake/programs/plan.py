@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import PEAK
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, shortened
 from simrob_drake.frames import Vector, numbers
 from simrob_drake.given import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.programs.segments import Segment, named_point
@@ -59,6 +59,11 @@ class Plan:
     stretches: tuple[Stretch, ...]
     arrivals: Vector
     points: int
+
+    def __repr__(self) -> str:
+        """Say in one line whose move it is, how long it takes, and where it leads."""
+        times, end = (" ".join(f"{value:.4g}" for value in values) for values in (self.arrivals, self.end))
+        return shortened(f"<Plan of {self.robot}: to [{end}], targets at {times} s>", 200)
 
     @cached_property
     def trajectory(self) -> Trajectory:

@@ -27,13 +27,12 @@ def table_of(result: RecordedRun) -> list[list[str]]:
     for robot in result.plant.robots.values():
         for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
             reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))
-            ends = [f"{values[-1] / robot.model.user_units[index]:.3f}" for values in (reference, position)]
+            ends = [f"{values[-1] / robot.model.user_units[index]:z.3f}" for values in (reference, position)]
             unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
             peak = torque[np.argmax(np.abs(torque))]
             shown_limit = "–" if kinematic else f"{limit:g}"
-            table.append(
-                [f"{robot.prefix}{axis}", *ends, unit, f"{torque[-1]:.3f}", f"{peak:.3f}", shown_limit, effort]
-            )
+            efforts = f"{torque[-1]:z.3f}", f"{peak:z.3f}", shown_limit, effort
+            table.append([f"{robot.prefix}{axis}", *ends, unit, *efforts])
     return table
 
 
