@@ -11,9 +11,10 @@ import typer
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.given import given_station
-from simrob_drake.cli.options import Force, Live, NoRecording, ResultFolder, Settings, StationArgument, Video
+from simrob_drake.cli.options import Force, Live, NoRecording, Plots, ResultFolder, Settings, StationArgument, Video
 from simrob_drake.cli.saving import prepared_folder, saved, wait_for_watcher
 from simrob_drake.errors import InvalidConfig, InvalidParameter
+from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
@@ -40,6 +41,7 @@ def walk(
     live: Live = False,
     no_recording: NoRecording = False,
     video: Video = False,
+    plots: Plots = "png",
 ) -> int:
     """Let a legged robot walk, and save what `simrob run` saves.
 
@@ -55,7 +57,7 @@ def walk(
     config = _own_timing(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
     result, way = _performed(config, robot, live, lambda who: who.walk(steps, amplitude, gait))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, more=way)
+    return saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots, more=way)
 
 
 def act(
@@ -68,6 +70,7 @@ def act(
     live: Live = False,
     no_recording: NoRecording = False,
     video: Video = False,
+    plots: Plots = "png",
 ) -> int:
     """Let a legged robot go through postures or stand on three legs, and save what `simrob run` saves.
 
@@ -82,11 +85,19 @@ def act(
     config = _own_timing(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
     result, way = _performed(config, robot, live, lambda who: who.act(name))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, more=way)
+    return saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots, more=way)
 
 
 def run_program(
-    file: str, set_: list[str] | None, out: Path | None, *, live: bool, force: bool, recording: bool, video: bool
+    file: str,
+    set_: list[str] | None,
+    out: Path | None,
+    *,
+    live: bool,
+    force: bool,
+    recording: bool,
+    video: bool,
+    plots: PlotFormat,
 ) -> ExitCode:
     """Run a program on the station that it names, and save what `simrob run` saves: of several runs the last.
 
@@ -110,7 +121,7 @@ def run_program(
 
     result, way = _performed(config, program.robot, live, perform)
     more = f"the last of {len(runs)} runs; {way}" if len(runs) > 1 else way
-    return saved(result, folder, force=force, recording=recording, video=video, more=more)
+    return saved(result, folder, force=force, recording=recording, video=video, plots=plots, more=more)
 
 
 def _performed(

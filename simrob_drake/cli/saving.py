@@ -11,6 +11,7 @@ from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import cells_table, result_table
 from simrob_drake.folders import check_folder
 from simrob_drake.results.files import SUMMARY, default_folder
+from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
@@ -42,7 +43,14 @@ def wait_for_watcher(url: str) -> None:
 
 
 def saved(
-    result: SimulationResult, folder: Path, *, force: bool, recording: bool, video: bool = False, more: str = ""
+    result: SimulationResult,
+    folder: Path,
+    *,
+    force: bool,
+    recording: bool,
+    video: bool = False,
+    plots: PlotFormat = "png",
+    more: str = "",
 ) -> ExitCode:
     """Save a result, show it, and return the exit code.
 
@@ -52,13 +60,14 @@ def saved(
         force: replace a result that is there.
         recording: with recording and film strip.
         video: with an MP4.
+        plots: as what they are written.
         more: a line about the run.
 
     Raises:
         Interrupted: the user insisted; nothing was saved.
     """
     with finished_first(f"the files of {folder}") as interrupted:
-        result.save(folder, force=force, recording=recording, video=video)
+        result.save(folder, force=force, recording=recording, video=video, plots=plots)
     console.print(result_table(result))
     if result.cells:
         console.print(cells_table(result))

@@ -15,6 +15,7 @@ from simrob_drake.cli.options import (
     Force,
     Live,
     NoRecording,
+    Plots,
     ResultFolder,
     Settings,
     StationArgument,
@@ -71,6 +72,7 @@ def run(
     live: Live = False,
     no_recording: NoRecording = False,
     video: Video = False,
+    plots: Plots = "png",
     converge: Annotated[
         bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
     ] = False,
@@ -88,11 +90,12 @@ def run(
     """
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
-        return run_program(station, set_, out, live=live, force=force, recording=not no_recording, video=video)
+        saving: dict[str, Any] = {"recording": not no_recording, "video": video, "plots": plots}
+        return run_program(station, set_, out, live=live, force=force, **saving)
     config = given_station(station, set_, allow_code=allow_code, duration=duration)
     folder = prepared_folder(config, out, force=force, video=video)
     result = _simulated(config, live)
-    code = saved(result, folder, force=force, recording=not no_recording, video=video)
+    code = saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots)
     return _converged(result) if converge and code == ExitCode.DONE else code
 
 

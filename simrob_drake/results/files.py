@@ -13,6 +13,7 @@ from simrob_drake.blocks.references import Samples, hermite_samples
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
+from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.stations.config import StationConfig
@@ -33,7 +34,13 @@ def default_folder(station: str) -> Path:
 
 
 def save_result(
-    result: RecordedRun, folder: Path, *, force: bool = False, recording: bool = True, video: bool = False
+    result: RecordedRun,
+    folder: Path,
+    *,
+    force: bool = False,
+    recording: bool = True,
+    video: bool = False,
+    plots: PlotFormat = "png",
 ) -> Path:
     """Write summary, signals, plots, film strip, recording and the resolved station.
 
@@ -43,17 +50,20 @@ def save_result(
         force: replace a result that is there.
         recording: write ``recording.html`` and ``film_strip.png``.
         video: write ``video.mp4``; needs the extra ``video``.
+        plots: as ``png``, ``svg`` or ``pdf``.
 
     Returns:
         the folder.
 
     Raises:
         OutputError: the folder cannot be written, or exists.
+        UnknownName: plots of another kind.
     """
     # what draws is loaded where it is needed: most commands do without
     from simrob_drake.results.animation.pictures import frame_writer, save_film_strip, save_video
     from simrob_drake.results.animation.recording import save_recording
 
+    plot_format(plots)
     if video:
         frame_writer()
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
@@ -65,7 +75,7 @@ def save_result(
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
             config = config.model_copy(update={"start": Path(START)})
         (work / "station.yaml").write_text(station_yaml(config), encoding="utf-8")
-        with done_beside(lambda: _save_plots(result, work / "plots")):
+        with done_beside(lambda: _save_plots(result, work / "plots", plots)):
             if recording:
                 save_recording(result, work / "recording.html")
                 save_film_strip(result, work / "film_strip.png")
@@ -74,10 +84,10 @@ def save_result(
     return folder
 
 
-def _save_plots(result: RecordedRun, folder: Path) -> None:
+def _save_plots(result: RecordedRun, folder: Path, kind: PlotFormat) -> None:
     from simrob_drake.results.plots.files import save_plots  # which loads matplotlib
 
-    save_plots(result, folder)
+    save_plots(result, folder, kind)
 
 
 def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from simrob_drake.errors import shortened
 from simrob_drake.given import path, truth
 from simrob_drake.results.files import default_folder, save_result
+from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
 
@@ -75,7 +76,13 @@ class SimulationResult(RecordedRun):
         )
 
     def save(
-        self, folder: Path | str | None = None, *, force: bool = False, recording: bool = True, video: bool = False
+        self,
+        folder: Path | str | None = None,
+        *,
+        force: bool = False,
+        recording: bool = True,
+        video: bool = False,
+        plots: PlotFormat = "png",
     ) -> Path:
         """Write the result to a folder, ``runs/<station>-<time>`` unless given, and return it.
 
@@ -83,7 +90,7 @@ class SimulationResult(RecordedRun):
         """
         target = default_folder(self.config.name) if folder is None else path(folder, "folder")
         kinds = {"force": force, "recording": recording, "video": video}
-        return save_result(self, target, **{name: truth(value, name) for name, value in kinds.items()})
+        return save_result(self, target, plots=plots, **{name: truth(value, name) for name, value in kinds.items()})
 
     def summary(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds."""

@@ -10,9 +10,10 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
-from simrob_drake import load_station, simulate
-from simrob_drake.errors import OutputError
+from simrob_drake import build_station, load_station, simulate, simulate_diagram
+from simrob_drake.errors import OutputError, UnknownName
 from simrob_drake.frames import transform_from_xyz_quaternion
 from simrob_drake.results.plots.files import save_plots
 from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure
@@ -73,6 +74,46 @@ def test_a_robot_with_a_tool_has_three_pictures(result, tmp_path):
         assert picture.shape[0] > 300
         assert picture.shape[1] > 800
         assert 0.01 < (picture[:, :, :3].min(axis=2) < 0.9).mean() < 0.5  # neither blank nor black
+
+
+@pytest.mark.parametrize("kind", ["svg", "pdf"])
+def test_plots_are_lines_where_that_is_asked_for_and_the_same_twice(kind, result, tmp_path):
+    first, second = (save_plots(result, tmp_path / folder, kind) for folder in "ab")
+    assert [file.name for file in first] == [f"position.{kind}", f"torque.{kind}", f"tcp.{kind}"]
+    for file, again in zip(first, second, strict=True):
+        assert file.read_bytes() == again.read_bytes()
+        assert file.read_bytes()[:5] == {"svg": b"<?xml", "pdf": b"%PDF-"}[kind]
+
+
+def test_plots_of_another_kind_are_refused_before_anything_is_written(result, tmp_path):
+    with pytest.raises(UnknownName, match="no format of plots 'jpg'; did you mean 'png'"):
+        result.save(tmp_path / "r", plots="jpg")
+    assert not (tmp_path / "r").exists()
+
+
+def test_what_is_applied_and_what_is_felt_are_plotted_together(drawn):
+    """A sine of 5 N that a station's section gives, and 3 N that stand at its input."""
+    station = build_station(load_station("irb120_cobot", {"inputs": ["external_force"]}))
+    builder = DiagramBuilder()
+    builder.AddSystem(station)
+    source = builder.AddSystem(ConstantVectorSource([0.0, 0.0, 3.0]))
+    builder.Connect(source.get_output_port(), station.GetInputPort("external_force"))
+    hold = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
+    builder.Connect(hold.get_output_port(), station.GetInputPort("reference"))
+    result = simulate_diagram(builder.Build(), station.ports, duration=0.4, progress=False)
+    np.testing.assert_allclose(result.vector("applied_force"), np.tile([0.0, 0.0, 3.0], (len(result.times), 1)))
+    figure = drawn(result)["sensors"]
+    assert "irb120_cobot: applied forces" in texts(figure)
+    titles = [panel.get_title(loc="left") for panel in figure.axes]
+    assert titles == ["external force at load, in its axes", "applied force 'hand' at load, in its axes"]
+    assert np.abs(curve(figure.axes[1], "z").get_ydata()).max() == pytest.approx(5.0, rel=0.01)
+
+
+def test_angles_of_panels_are_in_degrees(result, drawn):
+    panel = Panel("own", "a block", "lean", "lean [rad]", ("q.joint_1",))
+    (panel,) = drawn(replace(result, signals=(Signal(panel.columns, ("rad",), "own", panel=panel),)))["own"].axes
+    assert panel.get_ylabel() == "lean [deg]"
+    np.testing.assert_allclose(curve(panel, "joint_1").get_ydata(), np.rad2deg(result["q.joint_1"]))
 
 
 def test_several_robots_have_their_own_pictures(tmp_path):
