@@ -91,11 +91,11 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
     assert sum(force[2] for _, force in sums.values()) == pytest.approx(weight, rel=0.02)  # it stands almost still
     middles = np.sort([point[0] for point, _ in sums.values()])
     assert np.abs(np.abs(middles) - 0.0444).max() < 0.028  # in the seen foot, half as wide: x of the ankle
-    names = np.array([inspector.GetName(inspector.GetFrameId(pair[0])) for pair in now.pairs])
+    names = [[inspector.GetName(inspector.GetFrameId(shape)) for shape in pair] for pair in now.pairs]
     for (foot, _), (centre, force) in sums.items():
-        arms, presses = now.points[names == foot] - centre, now.normal_forces[names == foot]
-        np.testing.assert_allclose(force, now.forces[names == foot].sum(axis=0))
-        np.testing.assert_allclose(np.cross(arms, presses).sum(axis=0), 0.0, atol=1e-9)
+        sense = np.array([[(first == foot) - (second == foot)] for first, second in names], dtype=float)
+        np.testing.assert_allclose(force, (sense * now.forces).sum(axis=0))
+        np.testing.assert_allclose((sense * np.cross(now.points - centre, now.normal_forces)).sum(axis=0), 0, atol=1e-9)
     page = save_recording(run, tmp_path / "stands.html").read_text(encoding="utf-8")
     told = [one for one in messages(page) if b"contact_forces/sum_" in one and b"set_object" in one]
     assert len(told) == 4  # shaft and head of each
