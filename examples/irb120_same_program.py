@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from simrob_drake import Arm, SimulationResult, load_station
+from simrob_drake.results.plots.own import panels, save_figure
 
 DOWN = [0.0, 0.0, np.pi]
 TABLE = "inclined_table"
@@ -37,18 +37,14 @@ def main() -> None:
     """Save the picture, and print how far the dynamic arm strays."""
     ways = run()
     deviation = np.linalg.norm(ways["dynamic"] - ways["kinematic"], axis=1)
-    figure, (top, side) = plt.subplots(2, 1, figsize=(6, 7), height_ratios=[3, 1])
+    title = "one drawing, by two stations"
+    figure, ((top,), (side,)) = panels(title, 2, size=(7, 7), height_ratios=[3, 1])
     for mode, way in ways.items():
         top.plot(*(1e3 * way[:, :2].T), label=mode)
         side.plot(1e3 * way[:, 2], label=mode)
     top.set(xlabel="x on the table [mm]", ylabel="y [mm]", aspect="equal")
     side.set(xlabel="sample", ylabel="height [mm]")
-    top.legend()
-    figure.tight_layout()
-    file = Path("runs/irb120_same_program.png")
-    file.parent.mkdir(exist_ok=True)
-    figure.savefig(file, dpi=120)
-    plt.close(figure)
+    file = save_figure(figure, Path("runs/irb120_same_program.png"))
     print(f"the dynamic arm is {1e3 * deviation.mean():.1f} mm off on average, {1e3 * deviation.max():.1f} mm at most:")
     print(f"its servos know neither weight nor speed; both ways in {file}")
 

@@ -14,12 +14,12 @@ from simrob_drake.results.plots.base_plot import base_figure
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
 from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, is_dense
 from simrob_drake.results.plots.joint_plots import position_stacks, torque_stacks
+from simrob_drake.results.plots.own import DPI
 from simrob_drake.results.plots.tool_plots import tcp_stacks
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.walks import legged_robots
 from simrob_drake.signals import Panel
 
-_DPI = 110
 _LONG = 10.0  # a run of more than so many seconds whose curves run together is shown a second time, in part
 _DETAIL = 3.0  # seconds of that part
 _LOOKS = [(colour, line) for line, colour in product(("-", "--", ":"), COLOURS)]
@@ -52,7 +52,7 @@ def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> l
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in _figures(result):
             written.append(folder / f"{name}.{kind}")
-            figure.savefig(written[-1], dpi=_DPI, metadata=UNDATED[kind])
+            figure.savefig(written[-1], dpi=DPI, metadata=UNDATED[kind])
     return written
 
 
