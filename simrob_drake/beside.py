@@ -1,5 +1,6 @@
 """Work that writes files, done on another core while this process goes on."""
 
+import gc
 import os
 import signal
 import sys
@@ -36,6 +37,7 @@ def _work_and_leave(work: Callable[[], object]) -> None:
     code = 1
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the other's business
+        gc.freeze()  # what came with it is no rubbish, nor to be copied by looking at it
         work()
         code = 0
     finally:
