@@ -116,6 +116,13 @@ def test_angles_of_panels_are_in_degrees(result, drawn):
     np.testing.assert_allclose(curve(panel, "joint_1").get_ydata(), np.rad2deg(result["q.joint_1"]))
 
 
+@pytest.mark.filterwarnings("error")
+def test_any_name_is_drawn_as_it_is(result, tmp_path):
+    for number, name in enumerate(("a$b_{$", "机器人")):
+        named = replace(result, config=result.config.model_copy(update={"name": name}))
+        assert len(save_plots(named, tmp_path / str(number))) == 3
+
+
 def test_several_robots_have_their_own_pictures(tmp_path):
     result = simulate(load_station("two_irb120"), duration=0.05, progress=False)
     names = [f"{robot}_{what}.png" for robot in ("left", "right") for what in ("position", "torque", "tcp")]

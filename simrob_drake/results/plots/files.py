@@ -14,7 +14,7 @@ from simrob_drake.results.plots.base_plot import base_figure
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
 from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, is_dense
 from simrob_drake.results.plots.joint_plots import position_stacks, torque_stacks
-from simrob_drake.results.plots.own import DPI
+from simrob_drake.results.plots.own import DPI, as_saved
 from simrob_drake.results.plots.tool_plots import tcp_stacks
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.walks import legged_robots
@@ -48,7 +48,7 @@ def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> l
     """
     plot_format(kind)
     written = []
-    with writing(folder), rc_context({"svg.hashsalt": "simrob"}):
+    with writing(folder), as_saved(), rc_context({"text.parse_math": False}):  # a $ in a name is one
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in _figures(result):
             written.append(folder / f"{name}.{kind}")

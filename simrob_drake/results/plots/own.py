@@ -1,8 +1,10 @@
 """Figures of users' own in the looks of a run's plots."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, filterwarnings
 
 import numpy as np
 import numpy.typing as npt
@@ -73,10 +75,18 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
         figure.legend(list(curves.values()), list(curves), loc="outside upper left", ncols=columns, **_PLAIN, **head)
     else:
         figure.suptitle(str(figure.get_label()), x=0.01, ha="left", fontproperties=_BOLD)
-    with writing(target.parent), rc_context({"svg.hashsalt": "simrob"}):
+    with writing(target.parent), as_saved():
         target.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(target, dpi=DPI, metadata=UNDATED[kind])
     return target
+
+
+@contextmanager
+def as_saved() -> Iterator[None]:
+    """Write figures the same way each time; a letter that the font lacks is a box in them, and no warning."""
+    with rc_context({"svg.hashsalt": "simrob"}), catch_warnings():
+        filterwarnings("ignore", "Glyph .* missing")
+        yield
 
 
 def _labelled(frames: Sequence[Axes]) -> dict[str, Any]:
