@@ -306,6 +306,12 @@ def test_a_long_run_that_moves_all_the_time_is_shown_in_detail_too(result, drawn
     assert set(drawn(slow)) == {"position", "torque", "tcp"}  # long, but calm
 
 
+def test_noise_makes_no_thin_lines(result, drawn):
+    noisy = changed(result, tau__joint_2=1e-9 * (-1.0) ** np.arange(len(result.times)))
+    calm, loud = (drawn(run)["torque"].axes[0].get_lines()[0].get_linewidth() for run in (noisy, result))
+    assert calm == loud
+
+
 def test_a_free_piece_is_shown_where_it_is_and_how_fast(drawn):
     result = simulate(load_station("bouncing_ball"), duration=0.2, progress=False)
     position, velocity = drawn(result)["piece_ball"].axes

@@ -67,7 +67,7 @@ def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iter
     for name, stacks_of in {"position": position_stacks, "torque": torque_stacks}.items():
         title, stacks = f"joint {name}s{whose}", stacks_of(result, robot)
         yield name, grid_figure(result, title, stacks)
-        if result.stop_time > _LONG and is_dense(curve for stack in stacks for curve in stack.plots[0].curves):
+        if result.stop_time > _LONG and is_dense(stack.plots[0] for stack in stacks):
             begin = (result.stop_time - _DETAIL) / 2
             part = begin, begin + _DETAIL
             yield f"{name}_detail", grid_figure(result, f"{title}, {part[0]:.2f} to {part[1]:.2f} s", stacks, span=part)

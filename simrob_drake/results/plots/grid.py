@@ -112,9 +112,9 @@ def grid_figure(
     return grid.figure
 
 
-def is_dense(curves: Iterable[Curve]) -> bool:
-    """Tell whether curves go up and down so often that lines of the usual width would run together."""
-    return any(_turns(curve.values) > _INK for curve in curves)
+def is_dense(plots: Iterable[Plot]) -> bool:
+    """Tell whether curves go up and down so often that lines of the usual width would run together; noise does not."""
+    return any(_turns(curve.values, _smallest(plot.label)) > _INK for plot in plots for curve in plot.curves)
 
 
 def style(axes: Axes, title: str) -> None:
@@ -145,7 +145,7 @@ class _Grid:
         """Draw all curves, with legends beside the plots or in the head."""
         begin, end = span
         within = (self._result.times >= begin) & (self._result.times <= end)
-        thin = within.all() and is_dense(curve for stack in self._stacks for p in stack.plots for curve in p.curves)
+        thin = within.all() and is_dense(plot for stack in self._stacks for plot in stack.plots)
         for index, (stack, frames) in enumerate(zip(self._stacks, self._frames, strict=True)):
             for axes, plot in zip(frames, stack.plots, strict=True):
                 style(axes, stack.title if axes is frames[0] else "")
@@ -241,8 +241,7 @@ def _limits(curves: Vector, label: str) -> Span:
     """Return what shows all of the curves, shape (k, m), with some room, but no noise at full height."""
     values = _readable(curves)
     middle = (values.min() + values.max()) / 2
-    smallest = _SMALLEST.get(label.rpartition("[")[2].rstrip("]"), 1e-6 + 1e-6 * abs(middle))
-    half = max(0.54 * np.ptp(values), smallest / 2)
+    half = max(0.54 * np.ptp(values), (_smallest(label) or 1e-6 + 1e-6 * abs(middle)) / 2)
     return middle - half, middle + half
 
 
@@ -252,10 +251,15 @@ def _width_of_numbers(axes: Axes) -> float:
     return _DIGIT * max(map(len, texts), default=0) + 0.08
 
 
-def _turns(values: Vector) -> float:
-    """Return how often a curve goes through its whole height."""
+def _smallest(label: str) -> float:
+    """Return the span of a plot below which curves are noise, by the unit in its label; 0 of units without any."""
+    return _SMALLEST.get(label.rpartition("[")[2].rstrip("]"), 0.0)
+
+
+def _turns(values: Vector, smallest: float) -> float:
+    """Return how often a curve goes through its whole height, or through the ``smallest`` span that is shown."""
     curve = _readable(values)
-    height = np.ptp(curve)
+    height = max(float(np.ptp(curve)), smallest)
     return float(np.abs(np.diff(curve)).sum() / height) if height > 0 else 0.0
 
 
