@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from simrob_drake import Arm, SimulationResult, load_station
+from simrob_drake.results.plots.own import panels, save_figure
 
 DOWN = [0.0, 0.0, np.pi]
 TABLE = "inclined_table"
@@ -41,18 +41,13 @@ def run() -> dict[str, np.ndarray]:
 def main() -> None:
     """Save the picture, and print how far each dynamic arm strays."""
     ways = run()
-    figure, (top, side) = plt.subplots(2, 1, figsize=(6, 7), height_ratios=[3, 1])
+    figure, ((top,), (side,)) = panels("one drawing, by three stations", 2, size=(7, 7), height_ratios=[3, 1])
     for name, way in ways.items():
         top.plot(*(1e3 * way[:, :2].T), label=name)
         side.plot(1e3 * way[:, 2], label=name)
     top.set(xlabel="x on the table [mm]", ylabel="y [mm]", aspect="equal")
     side.set(xlabel="sample", ylabel="height [mm]")
-    top.legend()
-    figure.tight_layout()
-    file = Path("runs/irb120_same_program.png")
-    file.parent.mkdir(exist_ok=True)
-    figure.savefig(file, dpi=120)
-    plt.close(figure)
+    file = save_figure(figure, Path("runs/irb120_same_program.png"))
     for name, way in list(ways.items())[1:]:
         off = 1e3 * np.linalg.norm(way - ways["kinematic"], axis=1)
         print(f"{name}: {off.mean():.2f} mm off on average, {off.max():.2f} mm at most")

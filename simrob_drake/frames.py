@@ -147,6 +147,15 @@ def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
     return RigidTransform(Quaternion(wxyz), xyz_wxyz[:3])
 
 
+def matrices_from_xyz_quaternions(values: Vector) -> Vector:
+    """Turn [x y z qw qx qy qz] with unit quaternions, shape (..., 7), into homogeneous matrices (..., 4, 4)."""
+    crossed = np.swapaxes(np.cross(values[..., np.newaxis, 4:], np.eye(3)), -1, -2)  # of (qx qy qz), as a matrix
+    matrices = np.zeros((*values.shape[:-1], 4, 4))
+    matrices[..., :3, :3] = np.eye(3) + 2 * (values[..., 3, np.newaxis, np.newaxis] * crossed + crossed @ crossed)
+    matrices[..., :3, 3], matrices[..., 3, 3] = values[..., :3], 1.0
+    return matrices
+
+
 def numbers(values: Any) -> Vector:
     """Return values as an array of floats, NaN where a masked array hides one; an empty array if they are none."""
     try:

@@ -30,6 +30,7 @@ ROAD = [
     "cli",
 ]
 BASE = {
+    "beside",
     "errors",
     "files",
     "constants",

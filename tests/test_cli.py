@@ -63,7 +63,9 @@ def test_converge_prints_the_difference(capsys):
         line for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :] if "joint_2" in line
     )
     assert 0 < float(row.split()[1]) < 3e-3
-    assert row.split()[2::3] == ["rad", "N·m"]
+    _, difference, of, _, degrees, *rest = row.split()
+    assert (of, rest[0], rest[-1]) == ("rad", "deg", "N·m")
+    assert float(degrees) == pytest.approx(np.rad2deg(float(difference)), rel=0.01)
 
 
 def test_converge_compares_the_base_of_a_legged_robot(capsys):

@@ -56,7 +56,7 @@ def folder(tmp_path, monkeypatch, one_joint_urdf):
 SHOWN = {
     "automatic=True).cells)": r"4\.07, 8\.15.*\n.*7\.76, 15\.51",
     "print(result.message, arm.pose())": r"ran to its end",
-    'arm.simulate("irb120_dynamic")': r"^0\.0\d* rad ",
+    'arm.simulate("irb120_dynamic")': r"^\d\.\d* (deg|grados) ",
     "np.rad2deg(result[": r" 4[67]\.\d* (deg|grados)\n",
     "walk(4, amplitude=0.8)": r"ran to its end at 5 s .*\n0\.(0[5-9]|[12])\d* m ",
     '"right_hand", [-0.1, -0.1, -0.15]': r"\[-0\.1 +-0\.1 +-0\.15 ",

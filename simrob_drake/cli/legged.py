@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from simrob_drake.cli.given import given_station
-from simrob_drake.cli.options import Force, Live, NoRecording, ResultFolder, Settings, StationArgument, Video
+from simrob_drake.cli.options import Force, Live, NoRecording, Plots, ResultFolder, Settings, StationArgument, Video
 from simrob_drake.cli.saving import prepared_folder, saved, wait_for_watcher
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.record.walks import legged_robots, locomotion
@@ -38,6 +38,7 @@ def walk(
     live: Live = False,
     no_recording: NoRecording = False,
     video: Video = False,
+    plots: Plots = "png",
 ) -> int:
     """Let a legged robot walk, and save what `simrob run` saves.
 
@@ -53,7 +54,7 @@ def walk(
     config = _own_timing(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
     result, way = _performed(config, robot, live, lambda who: who.walk(steps, amplitude, gait))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, more=way)
+    return saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots, more=way)
 
 
 def act(
@@ -66,6 +67,7 @@ def act(
     live: Live = False,
     no_recording: NoRecording = False,
     video: Video = False,
+    plots: Plots = "png",
 ) -> int:
     """Let a legged robot go through postures or stand on three legs, and save what `simrob run` saves.
 
@@ -80,7 +82,7 @@ def act(
     config = _own_timing(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
     result, way = _performed(config, robot, live, lambda who: who.act(name))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, more=way)
+    return saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots, more=way)
 
 
 def _performed(

@@ -10,6 +10,7 @@ import typer
 from pydantic.fields import FieldInfo
 
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.yaml_files import validated
 
 StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
@@ -28,6 +29,7 @@ Workers = Annotated[int | None, typer.Option(min=1, help="Processes; as many as 
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
 ]
+Plots = Annotated[PlotFormat, typer.Option("--plots", help="What the plots are written as.")]
 
 FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="A URDF or xacro file, or a Simulink model (import).")

@@ -14,6 +14,7 @@ from simrob_drake.cli.options import (
     Force,
     Live,
     NoRecording,
+    Plots,
     ResultFolder,
     Settings,
     StationArgument,
@@ -76,6 +77,7 @@ def run(
     frames: Annotated[
         str | None, typer.Option(metavar="N|events", help="Of the film strip; events by default for programs, else 7.")
     ] = None,
+    plots: Plots = "png",
     converge: Annotated[
         bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
     ] = False,
@@ -91,7 +93,13 @@ def run(
 
         simrob run program.yaml --set servo.kp=50
     """
-    options: Saved = {"force": force, "recording": not no_recording, "video": video, "frames": _frames(frames)}
+    options: Saved = {
+        "force": force,
+        "recording": not no_recording,
+        "video": video,
+        "frames": _frames(frames),
+        "plots": plots,
+    }
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
         return run_program(station, set_, out, live=live, options=options)

@@ -40,7 +40,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
     They are those of every joint, and in place and attitude those of every base and piece that is free.
     """
     common = min(len(result.times), len(tight.times))
-    table = _numbers("joint", "largest difference", "unit", "at [s]", "in torque at the end", "unit")
+    table = _numbers("joint", "largest difference", "at [s]", "in torque at the end", "unit")
     table.title = "against a run ten times tighter"
     for robot in result.plant.robots.values():
         for axis, unit in zip(robot.axes, robot.model.units, strict=True):
@@ -49,7 +49,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
             worst = int(np.argmax(difference))
             torque = f"{robot.prefix}tau.{axis}"
             end = abs(result[torque][common - 1] - tight[torque][common - 1])
-            moved = f"{difference[worst]:.2e}", unit.si, f"{result.times[worst]:.2f}"
+            moved = in_units(difference[worst], unit.si), f"{result.times[worst]:.2f}"
             table.add_row(f"{robot.prefix}{axis}", *moved, f"{end:.2e}", unit.effort)
     free = {
         f"{robot.prefix}base": robot.name for robot in result.plant.robots.values() if robot.model.base == "floating"
@@ -59,7 +59,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
     for name, (loose, exact) in poses.items():
         for what, apart, of in _pose_differences(loose[:common], exact[:common]):
             worst = int(np.argmax(apart))
-            table.add_row(f"{what} of {name}", f"{apart[worst]:.2e}", of, f"{result.times[worst]:.2f}", "–", "")
+            table.add_row(f"{what} of {name}", f"{apart[worst]:.2e} {of}", f"{result.times[worst]:.2f}", "–", "")
     return table
 
 
@@ -69,6 +69,11 @@ def _pose_differences(poses: Vector, others: Vector) -> list[tuple[str, Vector, 
     chords = [np.linalg.norm(poses[:, 3:] - sign * others[:, 3:], axis=1) for sign in (1, -1)]  # q and -q are the same
     angles = np.rad2deg(4 * np.arcsin(np.minimum(*chords) / 2))
     return [("place", ways, "mm"), ("attitude", angles, "deg")]
+
+
+def in_units(value: float, unit: str) -> str:
+    """Return a figure with its unit, an angle in degrees, too."""
+    return f"{value:.2e} {unit}" + (f" = {np.rad2deg(value):.2e} deg" if unit == "rad" else "")
 
 
 def findings_table(findings: list[Finding]) -> Table:

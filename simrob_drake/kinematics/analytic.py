@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import UnknownName
+from simrob_drake.errors import UnknownName, angle
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.closed_form import BRANCHES, ELBOWS, SHOULDERS, WRISTS, ClosedForm, all_postures
@@ -153,6 +153,6 @@ class AnalyticSolver(Solver):
             return f"out of reach: the wrist centre lies {short:.3g} m beyond what the arm reaches"
         if beyond.any():
             axis = int(np.argmax(beyond))
-            more = f"{beyond[axis]:.3g} rad or more beyond its limit"
+            more = f"{angle(beyond[axis])} or more beyond its limit"
             return f"joint limit: {postures} need {self.chain.names[axis]} {more}"
         return "no orientation of the wrist serves: its axes are not at right angles"

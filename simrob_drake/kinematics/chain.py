@@ -56,6 +56,10 @@ class Chain(Screws):
     upper: Vector
     in_plant: ChainInPlant
 
+    def __repr__(self) -> str:
+        """Say in one line which axes it has."""
+        return f"<Chain of {len(self.names)} axes: {', '.join(self.names)}>"
+
     @classmethod
     def of_robot(cls, model: RobotModel, tool: str | None = None) -> Chain:
         """Return the chain from a robot's root link to one of its tools, the first unless named.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, angle
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.least_squares import Flags, within
@@ -96,8 +96,8 @@ class IncrementalSolver(Solver):
 
     def _reason(self, target: Vector, positions: Vector, error: Vector, turned: bool) -> str:
         if not turned and np.linalg.norm(error[:3]) <= self._tolerance[0]:
-            angle = float(np.linalg.norm(error[3:]))
-            return f"rotation limit: the tool would turn by {angle:.3g} rad at once, and the limit is {self._limit:.3g}"
+            turn = angle(float(np.linalg.norm(error[3:])))
+            return f"rotation limit: the tool would turn by {turn} at once, and the limit is {angle(self._limit)}"
         weights = np.array([1.0, 1.0, 1.0, *[float(turned)] * 3])
         return why_unreached(self.chain, target, positions, error * weights, weights)
 

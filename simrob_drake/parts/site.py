@@ -78,6 +78,11 @@ class ResolvedRobot:
     tcp_offset: Pose | None
     feet: FootContact | None
 
+    def __repr__(self) -> str:
+        """Say in one line which robot it is."""
+        tool = f", tool {self.tcp}" if self.tcp else ""
+        return f"<{type(self).__name__} {self.name}: {self.model.name}, {len(self.axes)} axes{tool}>"
+
     @property
     def axes(self) -> list[str]:
         """The names of the axes, in order."""
@@ -150,7 +155,7 @@ class Surroundings:
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StationRobot(ResolvedRobot):
     """A robot in the plant of a station.
 
@@ -202,6 +207,10 @@ class StationPlant:
         carriers = [robot.instance for robot in self.robots.values() if piece in robot.carried]
         instance = carriers[0] if carriers else self.plant.GetModelInstanceByName(f"{piece}::{piece}")
         return self.plant.GetFrameByName(frame, instance)
+
+    def __repr__(self) -> str:
+        """Say in one line what stands in it."""
+        return f"<StationPlant of {[*self.robots.values()]}, free pieces {[*self.free_pieces]}>"
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
         """Let a plant that stands outside of the diagram pose its geometry.
@@ -268,10 +277,14 @@ class Site:
     drawn: dict[str, Drawn | None] = field(default_factory=dict)
     blocks: dict[str, LeafSystem] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Say in one line what goes in and what comes out."""
+        return f"<{type(self).__name__}: {', '.join(self.inputs) or 'nothing'} → {', '.join(self.outputs)}>"
+
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
-        """Add an output with what it is."""
+        """Add an output with what it is; a signal of no columns, as of limbs that a robot lacks, is none."""
         self.outputs[output] = port
-        self.signals.extend(signals)
+        self.signals.extend(signal for signal in signals if signal.names)
         if of_state is not None:
             self.of_state[output] = of_state
 

@@ -139,8 +139,10 @@ class Arm(CellRobot):
         return model.chain(self.name, robot.tools[robot.tcp])
 
     def _described(self) -> list[str]:
-        place = " ".join(f"{value:.4g}" for value in self.pose()[:3].round(6) + 0.0)  # no -0
-        return [*super()._described(), f"tool {self.cell.model.robots[self.name].tcp} at {place} m"]
+        values = np.append(self.pose()[:3], np.rad2deg(self.pose()[3:])).round(6) + 0.0  # no -0
+        place, angles = (" ".join(f"{value:.4g}" for value in part) for part in (values[:3], values[3:]))
+        tool = self.cell.model.robots[self.name].tcp
+        return [*super()._described(), f"tool {tool} at {place} m, Rz Ry Rx {angles} deg"]
 
     def tool(self, tool: str | PoseLike) -> None:
         """Change the tool centre point (SimRob's Tool).

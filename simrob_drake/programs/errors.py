@@ -61,10 +61,10 @@ class BrokenPath(SimrobError):
         jump: how far the joint jumps [rad or m].
     """
 
-    def __init__(self, where: str, axis: str, *, point: int, jump: float) -> None:
-        """Say between which points which axis would have to jump."""
+    def __init__(self, where: str, axis: str, *, point: int, jump: float, shown: str) -> None:
+        """Say between which points which axis would have to jump; ``shown`` tells how far with its unit."""
         advice = "the path leads through a singular posture; go there by move_j, or take another way"
-        super().__init__(f"{where}: {axis} would have to jump by {jump:.2f} there: {advice}")
+        super().__init__(f"{where}: {axis} would have to jump by {shown} there: {advice}")
         self.axis, self.point, self.jump = axis, point, jump
 
 

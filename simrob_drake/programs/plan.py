@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.errors import shortened
 from simrob_drake.frames import Vector
 from simrob_drake.programs.segments import named_point
 from simrob_drake.programs.trajectories import Stretch, trajectory
@@ -39,6 +40,11 @@ class Plan:
     check: Check = "limits"
     told: Strict | None = None
     frame: RigidTransform | None = None
+
+    def __repr__(self) -> str:
+        """Say in one line whose move it is, how long it takes, and where it leads."""
+        times, end = (" ".join(f"{value:.4g}" for value in values) for values in (self.arrivals, self.end))
+        return shortened(f"<Plan of {self.robot}: to [{end}], targets at {times} s>", 200)
 
     @cached_property
     def trajectory(self) -> Trajectory:

@@ -50,6 +50,10 @@ class Planner:
     frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
     collide: Callable[[Plan], None]  # raises where a plan leads into something
 
+    def __repr__(self) -> str:
+        """Say in one line whose moves it plans."""
+        return f"<Planner of {self.robot}: {self.chain!r}>"
+
     def move_abs_j(self, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
         """Plan a move to one posture (n,) or through many (k, n) [rad or m].
 

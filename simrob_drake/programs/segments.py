@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simrob_drake.errors import angle
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import turned_by
 from simrob_drake.kinematics.chain import Chain
@@ -133,4 +134,6 @@ def _broken(chain: Chain, postures: Vector, parts: Vector, points: int, target: 
     jumps = np.abs(np.diff(postures, axis=0))
     row, axis = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
     number, name = named_point(float(parts[row]), points, target)
-    return BrokenPath(name, chain.names[axis], point=number, jump=float(jumps[row, axis]))
+    jump = float(jumps[row, axis])
+    shown = angle(jump) if chain.revolute[axis] else f"{jump:.3g} m"
+    return BrokenPath(name, chain.names[axis], point=number, jump=jump, shown=shown)

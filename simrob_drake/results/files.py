@@ -9,10 +9,12 @@ from typing import Literal, TypedDict
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.beside import done_beside
 from simrob_drake.blocks.references import Samples, hermite_samples
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
+from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.events import all_events
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
@@ -34,6 +36,7 @@ class Saved(TypedDict, total=False):
     recording: bool
     video: bool
     frames: int | Literal["events"] | None
+    plots: PlotFormat
 
 
 def default_folder(station: str) -> Path:
@@ -51,6 +54,7 @@ def save_result(
     recording: bool = True,
     video: bool = False,
     frames: int | Literal["events"] | None = None,
+    plots: PlotFormat = "png",
 ) -> Path:
     """Write summary, signals, plots, film strip, recording and the resolved station.
 
@@ -64,6 +68,7 @@ def save_result(
         recording: write ``recording.html`` and ``film_strip.png``.
         video: write ``video.mp4``; needs the extra ``video``.
         frames: of the strip, as :func:`film_strip` takes them; seven unless given, and of a program one an event.
+        plots: as ``png``, ``svg`` or ``pdf``.
 
     Returns:
         the folder.
@@ -71,14 +76,15 @@ def save_result(
     Raises:
         InvalidParameter: fewer than two frames.
         OutputError: the folder cannot be written, or exists.
+        UnknownName: plots of another kind.
     """
-    # matplotlib and Meshcat are loaded where they are needed: most commands do without
+    # what draws is loaded where it is needed: most commands do without
     from simrob_drake.results.animation.pictures import check_frames, frame_writer, save_film_strip, save_video
     from simrob_drake.results.animation.recording import save_recording
-    from simrob_drake.results.plots.files import save_plots
 
     shown: int | Literal["events"] = ("events" if result.runs else 7) if frames is None else frames
     check_frames(shown)
+    plot_format(plots)
     if video:
         frame_writer()
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
@@ -92,14 +98,19 @@ def save_result(
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
             config = config.model_copy(update={"start": Path(START)})
         (work / "station.yaml").write_text(station_yaml(config), encoding="utf-8")
-        (work / "plots").mkdir()
-        save_plots(result, work / "plots")
-        if recording:
-            save_recording(result, work / "recording.html")
-            save_film_strip(result, work / "film_strip.png", frames=shown)
-        if video:
-            save_video(result, work / "video.mp4")
+        with done_beside(lambda: _save_plots(result, work / "plots", plots)):
+            if recording:
+                save_recording(result, work / "recording.html")
+                save_film_strip(result, work / "film_strip.png", frames=shown)
+            if video:
+                save_video(result, work / "video.mp4")
     return folder
+
+
+def _save_plots(result: RecordedRun, folder: Path, kind: PlotFormat) -> None:
+    from simrob_drake.results.plots.files import save_plots  # which loads matplotlib
+
+    save_plots(result, folder, kind)
 
 
 def _write_program(result: RecordedRun, folder: Path) -> None:

@@ -165,6 +165,12 @@ class RobotModel(Strict):
             raise ValueError("a robot has either a urdf or a dh table")
         return self
 
+    def __repr__(self) -> str:
+        """Say in one line which robot it is."""
+        return f"<RobotModel {self.name}: {len(self.axes)} axes, {self.base} base; {self.description}>"
+
+    __str__ = __repr__
+
     @property
     def urdf_path(self) -> Path:
         """The URDF file, or the description where that holds a table."""

@@ -279,6 +279,14 @@ class StationConfig(_Section):
     sample_rate: Positive = Field(default=100.0, le=FASTEST_RATE)
     """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
 
+    def __repr__(self) -> str:
+        """Say in one line what stands in it; :func:`~simrob_drake.stations.load.station_yaml` tells all."""
+        robots = ", ".join(f"{name} ({robot.model or robot.urdf})" for name, robot in self.robots.items())
+        pieces = f", pieces {', '.join(self.pieces)}" if self.pieces else ""
+        return f"<StationConfig {self.name}, {self.mode}, {self.duration:g} s: {robots or 'no robot'}{pieces}>"
+
+    __str__ = __repr__
+
     @model_validator(mode="after")
     def _can_be_computed(self) -> StationConfig:
         check_effort(self)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.admittance import add_admittance
@@ -16,7 +16,7 @@ from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
 from simrob_drake.blocks.wiring import fed, joined, mapped, summed
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import FromState, Site, StationRobot
-from simrob_drake.signals import Role, Signal
+from simrob_drake.signals import Role, Signal, applied_signal
 from simrob_drake.stations.config import JointStops
 from simrob_drake.stations.drawing import draw_computed_torque, draw_feedforward, draw_integral, draw_servos
 from simrob_drake.stations.friction import wire_friction, with_friction
@@ -37,7 +37,12 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
                 continue
             name, tool, turns = f"{robot.prefix}{external}", robot.tools[robot.tcp], external == "external_torque"
             block = add_external_force(builder, ports.plant.plant, tool, name=name, turns=turns)
-            ports.inputs[name] = block.get_command_input_port()
+            given = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
+            builder.Connect(given.get_output_port(), block.get_command_input_port())
+            ports.inputs[name] = given.get_input_port()
+            output, unit = name.replace("external", "applied"), "N·m" if turns else "N"
+            title = f"{external.replace('_', ' ')} at {robot.prefix}{robot.tcp}, in its axes"
+            ports.add(output, given.get_output_port(), applied_signal(output, unit, title))
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
             ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     wire_friction(builder, ports)

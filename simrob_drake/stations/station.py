@@ -152,6 +152,10 @@ class Station(Diagram):
         release(builder, self)
         self.set_name(self.config.name)
 
+    def __repr__(self) -> str:
+        """Say in one line what stands in it; its ports are told by ``ports``."""
+        return f"<Station of {self.config!r}>"
+
 
 def build_station(config: StationConfig | str | Path) -> Station:
     """Return a station as one Diagram, its ports exported by name."""

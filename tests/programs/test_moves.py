@@ -175,7 +175,8 @@ def test_what_is_printed_fits_a_line():
     cell = Workcell("two_arms")
     assert re.fullmatch(r"<Workcell two_arms, \w+: left \(irb120\), right \(irb120\), pieces .*>", repr(cell))
     assert re.fullmatch(
-        r"<Arm left: irb120 in two_arms, 6 axes, tool left_gripper at \S+ \S+ \S+ m>", str(cell.arm("left"))
+        r"<Arm left: irb120 in two_arms, 6 axes, tool left_gripper at \S+ \S+ \S+ m, Rz Ry Rx \S+ \S+ \S+ deg>",
+        str(cell.arm("left")),
     )
     robot = LeggedRobot("humanoid_dynamic")
     robot.insert(0, {"HomDF": 3})

@@ -21,7 +21,7 @@ def text_of(found, subject):
 
 
 def test_a_sound_station_has_no_warnings():
-    for station in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120"):
+    for station in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120", "roid1_balance"):
         assert [finding for finding in findings(station=station) if finding.level != "ok"] == []
 
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from importlib.metadata import distribution
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure
+from PIL import Image, ImageDraw, ImageFont
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
@@ -37,11 +38,10 @@ from simrob_drake.results.animation.scene import RENDERER, Scene, with_floor_und
 from simrob_drake.results.record.events import events_of
 from simrob_drake.results.record.run import RecordedRun
 
-Image = npt.NDArray[np.uint8]
+Pixels = npt.NDArray[np.uint8]
 Frames: TypeAlias = int | Literal["events"]
 """Of a strip: how many at even times, or one for each event."""
 
-_DPI = 100
 _HEIGHT, _LOW, _FEW = 360, 240, 7  # pixels of a frame; of one of many, and how many are few
 _GAP = 6  # pixels between frames
 _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
@@ -51,6 +51,8 @@ _BACKGROUND = np.array([0.98, 0.98, 0.98])
 _ASPECTS = 0.6, 2.4  # narrowest and widest picture
 _PLACES = 200  # of a way, under which the floor has lines
 _SHADOW_MAP = 1024  # pixels a side
+_WHITE, _GREY = (255, 255, 255), (64, 64, 64)
+_FONT = "matplotlib/mpl-data/fonts/ttf/DejaVuSans.ttf"  # matplotlib need not be loaded for it
 
 
 def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = None) -> bytes:
@@ -78,7 +80,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     captions, strip = _captions(times, studio.way), BytesIO()
     if events:
         captions = [f"{caption}\n{text}" for caption, (_, text) in zip(captions, events, strict=True)]
-    _strip(list(studio.images(times)), captions).savefig(strip, dpi=_DPI, format="png")
+    _strip(list(studio.images(times)), captions).save(strip, format="png")
     return strip.getvalue()
 
 
@@ -174,21 +176,25 @@ def _captions(times: Vector, way: Way | None) -> list[str]:
     return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
 
 
-def _strip(images: list[Image], captions: list[str]) -> Figure:
+def _strip(images: list[Pixels], captions: list[str]) -> Image.Image:
     """Put images side by side with captions, in as many rows as keep them large where they are wide."""
     height, width = images[0].shape[:2]
     lines = max(caption.count("\n") for caption in captions) + 1
     below = max(round(_CAPTION * height), 14) * lines
     columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
     rows = -(-len(images) // columns)
-    total = columns * (width + _GAP) - _GAP, rows * (height + below)
-    figure = Figure(figsize=(total[0] / _DPI, total[1] / _DPI), dpi=_DPI)
+    strip = Image.new("RGB", (columns * (width + _GAP) - _GAP, rows * (height + below)), _WHITE)
+    pen, font = ImageDraw.Draw(strip), _font(0.6 * below / lines)
     for number, (image, text) in enumerate(zip(images, captions, strict=True)):
-        left, bottom = number % columns * (width + _GAP), (rows - 1 - number // columns) * (height + below)
-        figure.figimage(image, left, bottom + below)
-        middle = (left + width / 2) / total[0], (bottom + below / 2) / total[1]
-        figure.text(*middle, text, ha="center", va="center", fontsize=0.6 * below / lines * 72 / _DPI, color="0.25")
-    return figure
+        left, top = number % columns * (width + _GAP), number // columns * (height + below)
+        strip.paste(Image.fromarray(image), (left, top))
+        middle = left + width / 2, top + height + below / 2
+        pen.multiline_text(middle, text, _GREY, font, anchor="mm", align="center")
+    return strip
+
+
+def _font(size: float) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), size)
 
 
 class Studio:
@@ -220,22 +226,22 @@ class Studio:
         azimuth, points = side(scene.station), scene.extents_of_run(result, way)
         width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
-        self._shape = height, oversampling, width, oversampling, 3
+        self._oversampling = oversampling
         distance = float(np.linalg.norm(self._camera.target - self._camera.eye))
         lens = CameraInfo(width=width * oversampling, height=height * oversampling, fov_y=FIELD_OF_VIEW)
         depth = ClippingRange(distance / 20, distance * 20)
         self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
 
-    def images(self, times: Vector) -> Iterator[Image]:
+    def images(self, times: Vector) -> Iterator[Pixels]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
         ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
         for positions, way in zip(self._result.positions_at(times), ways, strict=True):
             self._scene.place(positions)
             query, pose = self._scene.query(), _pose(self._camera.moved(way))
             rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), pose)
-            colours, fine = rendered.data[:, :, :3].reshape(self._shape), self._shape[1]
-            sums = sum(colours[:, row, :, column].astype(np.uint16) for row in range(fine) for column in range(fine))
-            yield np.asarray(sums // fine**2, dtype=np.uint8)
+            size = rendered.width(), rendered.height()
+            image = Image.frombuffer("RGBX", size, rendered.data, "raw", "RGBX", 0, 1)
+            yield np.asarray(image.reduce(self._oversampling))[:, :, :3].copy()
 
 
 def _engine_params() -> RenderEngineVtkParams:

@@ -64,6 +64,11 @@ class State:
     joints: dict[str, JointState] = field(default_factory=dict)
     blocks: dict[str, BlockState] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Say in one line what it holds."""
+        robots = ", ".join(f"{name} ({len(positions)} axes)" for name, positions in self.positions.items())
+        return f"<State of {robots or 'no robot'}: {len(self.joints)} joints, {len(self.blocks)} blocks with a memory>"
+
     @classmethod
     def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> State:
         """Return the state of a closed station.
