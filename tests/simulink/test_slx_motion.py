@@ -105,9 +105,7 @@ def test_each_joint_has_the_stops_of_its_own(tmp_path):
     def stop(stiffness):
         figures = {"UpperLimitSpecify": "on", "UpperLimitBound": "0.1", "UpperLimitBoundUnits": "rad",
                    "UpperLimitStiffness": stiffness, "UpperLimitStiffnessUnits": "N*m/rad", "UpperLimitDamping": "0",
-                   "UpperLimitDampingUnits": "N*m*s/rad", "LowerLimitSpecify": "on", "LowerLimitBound": "-9",
-                   "LowerLimitBoundUnits": "rad", "LowerLimitStiffness": stiffness, "LowerLimitDamping": "0",
-                   "LowerLimitStiffnessUnits": "N*m/rad", "LowerLimitDampingUnits": "N*m*s/rad"}  # fmt: skip
+                   "UpperLimitDampingUnits": "N*m*s/rad"}  # fmt: skip
         return {**target("Velocity", "1", "rad/s"), **figures}
 
     hinges(level, stop("400"), stop("10000"))
@@ -117,7 +115,7 @@ def test_each_joint_has_the_stops_of_its_own(tmp_path):
     result = simulate(config, duration=0.2, progress=False)
     assert result["q.A"].max() == pytest.approx(0.1 + 1 / 20, abs=1e-4)
     assert result["q.B"].max() == pytest.approx(0.1 + 1 / 100, abs=1e-4)
-    assert not [entry for entry in imported.report.of("repaired") if "stop" in entry.text]
+    assert imported.report.of("repaired") + imported.report.of("dropped") == []
 
 
 def test_laws_may_read_a_rotation_matrix(tmp_path):
@@ -181,14 +179,14 @@ def test_laws_may_read_where_frames_are(tmp_path):
         level.wire(f"{law}#out:1", f"{into}#in:1")
         level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
     imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
-    result = simulate(load_station(imported.station, TIGHT), duration=1.5, progress=False)
+    result = simulate(load_station(imported.station, {**TIGHT, "solver.accuracy": 1e-5}), duration=1.0, progress=False)
 
     def motion(_, y):
         qa, wa, qb, wb = y
         seen, rate = 2 * np.sin(qb - qa), 2 * np.cos(qb - qa) * (wb - wa)
         return wa, -4 * qa - wa - 0.5 * 2, wb, -9 * seen - 2 * rate
 
-    exact = solve_ivp(motion, (0, 1.5), [0.5, 0, 0, 1], rtol=1e-9, atol=1e-9, t_eval=result.times)
+    exact = solve_ivp(motion, (0, 1), [0.5, 0, 0, 1], rtol=1e-9, atol=1e-9, t_eval=result.times)
     np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
     np.testing.assert_allclose(result["q.B"], exact.y[2], atol=2e-4)
     np.testing.assert_allclose(result["frame.Sensor_1.y"], 2 * np.sin(result["q.B"] - result["q.A"]), atol=1e-9)

@@ -169,7 +169,10 @@ class _Writer:
 
     def _free_the_others(self, joined: Iterable[frozenset[Instance]]) -> None:
         """Let bodies that no chain of joints leads to from the world move freely, each group as one."""
-        root, reached = self._assembly.root, set[Instance]()
+        root, reached, beside = self._assembly.root, set[Instance](), dict[Instance, set[Instance]]()
+        for pair in joined:
+            for body in pair:
+                beside.setdefault(body, set()).update(pair)
         for body, first in self._first.items():
             if body in reached:
                 continue
@@ -182,7 +185,7 @@ class _Writer:
             while waiting:
                 here = waiting.pop()
                 reached.add(here)
-                waiting += [next_ for pair in joined if here in pair for next_ in pair - reached]
+                waiting += beside.get(here, set()) - reached
 
     def _port(self, instance: Instance) -> Port:
         return Port(self._sids[instance], "rconn", 1)

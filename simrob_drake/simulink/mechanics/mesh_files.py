@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterable
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path, PureWindowsPath
 from subprocess import SubprocessError, run
@@ -102,7 +103,7 @@ def load_mesh(file: Path) -> Mesh:
         UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
     """
     if file.suffix.lower() in STEP:
-        return _from_step(file)
+        return _from_step(file, file.stat().st_mtime_ns)
     parts = [part for part in map(mend, read_mesh(file, {}).parts) if len(part.faces)]
     if not parts:
         raise UnreadableMesh("holds no triangle with an area")
@@ -111,7 +112,8 @@ def load_mesh(file: Path) -> Mesh:
     return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
 
 
-def _from_step(file: Path) -> Mesh:
+@lru_cache(maxsize=8)  # a part is weighed, and then written
+def _from_step(file: Path, _changed: int) -> Mesh:
     """Return the faces of a STEP file [m], made by a process of its own, which a damaged file may end."""
     if find_spec("cascadio") is None:
         raise UnreadableMesh("is STEP, which needs: pip install 'simrob-drake[step]'")
