@@ -15,7 +15,6 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.paths import models_root
-from simrob_drake.quantities import Positive
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
@@ -44,8 +43,8 @@ def every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
     return AfterValidator(checked)
 
 
-_NotNegative = Annotated[AxisValues, every(lambda value: value >= 0, "it is not negative")]
-_Positive = Annotated[AxisValues, every(lambda value: value > 0, "it is positive")]
+_Figure = Annotated[AxisValues, every(lambda value: 0 <= value <= 1e9, "it is not negative, and at most 1e9")]
+_Ratio = Annotated[AxisValues, every(lambda value: 1e-6 <= value <= 1e6, "it is positive, of 1e-6 to 1e6")]
 
 
 class Axis(Strict):
@@ -79,18 +78,18 @@ class Drives(Strict):
     and Coulomb's: below the speed v_s the second is proportional to v, so what it holds creeps.
     """
 
-    rotor_inertia: _NotNegative | None = None
+    rotor_inertia: _Figure | None = None
     """Of the motor, about its own axis [kg m²; kg of one that slides]; `drake:rotor_inertia` of a URDF."""
-    gear_ratio: _Positive | None = None
+    gear_ratio: _Ratio | None = None
     """Speed of the motor over that of the joint; `drake:gear_ratio` of a URDF, or 1."""
-    damping: _NotNegative | None = None
+    damping: _Figure | None = None
     """Viscous friction d at the joint [N·m·s/rad or N·s/m]; `damping` of a URDF's `dynamics`."""
-    friction: _NotNegative | None = None
+    friction: _Figure | None = None
     """Coulomb friction c at the joint [N·m or N]; `friction` of a URDF's `dynamics`."""
-    friction_speed: Positive = 0.01
+    friction_speed: Annotated[Number, Field(ge=1e-6)] = 0.01
     """v_s, below which Coulomb friction is proportional to speed [rad/s or m/s]; solvers that step loosely trip over a
     tenth of it."""
-    backlash_deg: _NotNegative | None = None
+    backlash_deg: _Figure | None = None
     """How far the link is free against its motor in all, between stops as those of joints [deg, or m]; positions are
     those of the motor. Dynamic stations alone know it, and it needs a rotor_inertia."""
 
