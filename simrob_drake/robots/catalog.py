@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from os.path import isfile
 from pathlib import Path
@@ -10,16 +10,16 @@ from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.paths import models_root
-from simrob_drake.quantities import Positive
+from simrob_drake.robots.axis_values import AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
-from simrob_drake.robots.drives import joint_friction, set_drives
+from simrob_drake.robots.drives import Drives, joint_friction, set_drives
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
 from simrob_drake.robots.urdf import (
@@ -33,28 +33,9 @@ from simrob_drake.robots.urdf import (
     root_link,
 )
 from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.yaml_files import FileName, Number, Strict, is_file_name, read_yaml, validated
+from simrob_drake.yaml_files import FileName, Strict, is_file_name, read_yaml, validated
 
 ROBOT_FILE = "robot.yaml"
-
-AxisValues = Number | list[Number] | dict[str, Number]
-"""One number for all axes, a list in axis order, or a mapping by axis name or alias."""
-
-
-def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
-    """Check every number of values per axis; ``meaning`` says which are accepted."""
-
-    def checked(values: AxisValues) -> AxisValues:
-        listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
-        if not all(map(accepts, listed)):
-            raise ValueError(meaning)
-        return values
-
-    return AfterValidator(checked)
-
-
-NotNegativeAxisValues = Annotated[AxisValues, every_axis(lambda value: value >= 0, "it must not be negative")]
-PositiveAxisValues = Annotated[AxisValues, every_axis(lambda value: value > 0, "it must be positive")]
 
 
 class Axis(Strict):
@@ -79,29 +60,6 @@ class Gains(Strict):
     """Derivative gain [N·m·s/rad or N·s/m]."""
     torque_limit: AxisValues | None = None
     """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""
-
-
-class Drives(Strict):
-    """Motors, gears and friction of a robot's joints, per axis. What is not given comes from its URDF.
-
-    A joint feels the inertia of its rotor times the square of its gear ratio. Friction is d v + c sat(v / v_s), viscous
-    and Coulomb's: below the speed v_s the second is proportional to v, so what it holds creeps.
-    """
-
-    rotor_inertia: NotNegativeAxisValues | None = None
-    """Of the motor, about its own axis [kg m²; kg of one that slides]; `drake:rotor_inertia` of a URDF."""
-    gear_ratio: PositiveAxisValues | None = None
-    """Speed of the motor over that of the joint; `drake:gear_ratio` of a URDF, or 1."""
-    damping: NotNegativeAxisValues | None = None
-    """Viscous friction d at the joint [N·m·s/rad or N·s/m]; `damping` of a URDF's `dynamics`."""
-    friction: NotNegativeAxisValues | None = None
-    """Coulomb friction c at the joint [N·m or N]; `friction` of a URDF's `dynamics`."""
-    friction_speed: Positive = 0.01
-    """v_s, below which Coulomb friction is proportional to speed [rad/s or m/s]; solvers that step loosely trip over a
-    tenth of it."""
-    backlash_deg: NotNegativeAxisValues | None = None
-    """How far the link is free against its motor in all, between stops as those of joints [deg, or m]; positions are
-    those of the motor. Dynamic stations alone know it, and it needs a rotor_inertia."""
 
 
 def _axes_by_name(axes: Any) -> Any:

@@ -23,7 +23,8 @@ from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.quantities import FASTEST_RATE, ORIGIN, Colour, Duration, Inertia, NotNegative, Pose, Positive, Triple
-from simrob_drake.robots.catalog import AxisValues, Drives, NotNegativeAxisValues, PositiveAxisValues, every_axis
+from simrob_drake.robots.axis_values import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
+from simrob_drake.robots.drives import Drives
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig

@@ -30,7 +30,7 @@ from simrob_drake.parts.monitors.force_limit import force_limit
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.axis_map import AxisMap
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.axis_values import AxisValues
 
 _GUARDS, _WARNS, _GIVES_WAY, _STOPPED = 0.0, 1.0, 2.0, 3.0
 

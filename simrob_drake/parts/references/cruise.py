@@ -12,7 +12,8 @@ from simrob_drake.parts.captions import positions_told
 from simrob_drake.parts.references.reference import Reference, si_positions
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.quantities import Instant
-from simrob_drake.robots.catalog import AxisValues, PositiveAxisValues, RobotModel
+from simrob_drake.robots.axis_values import AxisValues, PositiveAxisValues
+from simrob_drake.robots.catalog import RobotModel
 
 _ROUNDING = 1e-9
 
