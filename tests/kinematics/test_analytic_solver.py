@@ -49,6 +49,18 @@ def test_all_eight_postures_reach_the_target(name, dh_chain, random_postures, ta
     assert (apart[both] > 1e-6).all()
 
 
+@pytest.mark.parametrize("flipped", [(1,), (2,), (1, 2)])
+def test_parallel_axes_may_point_against_each_other(flipped, dh_chain, random_postures, tables):
+    rows = [(*row[:3], np.pi if index in flipped else row[3]) for index, row in enumerate(tables["ur5"])]
+    chain = dh_chain(rows)
+    postures = 0.9 * random_postures(chain, 200)
+    postures[::4, 4] = 0.0  # a straight wrist keeps the sum of the start
+    targets = chain.forward(postures)
+    found = require(AnalyticSolver(chain).solve(targets, postures))
+    assert _error(chain, found, targets) < PROMISED
+    np.testing.assert_allclose(found, postures, atol=1e-6)
+
+
 def test_limits_are_kept_and_counted(irb120_chain, random_postures):
     targets = irb120_chain.forward(random_postures(irb120_chain, 500))
     postures, reach = AnalyticSolver(irb120_chain).postures(targets, np.zeros(6))

@@ -32,7 +32,7 @@ def without_closed_forms(monkeypatch):
     monkeypatch.setattr(SEARCH, refuse)
 
 
-@pytest.mark.parametrize("name", ["ur5", "irb120", "kr6", "puma560"])
+@pytest.mark.parametrize("name", ["ur5", "irb120", "kr6"])
 def test_a_thousand_poses_in_closed_form(name, dh_chain, random_postures, tables):
     chain = dh_chain(tables[name])
     postures = random_postures(chain, 1000)
@@ -47,7 +47,7 @@ def test_seven_axes_with_one_held_at_each_angle(dh_chain, random_postures, table
     chain = dh_chain(tables["iiwa"], limit=2.9)
     for held in (0, 2):  # the foot, or what swings the elbow
         for angle in (-2.5, -0.8, 0.3, 1.7):
-            postures = random_postures(chain, 25)
+            postures = random_postures(chain, 15)
             postures[:, held] = angle
             targets = chain.forward(postures)
             found = branches(chain, targets, np.zeros(7), {chain.names[held]: angle})
@@ -76,7 +76,7 @@ def test_a_slide_is_held_and_the_arm_on_it_as_alone(dh_chain, random_postures, t
 
 def test_any_six_axes(dh_chain, random_postures, tables):
     chain = dh_chain(tables["odd"])
-    postures = random_postures(chain, 60)
+    postures = random_postures(chain, 40)
     targets = chain.forward(postures)
     found = branches(chain, targets, np.zeros(6))
     _check(chain, found, targets, postures)
@@ -86,7 +86,7 @@ def test_any_six_axes(dh_chain, random_postures, tables):
 @pytest.mark.parametrize("name", ["ur5", "kr6"])
 def test_search_and_closed_form_find_the_same(name, dh_chain, random_postures, tables, request):
     chain = dh_chain(tables[name])
-    targets = chain.forward(np.vstack([random_postures(chain, 60), np.zeros((1, 6))]))
+    targets = chain.forward(np.vstack([random_postures(chain, 30), np.zeros((1, 6))]))
     start = np.full(6, 0.1)
     expected = branches(chain, targets, start)
     request.getfixturevalue("without_closed_forms")
