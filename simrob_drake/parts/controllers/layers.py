@@ -6,12 +6,11 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturation
 
-from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.controllers.loop import ASKED, LoopSection
+from simrob_drake.parts.controllers.loop import ASKED, LoopSection, Wired
 from simrob_drake.parts.controllers.outputs import add_to, declare_output
 from simrob_drake.parts.site import Site, StationRobot
 
@@ -25,31 +24,29 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
     Raises:
         SimrobError: an input that reads nothing, or a section that does not fit its robot.
     """
-    blocks = {}
+    wired = {}
     for name, section in loops.items():
         robot = site.robot(section.robot)
-        block = blocks[name] = section.block(f"controllers.{name}", robot, site)
-        builder.AddNamedSystem(f"controller.{name}", block)
+        wired[name] = section.wire(builder, name, robot, site)
         site.notes[name] = {"kind": section.kind}
         _draw(site, f"controller.{name}", name, section, robot)
-        for port in _outputs(block):
-            driven = {"offset": section.axes, "target": section.layered}.get(port.get_name())
+        for output, port in wired[name].outputs.items():
+            driven = {"offset": section.axes, "target": section.layered}.get(output)
             axes = robot.axes if driven is None else driven(robot)
-            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot, axes)
+            declare_output(site, name, port, wired[name].units.get(output, "1"), robot, axes, called=output)
     for name, section in loops.items():
-        _connect(builder, site, name, section, blocks[name])
+        _connect(builder, site, name, section, wired[name])
     for robot in site.plant.robots.values():
         own = {name: loop for name, loop in loops.items() if site.robot(loop.robot) is robot}
         layers = sorted(own, key=lambda name: own[name].layer)
         if layers:
-            _drive(builder, site, robot, {name: (own[name], blocks[name]) for name in layers})
+            _drive(builder, site, robot, {name: (own[name], wired[name]) for name in layers})
 
 
-def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, block: SampledBlock) -> None:
+def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, wired: Wired) -> None:
     """Connect the inputs of a loop to what they read."""
     key, robot = f"controllers.{name}", site.robot(section.robot)
-    ports = [block.get_input_port(index) for index in range(block.num_input_ports())]
-    known = {port.get_name(): port for port in ports if port.get_name() != ASKED}
+    known = {read: port for read, port in wired.inputs.items() if read != ASKED}
     for read in section.reads:
         if read not in known:
             raise UnknownName(f"input of {key} for {key}.reads", read, known)
@@ -127,7 +124,7 @@ class _Stack:
 
 
 def _drive(
-    builder: DiagramBuilder, site: Site, robot: StationRobot, layers: Mapping[str, tuple[LoopSection, SampledBlock]]
+    builder: DiagramBuilder, site: Site, robot: StationRobot, layers: Mapping[str, tuple[LoopSection, Wired]]
 ) -> None:
     """Lay loops over the reference of a robot and its feedforward, the lowest first, within the joint limits."""
     size, key = len(robot.axes), f"{robot.prefix}reference"
@@ -137,12 +134,12 @@ def _drive(
         list[OutputPort](),
         list[OutputPort](),
     )
-    for name, (section, block) in layers.items():
-        outputs = {port.get_name(): port for port in _outputs(block)}
+    for name, (section, wired) in layers.items():
+        outputs = wired.outputs
         weight, place = section.weight or 1.0, f"{key}.{name}"
         _draw(site, place, name, section, robot)
-        if block.HasInputPort(ASKED):
-            builder.Connect(stack.sum(f"{place}.asked"), block.GetInputPort(ASKED))
+        if ASKED in wired.inputs:
+            builder.Connect(stack.sum(f"{place}.asked"), wired.inputs[ASKED])
         if "offset" in outputs:
             stack.ports.append(mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"]))
         if "offset_velocity" in outputs and f"{robot.prefix}reference_velocity" in site.inputs:
@@ -164,7 +161,3 @@ def _draw(site: Site, system: str, name: str, section: LoopSection, robot: Stati
     """Say that a system is part of a loop's block in the picture."""
     label = f"{wrapped(name)}\n{section.kind.replace('_', ' ')}, {section.rate:g} Hz"
     site.draw(system, "loop", label, robot, key=f"controller.{name}")
-
-
-def _outputs(block: SampledBlock) -> list[OutputPort]:
-    return [block.get_output_port(index) for index in range(block.num_output_ports())]

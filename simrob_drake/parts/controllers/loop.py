@@ -1,11 +1,12 @@
 """What the kinds of loop share: whom they drive, what they read, and how several mix."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Annotated, ClassVar, Literal, Protocol
 
 from pydantic import Field
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.blocks.wiring import mapped
@@ -13,6 +14,16 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.quantities import Positive
 from simrob_drake.yaml_files import Number, Strict
+
+
+@dataclass(frozen=True)
+class Wired:
+    """A loop in a diagram: its ports by name, and the units of its outputs; ``1`` unless named."""
+
+    inputs: Mapping[str, InputPort]
+    outputs: Mapping[str, OutputPort]
+    units: Mapping[str, str]
+
 
 ASKED = "asked"
 """What an input is called that is the reference as it is below a loop."""
@@ -84,6 +95,15 @@ class LoopSection(Strict):
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop; ``key`` is where the section stands, for errors."""
         raise NotImplementedError
+
+    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
+        """Add the loop, as a block ``controller.<name>``."""
+        block = builder.AddNamedSystem(f"controller.{name}", self.block(f"controllers.{name}", robot, site))
+        inputs = [block.get_input_port(index) for index in range(block.num_input_ports())]
+        outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
+        return Wired(
+            {port.get_name(): port for port in inputs}, {port.get_name(): port for port in outputs}, block.units
+        )
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Return the output that an input of the loop reads.
