@@ -17,7 +17,6 @@ from simrob_drake.programs.arm_moves import PlannedMove, TogetherMove, ToolMove,
 from simrob_drake.programs.hands import apply
 from simrob_drake.programs.moves import AttachMove, JointMove, ReleaseMove
 from simrob_drake.programs.one_move import move_name, naming, targets_on
-from simrob_drake.programs.ongoing import check_plans
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.program import AnyMove, Program
 from simrob_drake.results.record.state import State
@@ -119,7 +118,7 @@ def _plan(cell: Workcell, move: PlannedMove | JointMove, robot: str | None) -> P
 
 def _stand(cell: Workcell, plans: list[Plan], duration: float | None) -> float:
     """Put robots where their moves lead them, and return how long the moves take [s]."""
-    check_plans(plans)
+    cell.check_together(*plans)
     time = max(plan.duration for plan in plans) if duration is None else duration
     at = {robot: cell.reference(robot) for robot in cell.config.robots}
     at |= {plan.robot: plan.postures(np.array([min(time, plan.duration)]))[0] for plan in plans}

@@ -1,6 +1,6 @@
 """A station that goes on where its last run left it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -154,20 +154,32 @@ class OngoingStation:
         Returns:
             the run; unless it diverged or was interrupted, the next one begins where it ended.
         """
-        check_plans(plans)
+        self.check_together(*plans)
         if not plans and duration is None:
             raise InvalidParameter("plans", "empty", "some, such as arm.plan.move_l(...), or a duration to wait")
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
-        for plan in plans:
-            if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
-                raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
-        if any(plan.check == "collision" for plan in plans):  # each alone was, with the others as they stood then
-            self.check_collisions(*plans)
         own = {plan.robot: plan.stretches for plan in plans}
         stretches = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
         references = {robot: trajectory(motion) for robot, motion in stretches.items()}
         move = told_run(plans, duration, self.frame, several=len(self.config.robots) > 1)
         return self._run(references, end, stretches, move)
+
+    def check_together(self, *plans: Plan) -> None:
+        """Check that planned moves can be run at the same time from where the robots are.
+
+        Raises:
+            InvalidParameter: something that is no plan, two of one robot, or one that begins elsewhere.
+            PathCollision: they would run into something, where that is to be looked at.
+        """
+        for plan in plans:
+            instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
+        if len({plan.robot for plan in plans}) < len(plans):
+            raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
+        for plan in plans:
+            if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
+                raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
+        if any(plan.check == "collision" for plan in plans):  # each alone was, with the others as they stood then
+            self.check_collisions(*plans)
 
     def follow(self, references: Mapping[str, Reference], duration: float) -> SimulationResult:
         """Run references as :func:`simrob_drake.simulate` takes them, while the other robots hold their places.
@@ -353,18 +365,6 @@ class OngoingStation:
     @cached_property
     def _collision_model(self) -> StationModel:
         return StationModel(self.config, collision=True)
-
-
-def check_plans(plans: Sequence[Plan]) -> None:
-    """Check that plans can be run at the same time.
-
-    Raises:
-        InvalidParameter: something that is no plan, or two of one robot.
-    """
-    for plan in plans:
-        instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
-    if len({plan.robot for plan in plans}) < len(plans):
-        raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
 
 
 def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
