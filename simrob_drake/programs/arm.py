@@ -17,20 +17,19 @@ from simrob_drake.given import instance
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
-from simrob_drake.programs.arm_program import perform, rehearse
+from simrob_drake.programs.arm_program import performed
 from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.branches import Branch, Branches
 from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
 from simrob_drake.programs.planner import Planner
 from simrob_drake.programs.program import Program
-from simrob_drake.programs.recorded import STATION, RecordedStation
+from simrob_drake.programs.recorded import RecordedStation
 from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
 from simrob_drake.programs.timing import How
 from simrob_drake.programs.together import collision
 from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 
@@ -64,17 +63,7 @@ class Workcell(RecordedStation):
         """
         instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
         given, file = (program, "") if isinstance(program, Program) else (Program.load(program), str(program))
-        trial = Workcell(self.config)
-        trial.state = self.state
-        rehearse(trial, given, file)
-        config, state, entries = self.config, self.state, list(self.tape.entries)
-        try:
-            runs = perform(self, given, file)
-        except BaseException:
-            self._change(config)
-            self.state, self.tape.entries = state, entries
-            raise
-        return joined(runs, begun=(config, state), left=self.config, program=given.on(STATION).text())
+        return performed(self, Workcell(self.config), given, file)
 
 
 class Arm(CellRobot):
