@@ -289,3 +289,11 @@ def test_one_thread_works_unless_the_environment_says_otherwise(told, threads):
     plain = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     done = subprocess.run(command, env={**plain, **told}, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == f"threads {min(threads, len(os.sched_getaffinity(0)))}"
+
+
+def test_plots_are_written_as_what_is_asked_for(tmp_path, capsys):
+    command = ["run", "irb120_dynamic", "--duration", "0.1", "--no-recording", "--out", "r", "--plots"]
+    assert run_command([*command, "svg"]) == 0
+    assert {file.name for file in (tmp_path / "r" / "plots").iterdir()} == {"position.svg", "torque.svg", "tcp.svg"}
+    assert run_command([*command, "jpg"]) == ExitCode.BAD_INPUT
+    assert "'--plots': " in capsys.readouterr().err

@@ -153,7 +153,7 @@ def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
         shown = [curve(panel, of).get_ydata()[row] for panel in panels]
         np.testing.assert_allclose(shown[:3], pose.translation(), atol=1e-12)
         turn = RollPitchYaw(*np.deg2rad(shown[:2:-1])).ToRotationMatrix()
-        assert turn.IsNearlyEqualTo(pose.rotation(), 1e-9)
+        np.testing.assert_allclose(turn.matrix(), pose.rotation().matrix(), atol=1e-9)
     errors = [panel.get_lines()[0].get_ydata()[row] for panel in figure.axes[1::2]]
     np.testing.assert_allclose(errors[:3], 1e3 * (wanted.translation() - reached.translation()), atol=1e-9)
     turned = (wanted.rotation() @ reached.rotation().inverse()).ToAngleAxis()
