@@ -23,7 +23,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 
 if TYPE_CHECKING:
-    from simrob_drake.programs.arm import Workcell
+    from simrob_drake.programs.workcell import Workcell
 
 _Run = Callable[[list[Plan], float | None], Any]
 
