@@ -89,8 +89,8 @@ def _performed(
     config: StationConfig, robot: str | None, live: bool, perform: Callable[[LeggedRobot], SimulationResult]
 ) -> tuple[SimulationResult, str]:
     """Let a robot of a station do something; return the run, and the robot's way in words."""
-    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.legged_robot import LeggedRobot  # few commands need programs, which load scipy
+    from simrob_drake.programs.workcell import Workcell
 
     cell = Workcell(config)
     cell.progress = not live

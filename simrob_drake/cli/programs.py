@@ -16,8 +16,8 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.steps import Finding
 
 if TYPE_CHECKING:  # few commands need programs, which load scipy
-    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.program import Program
+    from simrob_drake.programs.workcell import Workcell
 
 
 def run_program(file: str, set_: list[str] | None, out: Path | None, *, live: bool, options: Saved) -> ExitCode:
@@ -27,7 +27,7 @@ def run_program(file: str, set_: list[str] | None, out: Path | None, *, live: bo
         InvalidConfig: a damaged program, or one that names no station.
         SimrobError: one that the robots cannot do.
     """
-    from simrob_drake.programs.arm import Workcell
+    from simrob_drake.programs.workcell import Workcell
 
     program, config = given_program(file, set_)
     cell = Workcell(config)
@@ -48,7 +48,7 @@ def check_program(file: str, set_: list[str] | None) -> list[Finding]:
     Raises:
         SimrobError: as :func:`run_program`.
     """
-    from simrob_drake.programs.arm import Workcell
+    from simrob_drake.programs.workcell import Workcell
 
     program, config = given_program(file, set_)
     return [look_at(Workcell(config), program, file)]
@@ -75,10 +75,10 @@ def look_at(cell: Workcell, program: Program, file: str) -> Finding:
     Raises:
         SimrobError: what they cannot do; names the file and the move.
     """
-    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.arm_program import rehearse
     from simrob_drake.programs.legged_robot import LeggedRobot
     from simrob_drake.programs.legged_stages import stages_of_program
+    from simrob_drake.programs.workcell import Workcell
 
     moves = len(program.moves)
     if not of_arms(cell, program):

@@ -13,57 +13,22 @@ from pydrake.math import RigidTransform
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, Vector, as_transform
-from simrob_drake.given import instance
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
-from simrob_drake.programs.arm_program import performed
 from simrob_drake.programs.automatic import pace_of, run_cells
 from simrob_drake.programs.branches import Branch, Branches
 from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
 from simrob_drake.programs.planner import Planner
-from simrob_drake.programs.program import Program
-from simrob_drake.programs.recorded import RecordedStation
 from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
 from simrob_drake.programs.timing import How
 from simrob_drake.programs.together import collision
+from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
-
-
-class Workcell(RecordedStation):
-    """A station with arms, which share its state: see :class:`OngoingStation` and :class:`RecordedStation`."""
-
-    def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
-        """Return one of the station's robots, to be programmed.
-
-        Args:
-            name: of the robot; needed where there are several.
-            tool: see :meth:`Arm.tool`.
-            solver: of the inverse kinematics, where a move names none.
-        """
-        return Arm(self, name, tool, solver=solver)
-
-    def perform(self, program: Program | Path | str) -> SimulationResult:
-        """Do a program of arms from the state that the station is in, and return all of it as one result.
-
-        All of it is looked at before anything moves, up to a move that depends on where a piece comes to rest. A run
-        that does not go to its end, as a monitor ends it, is the last. What cannot be done leaves all as it was.
-
-        Args:
-            program: one, or the YAML file of one; see :class:`Program`.
-
-        Raises:
-            InvalidParameter: a program without a move that takes time, or with moves for legs.
-            InvalidConfig: a damaged file.
-            SimrobError: what the arms cannot do; names the move.
-        """
-        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
-        given, file = (program, "") if isinstance(program, Program) else (Program.load(program), str(program))
-        return performed(self, Workcell(self.config), given, file)
 
 
 class Arm(CellRobot):

@@ -19,39 +19,13 @@ from simrob_drake.programs.moves import AttachMove, JointMove, ReleaseMove
 from simrob_drake.programs.one_move import move_name, naming, targets_on
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.program import AnyMove, Program
-from simrob_drake.programs.recorded import STATION
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.results.whole import joined
 
 if TYPE_CHECKING:
-    from simrob_drake.programs.arm import Workcell
+    from simrob_drake.programs.workcell import Workcell
 
 _Run = Callable[[list[Plan], float | None], Any]
-
-
-def performed(cell: Workcell, trial: Workcell, program: Program, file: str = "") -> SimulationResult:
-    """Do a program of arms after a look at all of it; what cannot be done leaves all as it was.
-
-    Args:
-        cell: the station.
-        trial: another one of the same configuration, to look at the program in.
-        program: what is done.
-        file: that it stands in, for messages.
-
-    Returns:
-        all runs as one.
-    """
-    trial.state = cell.state
-    rehearse(trial, program, file)
-    config, state, entries = cell.config, cell.state, list(cell.tape.entries)
-    try:
-        runs = perform(cell, program, file)
-    except BaseException:
-        cell.change(config)
-        cell.state, cell.tape.entries = state, entries
-        raise
-    return joined(runs, begun=(config, state), left=cell.config, program=program.on(STATION).text())
 
 
 def perform(cell: Workcell, program: Program, file: str = "") -> list[SimulationResult]:

@@ -11,7 +11,6 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.given import instance, truth
 from simrob_drake.parts.site import WORLD
-from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.legged_gait import step_moves
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.legged_stages import (
@@ -41,6 +40,7 @@ from simrob_drake.programs.moves import (
 )
 from simrob_drake.programs.one_move import targets_on
 from simrob_drake.programs.program import Program, counted
+from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
