@@ -89,14 +89,14 @@ def test_motor_protection_lies_above_all_other_loops_whatever_their_priorities()
 
 
 def test_a_run_goes_on_in_the_middle_of_a_cell_to_the_last_bit():
-    config = arm(
-        sequence=sequence(), guard={"kind": "fall_guard", "height": 0.1, "posture_deg": {"joint_6": 5}, "priority": 1}
-    )
+    guard = {"kind": "fall_guard", "height": 0.1, "posture_deg": {"joint_6": 5}, "priority": 1}
+    config = arm(sequence=sequence(), guard=guard, lift=objective(ki=20, speed=0.05, priority=2))
     first = simulate(config, duration=0.5)
     second = simulate(config, duration=0.5, start=first.final_state)
     whole = simulate(config, duration=1.0)
     assert (second.values[-1] == whole.values[-1]).all()
     assert second["sequence.cell"][-1] == 1
+    assert abs(whole["lift.offset.joint_2"][-1]) > 1e-3
 
 
 def test_a_saved_station_runs_again_as_it_ran(tmp_path):

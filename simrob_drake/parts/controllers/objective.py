@@ -1,11 +1,7 @@
 r"""A loop that brings a measured quantity to a value by joints that move in given proportions.
 
 The thesis's automatic control with an objective (p. 102 to 107): no joint angles are given, the robot finds its own.
-With the error e of the quantity and the weights :math:`w_i` of the axes,
-
-.. math:: u = \mathrm{clip}\bigl(k_p e + x\bigr), \qquad \dot x = k_i e, \qquad \Delta q_i = w_i u,
-
-where x stands still while u is at its limit, or at its fastest, and e would drive it on.
+An axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`, with the u of a :class:`PiLaw`.
 """
 
 from __future__ import annotations
