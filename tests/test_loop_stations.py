@@ -186,7 +186,7 @@ def test_a_leg_s_screws_are_those_of_the_plant():
     ("robot", "force", "axis"),
     [
         ("humanoid", [31.7, 0, 0], "right_hip_roll"),  # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
-        ("roid1", [12.3, 0, 0], "left_hip_pitch"),  # forward
+        ("roid1", [11.7, 0, 0], "left_hip_pitch"),  # forward
         ("zjudancer", [0, 31.7, 0], "left_hip_pitch"),
     ],
 )
@@ -197,7 +197,7 @@ def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force,
     for changed in (FINE, {"solver.max_step": 0.0025, "controllers.balance.rate": 200}):
         result = run(station, duration=3.0, **pushed, **changed)
         assert result.ending == "completed"
-        assert result["base.z"][-1] == pytest.approx(result["base.z"][0], rel=0.05)
+        assert result["base.z"][-1] > 0.95 * result["base.z"][0]
         assert np.hypot(result["base.qx"], result["base.qy"])[-1] < 0.05  # upright within 6°
         assert abs(result[f"balance.offset.{axis}"]).max() > np.deg2rad(30)
 
