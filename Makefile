@@ -13,7 +13,7 @@ demo: $(READY)  ## run the main job and print where its recording is
 	$(BIN)/simrob run irb120_dynamic --out runs/demo --force
 
 test: $(READY)  ## run all tests, or those of TESTS=...
-	$(BIN)/python -m pytest $(TESTS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

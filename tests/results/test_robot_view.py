@@ -10,6 +10,8 @@ from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot
 from tests.results.test_window import asked, events
 
+JOINT_2 = "joint_2 [\\u00b0]"  # in degrees
+
 
 def pose(told, path):
     """Return where a path of the page is told to be; something was drawn there before."""
@@ -30,12 +32,14 @@ def view():
 def test_the_page_shows_the_robot_where_its_sliders_are(view, prefix):
     """The upper arm turns about joint 2, 0.29 m above the foot, by as much as its slider says: about y."""
     for message in ("NaN", "Infinity", '"x"', "[]", "1e999"):
-        assert asked(view.url, "told", f'["joint_2", {message}]')[0] == 204
+        assert asked(view.url, "told", f'["{JOINT_2}", {message}]')[0] == 204
     view.run(timeout=0.05)
     assert pose(events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2") == pytest.approx(at(0.0), abs=1e-6)
-    asked(view.url, "told", '["joint_2", 0.5]')
+    asked(view.url, "told", f'["{JOINT_2}", 30]')
     view.run(timeout=0.05)
-    assert pose(events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2") == pytest.approx(at(0.5), abs=1e-6)
+    assert pose(events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2") == pytest.approx(
+        at(np.pi / 6), abs=1e-6
+    )
 
 
 def at(angle):
@@ -54,4 +58,4 @@ def test_stop_ends_the_view(view):
 def test_every_joint_has_a_slider_at_its_home(view):
     sliders = view.sliders()
     assert list(sliders) == [f"joint_{number}" for number in range(1, 7)]
-    assert sliders["joint_5"] == 1.5708 or abs(sliders["joint_5"] - 1.5708) < 0.01
+    assert sliders["joint_5"] == pytest.approx(np.pi / 2, abs=1e-9)

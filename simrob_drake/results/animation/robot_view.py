@@ -1,4 +1,4 @@
-"""A robot in the browser, with a slider for every joint."""
+"""A robot in the browser, with a slider for every joint, in degrees where it turns."""
 
 import math
 from time import monotonic, sleep
@@ -6,6 +6,7 @@ from time import monotonic, sleep
 import numpy as np
 from pydrake.geometry import Meshcat, QueryObject, Role
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint
 from pydrake.visualization import AddFrameTriadIllustration
 
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on
@@ -17,10 +18,11 @@ from simrob_drake.robots.parse import lone_robot
 _TRIAD = 0.12  # length of a tool frame's axes, as a part of the robot's size
 _STOP = "Stop"
 _FRAME = 1 / 30  # s between two looks at the sliders
-_STEP = 0.01  # of a slider [rad or m]
+_DEGREES, _METRES = " [°]", " [m]"  # what follows the name on a slider
+_STEPS = {_DEGREES: 0.5, _METRES: 0.001}  # of a slider
 _PREFIXES = {"robot": Role.kIllustration, "collision": Role.kProximity}
 _SMALLEST = 0.1  # what a robot's size counts as, at least [m]
-_WITHOUT_LIMITS = np.pi  # how far a slider goes where the joint has no limit [rad or m]
+_WITHOUT_LIMITS = {_DEGREES: 180.0, _METRES: 1.0}  # how far a slider goes where the joint has no limit
 
 
 class RobotView:
@@ -78,7 +80,11 @@ class RobotView:
 
     def sliders(self) -> dict[str, float]:
         """Return where the slider of each joint is [rad or m]."""
-        return {name: control.value for name, control in self._window.controls.items() if name != _STOP}
+        set_at = {name: control.value for name, control in self._window.controls.items() if name != _STOP}
+        return {
+            name.removesuffix(_DEGREES).removesuffix(_METRES): math.radians(value) if name.endswith(_DEGREES) else value
+            for name, value in set_at.items()
+        }
 
     def close(self) -> None:
         """Close the window and its port."""
@@ -93,9 +99,14 @@ class RobotView:
 def _sliders(plant: MultibodyPlant) -> dict[str, Control]:
     """Return a slider for each of the plant's positions, in their order, where they are by default."""
     names = plant.GetPositionNames(add_model_instance_prefix=False, always_add_suffix=False)
-    values = plant.GetPositions(plant.CreateDefaultContext()).tolist()
-    lower, upper = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
-    lower = np.where(np.isfinite(lower), lower, -_WITHOUT_LIMITS).tolist()
-    upper = np.where(np.isfinite(upper), upper, _WITHOUT_LIMITS).tolist()
-    figures = zip(names, values, lower, upper, strict=True)
-    return {name: Control(value, low, high, _STEP) for name, value, low, high in figures}
+    units = [_METRES] * len(names)
+    for joint in map(plant.get_joint, plant.GetJointIndices()):
+        if joint.type_name() == RevoluteJoint.kTypeName:
+            units[joint.position_start()] = _DEGREES
+    scales = np.where(np.array(units) == _DEGREES, 180 / np.pi, 1.0)
+    far = np.array([_WITHOUT_LIMITS[unit] for unit in units])
+    values = scales * plant.GetPositions(plant.CreateDefaultContext())
+    lower, upper = scales * plant.GetPositionLowerLimits(), scales * plant.GetPositionUpperLimits()
+    lower, upper = np.where(np.isfinite(lower), lower, -far), np.where(np.isfinite(upper), upper, far)
+    figures = zip(names, units, values.tolist(), lower.tolist(), upper.tolist(), strict=True)
+    return {name + unit: Control(value, low, high, _STEPS[unit]) for name, unit, value, low, high in figures}
