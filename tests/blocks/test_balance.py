@@ -9,12 +9,14 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
 from simrob_drake.parts.controllers.balance import Answer, StandingBalance
+from simrob_drake.parts.controllers.capture_step import Stepper, Stepping
 from simrob_drake.parts.controllers.support import Balanced, Support
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import compose
 
 FACING = {"humanoid": -90, "roid1": 0, "zjudancer": 90}
 G = 9.80665
+FLAT = np.zeros(2)  # no foot is lifted
 
 
 @pytest.fixture(params=FACING, name="stood")
@@ -94,6 +96,19 @@ def test_the_speed_is_that_of_the_centre_of_mass_as_joints_move(stood):
     np.testing.assert_allclose(found.speed, heading(facing) @ ((after - before) / (2 * step))[:2], atol=1e-7)
 
 
+def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
+    plant, robot, _, support = stood
+    still, bent = np.zeros(len(robot.axes)), np.zeros(len(robot.axes))
+    for axis, angle in {"right_hip_pitch": 0.4, "right_knee": 0.8, "right_ankle_pitch": -0.4}.items():
+        bent[robot.axes.index(axis)] = angle
+    found = support.balanced(bent, still, RotationMatrix(), np.zeros(3)).lifted
+    _, points = by_hand(plant, robot, bent, RotationMatrix())
+    sizes = np.cumsum([len(robot.feet.support_points(link)) for link in robot.feet.links])[:-1]
+    lowest = np.array([foot[:, 2].min() for foot in np.split(points, sizes)])
+    np.testing.assert_allclose(found, lowest - lowest.min(), atol=1e-9)
+    assert sorted(link[0] for link, height in zip(robot.feet.links, found, strict=True) if height > 2e-3) == ["r"]
+
+
 def answer(**changed):
     figures = {"measures": "forward", "moves": np.array([0.5, -1.0]), "beyond": 0.02, "full": 0.06, "lead": None}
     return Answer(**{**figures, "rise": 0.05, "release": 0.2, **changed})
@@ -114,19 +129,19 @@ def answer(**changed):
     ],
 )
 def test_a_strategy_answers_its_own_direction_between_threshold_and_full(changed, com, speed, expected):
-    assert answer(**changed).part(Balanced(np.array(com), np.array(speed), 5.0)) == pytest.approx(expected)
+    assert answer(**changed).part(Balanced(np.array(com), np.array(speed), 5.0, FLAT)) == pytest.approx(expected)
 
 
 class Tips:
-    """A robot that stands as it is told: its first two axes are its centre of mass."""
+    """A robot that stands as it is told: two axes are its centre of mass, their speeds the heights of its feet."""
 
     def balanced(self, position, velocity, turned, spin):
-        return Balanced(position, spin[:2], 5.0)
+        return Balanced(position, spin[:2], 5.0, velocity)
 
 
 def test_offsets_grow_and_go_back_no_faster_than_they_may_and_add_up():
     other = answer(measures="lateral", moves=np.array([0.0, 0.2]), rise=0.0, release=0.0)
-    loop = StandingBalance(period=0.01, support=Tips(), answers=[answer(), other], gyroscope=True)
+    loop = StandingBalance(period=0.01, support=Tips(), answers=[answer(), other], size=2, gyroscope=True)
     context = loop.CreateDefaultContext()
 
     def sample(com, spin=(0.0, 0.0, 0.0), wxyz=(2.0, 0.0, 0.0, 0.0)):
@@ -142,3 +157,58 @@ def test_offsets_grow_and_go_back_no_faster_than_they_may_and_add_up():
     half = math.sqrt(0.5)  # the gyroscope is turned by 90°: what it feels about x is a turn about the world's y
     sample([0.0, 0.0], spin=[0.3, 0.0, 0.0], wxyz=[half, 0, 0, half])
     np.testing.assert_allclose(loop.GetOutputPort("capture_point").Eval(context), [0.0, 0.06], atol=1e-12)
+
+
+def stepping(**changed):
+    figures = {"measures": "forward", "foot": 1, "beyond": 0.05, "full": 0.1, "least": 0.2, "lead": None}
+    moves = {"lift": np.array([0.3, 0.0]), "reach": np.array([0.4, -0.6])}
+    return Stepping(**{**figures, **moves, "duration": 0.1, "settle": 0.05, "stance": 0.5, **changed})
+
+
+def stands(error, lifted=0.02):
+    """Return a robot that errs ahead, and lifts its second foot."""
+    return Balanced(np.array([error, 0.0]), np.zeros(2), 5.0, np.array([0.0, lifted]))
+
+
+def test_a_step_begins_beyond_its_threshold_and_reaches_as_far_as_the_error_grew():
+    stepper, state, moved = Stepper([stepping(measures="backward"), stepping()], 0.01), np.zeros(3), np.zeros(2)
+    for error in (0.04, -0.04, 0.05):
+        state, moved = stepper.next(state, moved, stands(error))
+        assert not state.any()
+        assert not moved.any()
+    for number, error in enumerate((0.06, 0.08, 0.03), 1):
+        state, moved = stepper.next(state, moved, stands(error))
+        np.testing.assert_allclose(state, [2, 0.1 * number, min(10 * error, 0.8) if number < 3 else 0.8])
+    ahead = 0.3 / 0.7  # the foot is as far as it goes after 0.7 of the time
+    part = 0.8 * ahead**2 * (3 - 2 * ahead)
+    np.testing.assert_allclose(moved, [0.3 * math.sin(0.3 * math.pi) + 0.4 * part, -0.5 * 0.6 * part])
+    for _ in range(7):
+        state, moved = stepper.next(state, moved, stands(0.03))
+    np.testing.assert_allclose(state, [2, 1, 0.8])
+    np.testing.assert_allclose(moved, [0.32, -0.24], atol=1e-12)
+    for _ in range(40):  # it settles, and takes no other step
+        state, moved = stepper.next(state, moved, stands(-0.2))
+    np.testing.assert_allclose(moved, [0.32, -0.48], atol=1e-4)
+
+
+def test_a_foot_that_touches_after_half_of_the_step_is_down():
+    stepper, state, moved = Stepper([stepping()], 0.01), np.zeros(3), np.zeros(2)
+    for number in range(1, 7):
+        state, moved = stepper.next(state, moved, stands(0.2, lifted=0.001))
+        assert state[1] == pytest.approx(0.1 * number if number < 6 else 1)
+    down = moved[0]
+    assert down == pytest.approx(0.3 * math.sin(0.6 * math.pi) + 0.4 * (6 / 7) ** 2 * (3 - 12 / 7))
+    _, moved = stepper.next(state, moved, stands(0.2))
+    assert moved[0] == pytest.approx(down + 0.2 * (0.4 - down))  # by a fifth in 0.01 of 0.05 s
+
+
+def test_strategies_rest_once_the_robot_steps():
+    still = stepping(lift=np.zeros(2), reach=np.zeros(2))
+    loop = StandingBalance(period=0.01, support=Tips(), answers=[answer(rise=0, release=0)], steps=[still], size=2)
+    context = loop.CreateDefaultContext()
+    for name, value in (("velocity", [0, 0]), ("orientation", [1, 0, 0, 0]), ("angular_velocity", [0, 0, 0])):
+        loop.GetInputPort(name).FixValue(context, np.array(value, dtype=float))
+    for ahead, moved in ((0.04, 0.25), (0.06, 0.5), (0.04, 0.0), (0.06, 0.0)):  # beyond 0.05 m it steps
+        loop.GetInputPort("position").FixValue(context, np.array([ahead, 0.0]))
+        context.get_mutable_discrete_state().SetFrom(loop.EvalUniquePeriodicDiscreteUpdate(context))
+        assert loop.GetOutputPort("offset").Eval(context)[0] == pytest.approx(moved)

@@ -133,7 +133,7 @@ def test_a_saved_station_runs_again_as_it_ran(tmp_path):
         ({"b": balance(moves_deg={"joint_5": 0})}, "all zero"),
         ({"b": balance(beyond=0.1)}, "full, 0.1 m, must be beyond the 0.1 m"),
         ({"b": balance(measures="up")}, "controllers.b.strategies.tip.measures"),
-        ({"b": {"kind": "balance", "strategies": {}}}, "controllers.b.strategies"),
+        ({"b": {"kind": "balance", "strategies": {}}}, "strategies or steps"),
     ],
 )
 def test_what_cannot_be_is_refused_by_its_key(controllers, words):
@@ -167,6 +167,23 @@ GUARD = {"kind": "fall_guard", "height": 0.2}
 def test_a_touchdown_that_cannot_be_is_refused(overrides, message):
     with pytest.raises(SimrobError, match=message):
         simulate(load_station("yobotics_terrain", {"floor.terrain": None, **overrides}), duration=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"foot": "left_hand"}, "foot 'left_hand'; known: left_foot, right_foot"),
+        ({"reach_deg": {"tail": 5}}, "tail"),
+        ({"lift_deg": {}}, "lift_deg"),
+        ({"beyond": 0}, "beyond"),
+        ({"duration": 0}, "duration"),
+        ({"stance": 2}, "stance"),
+    ],
+)
+def test_a_step_that_cannot_be_is_refused(changed, message):
+    step = {f"controllers.balance.steps.forward.{key}": value for key, value in changed.items()}
+    with pytest.raises(SimrobError, match=message):
+        load_station("zjudancer_balance", step)
 
 
 def test_touchdown_drives_the_legs_of_its_feet_alone():

@@ -1,4 +1,4 @@
-r"""A loop that keeps a standing robot on its feet: ankles, hips, arms and crouch by its centre of mass and its speed.
+r"""A loop that keeps a standing robot on its feet, by its centre of mass and its speed: ankles, hips, arms, and steps.
 
 With the centre of mass c, from where the feet had it at the start, and its velocity, a robot that gives way to its
 ankles alone comes to rest over its **capture point**, and falls once that leaves the area of its feet:
@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -25,24 +25,14 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import mapped
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers.capture_step import CaptureStep, Stepper, Stepping
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.controllers.support import Balanced, Support, rotation_of
+from simrob_drake.parts.controllers.support import Balanced, Direction, Support, rotation_of
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.yaml_files import Number, Strict
-
-Direction = Literal["sagittal", "lateral", "forward", "backward", "left", "right"]
-_SENSES: dict[Direction, tuple[float, float, float]] = {
-    "sagittal": (1, 0, -math.inf),
-    "lateral": (0, 1, -math.inf),
-    "forward": (1, 0, 0),
-    "backward": (-1, 0, 0),
-    "left": (0, 1, 0),
-    "right": (0, -1, 0),
-}
-"""Of each direction: its parts ahead and to the left, and the least error that counts."""
 
 
 class Strategy(Strict):
@@ -73,18 +63,28 @@ class Strategy(Strict):
 
 
 class Balance(LoopSection):
-    """Answer pushes with joints of a robot that stands: by strategies for ankles, hips, arms and knees, added up."""
+    """Answer pushes to a robot that stands: by strategies for ankles, hips, arms and knees, added up, and by a step."""
 
     kind: Literal["balance"]
     facing_deg: Number = 0.0
     """Where the robot looks at the start: 0 along the world's x axis, 90 along y."""
-    strategies: dict[str, Strategy] = Field(min_length=1)
+    strategies: dict[str, Strategy] = Field(default_factory=dict)
     """Those that act, by name."""
+    steps: dict[str, CaptureStep] = Field(default_factory=dict)
+    """Those that it may take, by name: the first that is called for, and then the strategies rest."""
+
+    @model_validator(mode="after")
+    def _acts(self) -> Balance:
+        if not self.strategies and not self.steps:
+            raise ValueError("balance needs strategies or steps: nothing would move")
+        return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return the axes that strategies move."""
-        moved = dict.fromkeys(axis for strategy in self.strategies.values() for axis in strategy.moves_deg)
-        return [robot.axes[robot.model.axis_index(axis, "moves_deg")] for axis in moved]
+        """Return the axes that strategies and steps move."""
+        parts = {"moves_deg": [strategy.moves_deg for strategy in self.strategies.values()]}
+        parts |= {key: [getattr(step, key) for step in self.steps.values()] for key in ("lift_deg", "reach_deg")}
+        found = [robot.model.axis_index(axis, key) for key, moves in parts.items() for each in moves for axis in each]
+        return [robot.axes[index] for index in dict.fromkeys(found)]
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the robot stands on feet.
@@ -96,6 +96,9 @@ class Balance(LoopSection):
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(key, f"balance of {robot.name}", "of a robot that stands on feet of its own")
+        for name, step in self.steps.items():
+            if step.foot not in robot.feet.links:
+                raise UnknownName(f"foot of {robot.name} for {key}.steps.{name}.foot", step.foot, robot.feet.links)
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Return what an input reads: of how the base turns, the plant's state unless a sensor is named."""
@@ -109,15 +112,26 @@ class Balance(LoopSection):
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
-        answers = []
-        for name, strategy in self.strategies.items():
-            moves = robot.model.axis_vector(dict(strategy.moves_deg), f"{key}.strategies.{name}.moves_deg")
-            figures = {key: getattr(strategy, key) for key in ("measures", "beyond", "full", "lead", "rise", "release")}
-            answers.append(Answer(moves=robot.model.user_units * moves, **figures))
+        assert robot.feet is not None  # check() has asked
+        feet = list(robot.feet.links)
+
+        def figures(section: str, given: Strict) -> dict[str, Any]:
+            """Return the figures of a strategy or a step, with moves in radians for all axes."""
+            told = given.model_dump()
+            for name in [name for name in told if name.endswith("_deg")]:
+                moves = robot.model.axis_vector(told.pop(name), f"{key}.{section}.{name}")
+                told[name.removesuffix("_deg")] = robot.model.user_units * moves
+            return told
+
+        answers = [Answer(**figures(f"strategies.{name}", each)) for name, each in self.strategies.items()]
+        told = [figures(f"steps.{name}", each) for name, each in self.steps.items()]
+        steps = [Stepping(**{**each, "foot": feet.index(each["foot"])}) for each in told]
         return StandingBalance(
             period=1 / self.rate,
             support=Support(robot, math.radians(self.facing_deg)),
             answers=answers,
+            steps=steps,
+            size=len(robot.axes),
             gyroscope="angular_velocity" in self.reads,
         )
 
@@ -136,9 +150,7 @@ class Answer:
 
     def part(self, balanced: Balanced) -> float:
         """Return what part of the full answer is called for, -1 to 1."""
-        ahead, left, least = _SENSES[self.measures]
-        error = balanced.com + (1 / balanced.omega if self.lead is None else self.lead) * balanced.speed
-        along = max(ahead * float(error[0]) + left * float(error[1]), least)
+        along = balanced.error(self.measures, self.lead)
         return math.copysign(min(max(abs(along) - self.beyond, 0.0) / (self.full - self.beyond), 1.0), along)
 
     def next(self, before: float, wanted: float, period: float) -> float:
@@ -158,18 +170,29 @@ class StandingBalance(SampledBlock):
         left of where the feet had the centre of mass at the start [m].
     """
 
-    def __init__(self, *, period: float, support: Support, answers: Sequence[Answer], gyroscope: bool = False) -> None:
+    def __init__(
+        self,
+        *,
+        period: float,
+        support: Support,
+        answers: Sequence[Answer] = (),
+        steps: Sequence[Stepping] = (),
+        size: int,
+        gyroscope: bool = False,
+    ) -> None:
         """Make the block.
 
         Args:
             period: between samples [s].
             support: tells how the robot stands.
             answers: what moves then, added up.
+            steps: that it may take, one of them.
+            size: number of axes.
             gyroscope: the angular velocity is given in the axes of the root link.
         """
         self.units = {"offset": "rad", "com": "m", "capture_point": "m"}
         self._support, self._answers, self._gyroscope = support, answers, gyroscope
-        size = len(answers[0].moves)
+        self._stepper = Stepper(steps, period)
         super().__init__(
             period=period,
             reads={"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3},
@@ -178,6 +201,8 @@ class StandingBalance(SampledBlock):
                 "com": np.zeros(2),
                 "capture_point": np.zeros(2),
                 "parts": np.zeros(len(answers)),
+                "step": np.zeros(3),
+                "stepped": np.zeros(size),
             },
             gives=("offset", "com", "capture_point"),
         )
@@ -187,8 +212,12 @@ class StandingBalance(SampledBlock):
         turned, spin = rotation_of(read["orientation"]), read["angular_velocity"]
         spin = turned @ spin if self._gyroscope else spin
         balanced = self._support.balanced(read["position"], read["velocity"], turned, spin)
-        before = zip(self._answers, memory["parts"].tolist(), strict=True)
-        parts = [answer.next(part, answer.part(balanced), self.period) for answer, part in before]
-        offset = np.sum([part * answer.moves for part, answer in zip(parts, self._answers, strict=True)], axis=0)
-        now = {"com": balanced.com, "capture_point": balanced.capture_point}
+        stepping = memory["step"][0] > 0  # then strategies rest: the rocking on new feet is not a push
+        wanted = [0.0 if stepping else answer.part(balanced) for answer in self._answers]
+        before = zip(self._answers, memory["parts"].tolist(), wanted, strict=True)
+        parts = [answer.next(part, now, self.period) for answer, part, now in before]
+        step, offset = self._stepper.next(memory["step"], memory["stepped"], balanced)
+        now = {"com": balanced.com, "capture_point": balanced.capture_point, "step": step, "stepped": offset}
+        for part, answer in zip(parts, self._answers, strict=True):
+            offset = offset + part * answer.moves
         return {"offset": offset, "parts": np.array(parts), **now}

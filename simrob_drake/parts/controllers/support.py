@@ -3,6 +3,7 @@
 import math
 import weakref
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -17,6 +18,17 @@ _COUNTS = 0.003
 _LOWEST = 0.01
 """The least height of the centre of mass that is reckoned with [m]: a robot that lies has fallen."""
 
+Direction = Literal["sagittal", "lateral", "forward", "backward", "left", "right"]
+_SENSES: dict[Direction, tuple[float, float, float]] = {
+    "sagittal": (1, 0, -math.inf),
+    "lateral": (0, 1, -math.inf),
+    "forward": (1, 0, 0),
+    "backward": (-1, 0, 0),
+    "left": (0, 1, 0),
+    "right": (0, -1, 0),
+}
+"""Of each direction: its parts ahead and to the left, and the least error that counts."""
+
 
 @dataclass(frozen=True)
 class Balanced:
@@ -26,11 +38,19 @@ class Balanced:
         com: its centre of mass, from where its feet had it at the start, shape (2,) [m].
         speed: of that over the floor, shape (2,) [m/s].
         omega: how fast it would tip, sqrt(g/h) with the height h of the centre of mass [1/s].
+        lifted: how high each foot is above the lowest, shape (feet,) [m].
     """
 
     com: Vector
     speed: Vector
     omega: float
+    lifted: Vector
+
+    def error(self, measures: Direction, lead: float | None = None) -> float:
+        """Return how far it errs in a direction, the velocity counting for ``lead`` seconds, 1/ω unless given [m]."""
+        ahead, left, least = _SENSES[measures]
+        error = self.com + (1 / self.omega if lead is None else lead) * self.speed
+        return max(ahead * float(error[0]) + left * float(error[1]), least)
 
     @property
     def capture_point(self) -> Vector:
@@ -93,7 +113,8 @@ class Support:
         ahead, left, _ = turned @ self._ahead
         heading = np.array([[ahead, left], [-left, ahead]]) / math.hypot(ahead, left)
         omega = math.sqrt(self._gravity / max(centre[2] - floor, _LOWEST))
-        return Balanced(heading @ (centre - place / carried)[:2], heading @ speed[:2], omega)
+        lifted = np.array([heights.min() - floor for heights, *_ in feet])
+        return Balanced(heading @ (centre - place / carried)[:2], heading @ speed[:2], omega, lifted)
 
     def _put(self, position: Vector, velocity: Vector, turned: RotationMatrix, spin: Vector) -> None:
         self._positions[self._turn : self._turn + 4] = turned.ToQuaternion().wxyz()
