@@ -85,7 +85,7 @@ def test_a_loop_of_ones_own_keeps_the_tool_at_its_height():
 def test_the_regulator_takes_the_push_better_than_servos():
     lqr = example("irb120_lqr")
     most, late = lqr.strays(lqr.run())
-    assert most < 0.5 * lqr.strays(lqr.run_servos())[0]
+    assert most < 0.6 * lqr.strays(lqr.run_servos())[0]
     assert late < 1e-3
 
 

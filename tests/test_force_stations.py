@@ -164,5 +164,3 @@ def test_protection_lies_above_a_force_that_is_too_large():
     assert 140 < force.max() < 200
     assert force[-1] < 25
     assert np.ptp(result["q_ref.joint_2"][-50:]) < 1e-12
-    with pytest.raises(SimrobError, match=r"a priority \(or both with a weight\)"):
-        load_station("irb120_force_control", {"controllers.guard": {**above, "priority": None}})

@@ -147,7 +147,7 @@ class Study(Strict):
     def _case(self, number: int, figures: Figures, case: Mapping[str, Any], seed: int) -> Case:
         changed = {**self.overrides, **case}
         streams = _streams(self.station, json.dumps(changed, sort_keys=True), seed)
-        return Case(number, self.station, {**streams, **changed, **figures}, dict(figures), seed)
+        return Case(number, self.station, {**changed, **streams, **figures}, dict(figures), seed)
 
     def costs(self, row: Row) -> float:
         """Return what a run costs, from its row."""
@@ -162,7 +162,8 @@ class Study(Strict):
 @lru_cache(maxsize=1000)
 def _streams(station: str, changed: str, seed: int) -> dict[str, int]:
     """Return the seeds of a station with changes, which are the same for all figures that are tried."""
-    return seeded(load_station(station, json.loads(changed)).model_dump(), seed)
+    overrides = json.loads(changed)
+    return seeded(load_station(station, overrides).model_dump(), seed, overrides)
 
 
 def _figure(row: Row, name: str) -> float:

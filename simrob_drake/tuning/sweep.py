@@ -77,5 +77,5 @@ class Sweep(Strict):
             one.key: value if one.drawn is None else one.draw(seed, place)
             for place, (one, value) in enumerate(values.items())
         }
-        streams = seeded(content, seed) if self.seeds > 1 else {}
-        return Case(number, self.station, {**streams, **self.overrides, **shown}, shown, seed, allow_code)
+        streams = seeded(content, seed, self.overrides) if self.seeds > 1 else {}
+        return Case(number, self.station, {**self.overrides, **streams, **shown}, shown, seed, allow_code)

@@ -81,9 +81,16 @@ def parsed(key: str, text: str) -> Variation:
     return Variation(key, text, tuple(_GRIDS[kind](first, second, int(count[0])).tolist()))
 
 
-def seeded(content: Mapping[str, Any], seed: int) -> dict[str, int]:
-    """Return the seeds of all parts of a station that are random, each with a stream of its own."""
-    return {key: seed + MOST_SEEDS * place for place, key in enumerate(seed_keys(content))}
+def seeded(content: Mapping[str, Any], seed: int, given: Mapping[str, Any]) -> dict[str, int]:
+    """Return the seeds of all parts of a station that are random, each with a stream of its own.
+
+    Args:
+        content: the station's sections.
+        seed: of the run.
+        given: what the user changes, whose seeds stay.
+    """
+    own = seed_keys(given)
+    return {key: seed + MOST_SEEDS * place for place, key in enumerate(seed_keys(content)) if key not in own}
 
 
 def seed_keys(content: Mapping[str, Any], above: str = "") -> list[str]:
@@ -91,7 +98,7 @@ def seed_keys(content: Mapping[str, Any], above: str = "") -> list[str]:
     found = []
     for key, value in content.items():
         path = f"{above}{key}"
-        if key == "seed":
+        if key.rpartition(".")[2] == "seed":
             found.append(path)
         elif isinstance(value, Mapping):
             found += seed_keys(value, f"{path}.")

@@ -572,7 +572,7 @@ JOINTS = [
     Defect(
         "velocity negative", swap('velocity="4"', 'velocity="-4"'), "defaulted: joints 'elbow' <limit>: no velocity"
     ),
-    Defect("friction", swap('damping="0.1"', 'damping="0.1" friction="0.3"'), "dropped: friction 0.3, which Drake"),
+    Defect("friction", swap('damping="0.1"', 'damping="0.1" friction="0.3"'), "dropped: friction 0.3, seldom measured"),
     Defect("damping negative", swap('damping="0.1"', 'damping="-0.1"'), "repaired: damping -0.1 is negative; 0"),
     Defect("numbers with units", swap('xyz="0 0 0.4"', 'xyz="0 0 0.4m"'), 'repaired: written as "0 0 0.4"'),
     Defect("numbers with commas", swap('rpy="0 0 0.1"', 'rpy="0,0,0.1"'), 'repaired: written as "0 0 0.1"'),

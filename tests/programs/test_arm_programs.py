@@ -11,7 +11,7 @@ from simrob_drake.cli.programs import look_at
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.frames import as_transform, xyz_quaternion_from_transform
 from simrob_drake.programs.arm_moves import PLANNED
-from simrob_drake.programs.plan import How
+from simrob_drake.programs.timing import How
 from simrob_drake.results.record.events import all_events
 from tests.programs.conftest import BARE, DOWN, HOME
 

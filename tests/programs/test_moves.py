@@ -358,7 +358,7 @@ def test_the_incremental_solver_passes_a_singular_posture_only_where_it_may_stra
     kinematic.move_abs_j([0, 0.1, 0.2, 0, -0.15, 0])
     start = kinematic.pose()[:3]
     end = start + np.array([0, 0.005, 0.12])  # past the straight wrist, not through it
-    with pytest.raises(Unreachable, match=r"point \d+ of 10 .* the best solution comes within 0\.00"):
+    with pytest.raises(Unreachable, match=r"point \d+ of 10 .* the best solution comes within"):
         kinematic.move_l(end, solver="incremental")
     with pytest.raises(Unreachable, match=r"point \d+ of 10"):
         kinematic.move_l(end, solver=IncrementalSolver(kinematic.chain, stray=2e-4))

@@ -245,7 +245,7 @@ def test_axes_that_slide_have_their_own_units() -> None:
     each, _ = graph_of(load_station("irb120_on_belt", dynamic))
     assert label_of(each, "belt.saturation") == "Saturation\n±500 N"
     assert label_of(each, "joint_1.saturation") == "Saturation\n±150 N·m"
-    assert label_of(each, "stops.force") == "Joint stops\n573000 N/m, N·m/rad\n573 N·s/m, N·m·s/rad"
+    assert label_of(each, "stops.force") == "Joint stops\n5.73e+05 N/m, N·m/rad\n573 N·s/m, N·m·s/rad"
     assert label_of(each, "reference_source") == "move to belt 1 m, joint_2\n20 deg in 1 s"
     together, _ = graph_of(load_station("irb120_on_belt", {**dynamic, "servo.realization": "vector"}))
     assert label_of(together, "servo.saturation") == "Saturation\n±500 N, ±150, 150, 100, 30, 30, 15 N·m"

@@ -37,7 +37,13 @@ def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
 
 
 def wanted_tools(result: RecordedRun, robot: StationRobot) -> Vector:
-    """Return where the references of a robot's axes put its tool centre point, on its root as it stood, (m, 4, 4)."""
+    """Return where the references of a robot's axes put its tool centre point, on its root as it stood, (m, 4, 4).
+
+    In a program it is the tool that each run had.
+    """
+    if result.runs:
+        parts = [wanted_tools(run, run.plant.robots[robot.name]) for run in result.runs]
+        return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
     plant, tool = robot.plant, robot.tools[robot.tcp]
     context = plant.CreateDefaultContext()
     positions = robot.axis_map.spread_positions(result.axes("q_ref", robot.name), result.positions_at(result.times))

@@ -133,7 +133,7 @@ class RecordedRun:
         for name, section in self.config.controllers.items():
             block = self.final_state.blocks.get(f"controller.{name}")
             if isinstance(section, Sequencer) and block is not None:
-                times = block.discrete[-1].tolist()
+                times = block.discrete[-1][-len(section.cells) :].tolist()
                 found[name] = [round(time, 9) if time >= 0 else None for time in times]
         return found
 
