@@ -59,13 +59,13 @@ def _local(method: str, start: Vector, costs: Costs, _: int, seed: int) -> None:
 
 
 def _evolve(_: str, start: Vector, costs: Costs, together: int, seed: int) -> None:
-    from scipy.optimize import differential_evolution
+    from scipy.optimize import Bounds, differential_evolution
 
     source, population = np.random.default_rng(seed), max(together, _FEWEST)
     of_columns: Any = lambda points: costs(points.T)  # noqa: E731  # scipy hands over (n, k), which its stubs leave out
     differential_evolution(
         of_columns,
-        [(0.0, 1.0)] * len(start),
+        Bounds(np.zeros_like(start), np.ones_like(start)),
         init=np.vstack([start, source.uniform(size=(population - 1, len(start)))]),
         rng=source,
         vectorized=True,

@@ -128,7 +128,7 @@ def _axis(axes: Axes, key: Variation) -> Vector:
 def _numbers(rows: Sequence[Row], name: str) -> Vector:
     """Return the finite values of a measure."""
     values = np.array([row[name] for row in rows if row.get(name) is not None], dtype=float)
-    return values[np.isfinite(values)]
+    return np.asarray(values[np.isfinite(values)])
 
 
 def _short(value: Any) -> str:
