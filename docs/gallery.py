@@ -16,6 +16,7 @@ from PIL import Image
 from simrob_drake import LeggedRobot, SimulationResult, load_station, simulate, station_names
 from simrob_drake.cli.given import given_station
 from simrob_drake.results.animation.pictures import film_strip
+from simrob_drake.results.whole import joined
 
 DOCS = Path(__file__).parent
 WALKS = {
@@ -61,7 +62,7 @@ def shown(station: str) -> Sequence[SimulationResult]:
 
 def save_picture(station: str) -> Path:
     """Write a small film strip of a station's run."""
-    strip = Image.open(BytesIO(film_strip(shown(station), frames=FRAMES, height=HEIGHT))).convert("RGB")
+    strip = Image.open(BytesIO(film_strip(joined(shown(station)), frames=FRAMES, height=HEIGHT))).convert("RGB")
     file = DOCS / "gallery" / f"{station}.png"
     strip.quantize(COLOURS, dither=Image.Dither.NONE).save(file, optimize=True)
     return file

@@ -16,6 +16,7 @@ def run() -> tuple[Workcell, list[SimulationResult]]:
     """Bring, take and place the rook, and return the station with all moves."""
     cell = Workcell("belt_pick")
     belt, arm = cell.arm("belt"), cell.arm("arm")
+    cell.record()
     moves = [belt.move_abs_j([0.6], duration=1.5)]  # m
     moves.append(arm.move_j([0, 0, HEIGHT + ABOVE, *DOWN], wobj="rook"))
     moves.append(arm.move_l([0, 0, HEIGHT], wobj="rook"))
@@ -30,13 +31,14 @@ def run() -> tuple[Workcell, list[SimulationResult]]:
 
 
 def main() -> None:
-    """Print where the rook stands."""
+    """Print where the rook stands, and save the whole as one result; belt_pick.yaml says it as a program's file."""
     cell, moves = run()
     off = cell.frame("rook").translation() - PLACE
     print(f"{len(moves)} moves in {sum(move.stop_time for move in moves):.1f} s")
     print(
         f"the rook hangs on the {cell.config.pieces['rook'].parent}, {1e6 * np.linalg.norm(off):.3f} µm off its place"
     )
+    print("files in", cell.save())
 
 
 if __name__ == "__main__":

@@ -10,10 +10,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from simrob_drake import load_station, simulate
 from simrob_drake.identification.bounces import BounceTrace, Identified, identify_bounces, read_bounces
+from simrob_drake.results.plots.own import panels, save_figure
 
 BALL = 0.9048  # kg
 NOISE = 1e-3  # m
@@ -30,17 +30,13 @@ def measurement(*, stiffness: float = 4e3, dissipation: float = 0.08, duration: 
 
 def picture(trace: BounceTrace, found: Identified, file: Path) -> Path:
     """Draw measured and computed heights."""
-    figure = Figure(figsize=(9, 4), layout="constrained")
-    axes = figure.subplots()
+    figure, ((axes,),) = panels("a ball that bounces, measured and computed", size=(9, 4))
     axes.plot(trace.times, 1e3 * trace.heights, ".", markersize=3, color="0.6", label="measured")
     text = f"computed with {found.stiffness:.4g} N/m and {found.dissipation:.3g} s/m"
     axes.plot(trace.times, 1e3 * found.heights, color="#1f6fb4", label=text)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("lowest point of the ball over the floor [mm]")
-    axes.legend()
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
-    return file
+    return save_figure(figure, file)
 
 
 def run(file: Path | None = None) -> tuple[BounceTrace, Identified]:

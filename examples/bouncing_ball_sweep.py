@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from simrob_drake import SimulationResult, load_station, simulate
+from simrob_drake.results.plots.own import panels, save_figure
 
 STIFFNESSES = (300.0, 1e3, 1e4, 1e5)  # N/m
 DISSIPATIONS = (0.0, 0.05, 0.2, 1.0)  # s/m
+UNITS = {"stiffness": "N/m", "dissipation": "s/m"}
 
 
 def run(key: str, values: Sequence[float], *, duration: float = 1.5) -> dict[float, SimulationResult]:
@@ -21,17 +21,16 @@ def run(key: str, values: Sequence[float], *, duration: float = 1.5) -> dict[flo
 
 def picture(sweeps: dict[str, dict[float, SimulationResult]], file: Path) -> Path:
     """Draw the height of the ball's lowest point, a panel for each sweep."""
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    for axes, (key, results) in zip(figure.subplots(1, len(sweeps), sharey=True), sweeps.items(), strict=True):
+    titles = [f"{key} [{UNITS[key]}]" for key in sweeps]
+    title = "a ball on floors of many kinds"
+    figure, (row,) = panels(title, 1, len(sweeps), size=(11, 4), titles=titles, sharey=True)
+    for axes, (key, results) in zip(row, sweeps.items(), strict=True):
         for value, result in results.items():
-            axes.plot(result.times, 1e3 * result["distance.gap"], label=f"{value:g}")
+            axes.plot(result.times, 1e3 * result["distance.gap"], label=f"{value:g} {UNITS[key]}")
         axes.axhline(0, color="0.4", linewidth=0.8)
         axes.set_xlabel("time [s]")
-        axes.legend(title=key)
     figure.axes[0].set_ylabel("lowest point of the ball over the floor [mm]")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
-    return file
+    return save_figure(figure, file, beside=True)
 
 
 def main() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from simrob_drake import LeggedRobot, SimulationResult
+from simrob_drake.results.plots.own import panels, save_figure
 
 LOOKS = {"right": ("-", "#1f6fb4", 2.5), "left": ("--", "#e08214", 1.5), "neck": ("-", "0.35", 2.0)}
 
@@ -24,24 +24,17 @@ def picture(result: SimulationResult, file: Path) -> Path:
     """Draw the torques, a panel for each joint: the left one dashed over the right one."""
     axes = result.plant.robots["robot"].axes
     joints = list(dict.fromkeys(axis.removeprefix("right_").removeprefix("left_") for axis in axes))
-    figure = Figure(figsize=(13, 5.5), layout="constrained")
-    panels = dict(zip(joints, figure.subplots(2, 5, sharex=True).flat, strict=True))
-    lines = {}
+    title = "torques of the humanoid, held by its trunk, while all 18 joints go to 30 degrees in a second"
+    figure, frames = panels(title, 2, 5, size=(13, 5.5), titles=joints, sharex=True)
+    by_joint = dict(zip(joints, frames.flat, strict=True))
     for axis in axes:
         side, _, joint = axis.partition("_")
         style, colour, width = LOOKS[side]
-        panel = panels[joint if side in ("right", "left") else axis]
-        (lines[side],) = panel.plot(result.times, result[f"tau.{axis}"], style, color=colour, linewidth=width)
-    for joint, panel in panels.items():
-        panel.set_title(joint, fontsize=10)
-        panel.grid(color="0.9")
-    figure.suptitle("Torques of the humanoid, held by its trunk, while all 18 joints go to 30 degrees in a second")
+        panel = by_joint[joint if side in ("right", "left") else axis]
+        panel.plot(result.times, result[f"tau.{axis}"], style, color=colour, linewidth=width, label=side)
     figure.supxlabel("time [s]", fontsize=10)
     figure.supylabel("torque [N·m]", fontsize=10)
-    figure.legend(lines.values(), lines.keys(), loc="outside lower right", ncols=3)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
-    return file
+    return save_figure(figure, file)
 
 
 def main() -> None:

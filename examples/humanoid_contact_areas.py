@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.sequences import posing, standing_height
+from simrob_drake.results.plots.own import panels, save_figure
 from simrob_drake.results.record.walks import locomotion
 
 AREAS = ("A", "B", "C")
@@ -42,26 +42,21 @@ def sole(result: SimulationResult) -> Vector:
 
 def picture(results: dict[str, SimulationResult], file: Path) -> Path:
     """Draw tilt, height and way of the base on every area, at the scale of those that stay upright."""
-    figure = Figure(figsize=(11, 6.5), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True).ravel()
+    title = "the step of the thesis on the three contact areas"
+    figure, frames = panels(title, 2, 2, size=(11, 6.5), sharex=True)
     labels = ("tilt of the base [deg]", "height over its start [mm]", "way ahead [mm]", "way to the left [mm]")
-    for axes, label in zip(panels, labels, strict=True):
+    for axes, label in zip(frames.flat, labels, strict=True):
         axes.set(ylabel=label, xlabel="time [s]")
-        axes.grid(color="0.9")
     for area, result in sorted(results.items(), key=lambda item: item[1].ending == "monitor"):
         (width, length), (colour, style, thick), pose = sole(result), LINES[area], result.pose("base")
         (x, y, z), (qx, qy) = 1e3 * (pose[:, :3] - pose[0, :3]).T, pose[:, 4:6].T
         end = f"falls, {result.stop_time:.2f} s" if result.ending == "monitor" else "stays upright"
-        for axes, values in zip(panels, (np.rad2deg(np.arccos(1 - 2 * (qx**2 + qy**2))), z, -y, x), strict=True):
+        for axes, values in zip(frames.flat, (np.rad2deg(np.arccos(1 - 2 * (qx**2 + qy**2))), z, -y, x), strict=True):
             label = f"{area}: {width:.0f} × {length:.0f} mm a foot, {end}"
             if result.ending == "monitor":
                 axes.set_ylim(axes.get_ylim())  # who falls leaves the panel
             axes.plot(result.times, values, style, color=colour, linewidth=thick, label=label)
-    panels[2].legend(loc="lower right")
-    figure.suptitle("The step of the thesis on the three contact areas")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
-    return file
+    return save_figure(figure, file)
 
 
 def main() -> None:

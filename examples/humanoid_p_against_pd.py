@@ -9,11 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.results.plots.own import panels, save_figure
 from simrob_drake.results.record.walks import locomotion
 
 CONTROLLERS = {"P": 0.0, "PD": 100.0}  # gain against the speed of the joints [N·m·s/rad]
@@ -47,21 +47,15 @@ def base_moves(result: SimulationResult) -> Vector:
 
 def picture(results: dict[str, SimulationResult], file: Path) -> Path:
     """Draw the position in the upper row and the orientation below, a panel for each direction."""
-    figure = Figure(figsize=(12, 6.5), layout="constrained")
-    panels = figure.subplots(2, 3, sharex=True, sharey="row")
+    title = "the step of the thesis with a P and with a PD controller: how the base moves from its start"
+    figure, frames = panels(title, 2, 3, size=(12, 6.5), titles=PANELS, sharex=True, sharey="row")
     for (name, result), style in zip(results.items(), ("#e08214", "#1f6fb4"), strict=True):
-        for axes, values, title in zip(panels.flat, base_moves(result).T, PANELS, strict=True):
+        for axes, values in zip(frames.flat, base_moves(result).T, strict=True):
             axes.plot(result.times, values, color=style, label=f"{name}: kp 100, kd {CONTROLLERS[name]:g}")
-            axes.set_title(title, fontsize=10)
-            axes.grid(color="0.9")
-    for axes, label in zip(panels[:, 0], ("position of the base [mm]", "orientation of the base [deg]"), strict=True):
+    for axes, label in zip(frames[:, 0], ("position of the base [mm]", "orientation of the base [deg]"), strict=True):
         axes.set_ylabel(label)
     figure.supxlabel("time [s]", fontsize=10)
-    panels[0, 0].legend()
-    figure.suptitle("The step of the thesis with a P and with a PD controller: how the base moves from its start")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
-    return file
+    return save_figure(figure, file)
 
 
 def main() -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from simrob_drake import LeggedRobot, Program, SimulationResult, Workcell
+from simrob_drake.results.plots.own import panels, save_figure
 
 PROGRAM = Program.model_validate(
     {
@@ -35,26 +35,21 @@ def ways(result: SimulationResult, robot: LeggedRobot, tool: str) -> np.ndarray:
 def main() -> None:
     """Save plots of the hands' and feet's ways and of the torques, and the run."""
     result, robots = run()
-    figure, panels = plt.subplots(2, 3, figsize=(10, 5.5), sharex=True, sharey="row")
-    for (way_panel, torque_panel), robot in zip(panels.T, robots, strict=True):
+    names = [robot.name for robot in robots]
+    title = "one program on three humanoids"
+    figure, frames = panels(title, 2, 3, size=(11, 6), titles=names, sharex=True, sharey="row")
+    for (way_panel, torque_panel), robot in zip(frames.T, robots, strict=True):
         for tool, colour in (("left_hand", "#1f6fb4"), ("right_foot", "#e08214")):
             ahead, up = 1e3 * ways(result, robot, tool).T
             way_panel.plot(result.times, ahead, color=colour, label=f"{tool}, ahead")
             way_panel.plot(result.times, up, "--", color=colour, label=f"{tool}, up")
             print(f"{robot.name:10} {tool:10} {ahead[-1]:4.0f} mm ahead, {up[-1]:3.0f} mm up")
-        for axis in ("left_shoulder_pitch", "right_hip_pitch"):
-            torque_panel.plot(result.times, result[f"{robot.name}.tau.{axis}"], label=axis)
-        way_panel.set_title(robot.name)
+        for axis, colour in (("left_shoulder_pitch", "#4d9221"), ("right_hip_pitch", "#8c2d7a")):
+            torque_panel.plot(result.times, result[f"{robot.name}.tau.{axis}"], color=colour, label=f"{axis}, torque")
         torque_panel.set_xlabel("time [s]")
-    panels[0, 0].set_ylabel("way [mm]")
-    panels[1, 0].set_ylabel("torque [N·m]")
-    for row in panels:
-        row[0].legend(fontsize=7)
-    figure.tight_layout()
-    file = Path("runs/humanoids_same_program.png")
-    file.parent.mkdir(exist_ok=True)
-    figure.savefig(file, dpi=120)
-    plt.close(figure)
+    frames[0, 0].set_ylabel("way [mm]")
+    frames[1, 0].set_ylabel("torque [N·m]")
+    file = save_figure(figure, Path("runs/humanoids_same_program.png"))
     print(f"plot in {file}, files in {result.save()}")
 
 

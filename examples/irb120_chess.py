@@ -16,6 +16,7 @@ SET_DOWN = -0.06  # m: so deep the pencil's tip stands in the hole at the top of
 def run(*, mode: str = "kinematic") -> tuple[Arm, list[SimulationResult]]:
     """Play the move and return the arm with all its moves."""
     arm = Arm(load_station("irb120_chess", {"mode": mode}), tool="pencil")
+    arm.record()
     moves = [
         arm.move_j([0, 0, ABOVE, *DOWN], wobj="half_sphere.hole_top"),
         arm.move_l([0, 0, SET_DOWN], wobj="half_sphere.hole_top"),
@@ -49,11 +50,12 @@ def upright(arm: Arm) -> np.ndarray:
 
 
 def main() -> None:
-    """Print where the rook stands now."""
+    """Print where the rook stands now, and save the whole game as one result."""
     arm, moves = run()
     off = arm.cell.frame("rook").translation() - arm.cell.frame("chess_board.square_5_5").translation()
     print(f"{len(moves)} moves in {sum(move.stop_time for move in moves):.1f} s")
     print(f"the rook stands {1e3 * np.linalg.norm(off):.3f} mm from the middle of square (5, 5)")
+    print("files in", arm.save())
 
 
 if __name__ == "__main__":

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
 
 from simrob_drake import Arm, SimulationResult, load_station
+from simrob_drake.results.plots.own import panels, save_figure
 
 TABLE = "inclined_table"  # the work object: positions below are on its surface, in m
 DOWN = [0.0, 0.0, np.pi]  # the pencil points into the table
@@ -74,13 +74,10 @@ def main() -> None:
     arm, moves = run()
     tip = drawing(arm, moves)
     on_paper = np.abs(tip[:, 2]) < 1e-3
-    figure, axes = plt.subplots(figsize=(7, 4))
+    figure, ((axes,),) = panels("drawn on the inclined table", size=(7, 4))
     axes.plot(*(1e3 * np.where(on_paper[:, np.newaxis], tip, np.nan)[:, :2].T), linewidth=2)
-    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", title="drawn on the inclined table")
-    file = Path("runs/irb120_draw.png")
-    file.parent.mkdir(exist_ok=True)
-    figure.savefig(file, dpi=120)
-    plt.close(figure)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    file = save_figure(figure, Path("runs/irb120_draw.png"))
     print(f"{len(moves)} moves in {sum(move.stop_time for move in moves):.1f} s, drawn in {file}")
 
 

@@ -6,9 +6,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from simrob_drake import SimulationResult, load_station, simulate
+from simrob_drake.results.plots.own import panels, save_figure
 
 PUSHES = {
     "aside": {"kind": "push", "start": 0.5, "duration": 0.5, "force": [0, 2, 0]},
@@ -31,8 +31,7 @@ def run(*, admittance_gain: float = 1000.0, duration: float = 6.0) -> Simulation
 
 def picture(result: SimulationResult, file: Path) -> Path:
     """Draw the force felt against the force applied, and where the tool went."""
-    figure = Figure(figsize=(9, 7), layout="constrained")
-    force, path = figure.subplots(2, 1, sharex=True)
+    figure, ((force,), (path,)) = panels("an arm that is guided by hand", 2, size=(10, 7), sharex=True)
     colours = ("#1f6fb4", "#e08214", "#4d9221")
     felt, tool = result.vector("external_force.hand"), result.pose("tcp")
     applied = result.vector("applied_force.aside") + result.vector("applied_force.back")
@@ -43,12 +42,7 @@ def picture(result: SimulationResult, file: Path) -> Path:
     force.set_ylabel("force at the tool, in its axes [N]")
     path.set_ylabel("way of the tool [mm]")
     path.set_xlabel("time [s]")
-    for axes in (force, path):
-        axes.legend(ncols=3)
-        axes.grid(color="0.9")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
-    return file
+    return save_figure(figure, file, beside=True)
 
 
 def main() -> None:

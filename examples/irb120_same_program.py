@@ -1,16 +1,21 @@
-"""Run one program on the kinematic and on the dynamic station, and plot both ways of the tool together."""
+"""Run one program by motion and by torque, without and with a feedforward, and plot the ways of the tool together."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from simrob_drake import Arm, SimulationResult, load_station
+from simrob_drake.results.plots.own import panels, save_figure
 
 DOWN = [0.0, 0.0, np.pi]
 TABLE = "inclined_table"
+STATIONS = {
+    "kinematic": {"mode": "kinematic"},
+    "dynamic": {"mode": "dynamic", "servo.feedforward": "none"},
+    "dynamic, with feedforward": {"mode": "dynamic", "servo.feedforward": "inverse_dynamics"},
+}
 
 
 def program(arm: Arm) -> list[SimulationResult]:
@@ -24,33 +29,29 @@ def program(arm: Arm) -> list[SimulationResult]:
 
 
 def run() -> dict[str, np.ndarray]:
-    """Return the way of the pencil's tip on the table by mode of the station, shape (k, 3) [m], sampled alike."""
+    """Return the way of the pencil's tip on the table in each station, shape (k, 3) [m], sampled alike."""
     ways = {}
-    for mode in ("kinematic", "dynamic"):
-        arm = Arm(load_station("irb120_workcell", {"mode": mode}), tool="pencil")
+    for name, changes in STATIONS.items():
+        arm = Arm(load_station("irb120_workcell", changes), tool="pencil")
         table = arm.cell.frame(TABLE).inverse()
-        ways[mode] = np.vstack([(table @ move.pose("tcp")[:, :3].T).T for move in program(arm)])
+        ways[name] = np.vstack([(table @ move.pose("tcp")[:, :3].T).T for move in program(arm)])
     return ways
 
 
 def main() -> None:
-    """Save the picture, and print how far the dynamic arm strays."""
+    """Save the picture, and print how far each dynamic arm strays."""
     ways = run()
-    deviation = np.linalg.norm(ways["dynamic"] - ways["kinematic"], axis=1)
-    figure, (top, side) = plt.subplots(2, 1, figsize=(6, 7), height_ratios=[3, 1])
-    for mode, way in ways.items():
-        top.plot(*(1e3 * way[:, :2].T), label=mode)
-        side.plot(1e3 * way[:, 2], label=mode)
+    figure, ((top,), (side,)) = panels("one drawing, by three stations", 2, size=(7, 7), height_ratios=[3, 1])
+    for name, way in ways.items():
+        top.plot(*(1e3 * way[:, :2].T), label=name)
+        side.plot(1e3 * way[:, 2], label=name)
     top.set(xlabel="x on the table [mm]", ylabel="y [mm]", aspect="equal")
     side.set(xlabel="sample", ylabel="height [mm]")
-    top.legend()
-    figure.tight_layout()
-    file = Path("runs/irb120_same_program.png")
-    file.parent.mkdir(exist_ok=True)
-    figure.savefig(file, dpi=120)
-    plt.close(figure)
-    print(f"the dynamic arm is {1e3 * deviation.mean():.1f} mm off on average, {1e3 * deviation.max():.1f} mm at most:")
-    print(f"its servos know neither weight nor speed; both ways in {file}")
+    file = save_figure(figure, Path("runs/irb120_same_program.png"))
+    for name, way in list(ways.items())[1:]:
+        off = 1e3 * np.linalg.norm(way - ways["kinematic"], axis=1)
+        print(f"{name}: {off.mean():.2f} mm off on average, {off.max():.2f} mm at most")
+    print(f"plain servos know neither weight nor speed; all ways in {file}")
 
 
 if __name__ == "__main__":

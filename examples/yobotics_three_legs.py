@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, three_legs
+from simrob_drake.results.plots.own import panels, save_figure
 from simrob_drake.results.record.walks import locomotion
 
 ASKED, COLOURS = 0.02, ("#1f6fb4", "#e08214", "#2a8f57", "#8c2d7a")  # ASKED: how high a foot has to be [m]
@@ -43,8 +43,8 @@ def foot_heights(result: SimulationResult, times: Vector) -> dict[str, Vector]:
 
 def picture(results: dict[str, SimulationResult], file: Path) -> Path:
     """Draw the heights of the feet, and below how the base shifts over the three that stand."""
-    figure = Figure(figsize=(12, 6.5), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    title = "the quadruped stands on three legs, each foot up in turn"
+    figure, ((upper,), (lower,)) = panels(title, 2, size=(12, 6.5), sharex=True)
     times, heights = [], {foot: [] for foot in results}
     base = np.vstack([1e3 * result.pose("base")[:, :2] for result in results.values()])
     for number, result in enumerate(results.values()):
@@ -54,16 +54,11 @@ def picture(results: dict[str, SimulationResult], file: Path) -> Path:
     for (foot, height), colour in zip(heights.items(), COLOURS, strict=True):
         upper.plot(np.hstack(times), np.hstack(height), color=colour, label=foot.replace("_", " "))
     upper.axhline(1e3 * ASKED, color="0.4", linestyle="--", linewidth=0.9, label="asked for: 20 mm for 5 s")
-    upper.set(title="The quadruped stands on three legs, each foot up in turn", ylabel="foot over where it stands [mm]")
+    upper.set_ylabel("foot over where it stands [mm]")
     for way, style, label in zip(base.T, ("-", "--"), ("x: ahead", "y: to the left"), strict=True):
         lower.plot(np.hstack(times), way, style, color="0.3", label=label)
     lower.set(xlabel="time [s]", ylabel="position of the base [mm]")
-    for axes in (upper, lower):
-        axes.grid(color="0.9")
-        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
-    return file
+    return save_figure(figure, file, beside=True)
 
 
 def main() -> None:

@@ -1,12 +1,15 @@
 """What the package shows; each name is loaded when it is first used, since Drake takes a second to load."""
 
+from .dynamics import Dynamics as Dynamics
 from .errors import SimrobError as SimrobError
 from .frames import as_transform as as_transform
 from .frames import three_point_frame as three_point_frame
+from .linear import LinearModel as LinearModel
+from .linear import linearize as linearize
 from .programs.arm import Arm as Arm
-from .programs.arm import Workcell as Workcell
 from .programs.legged_robot import LeggedRobot as LeggedRobot
 from .programs.program import Program as Program
+from .programs.workcell import Workcell as Workcell
 from .results.record.state import State as State
 from .results.result import SimulationResult as SimulationResult
 from .simulation import Runner as Runner

@@ -1,6 +1,7 @@
 """The errors that users meet: each message says what is wrong, where, and what would be right, in one line."""
 
 import difflib
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -100,6 +101,11 @@ def quoted(value: object) -> str:
         return shortened(repr(value))
     except ValueError:
         return "a number of more digits than can be shown"
+
+
+def angle(value: float) -> str:
+    """Return an angle [rad] as messages show it: in degrees, too."""
+    return f"{value:.3g} rad ({math.degrees(value):.3g} deg)"
 
 
 def shortened(value: str, length: int = 80) -> str:

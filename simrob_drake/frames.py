@@ -147,6 +147,15 @@ def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
     return RigidTransform(Quaternion(wxyz), xyz_wxyz[:3])
 
 
+def matrices_from_xyz_quaternions(values: Vector) -> Vector:
+    """Turn [x y z qw qx qy qz] with unit quaternions, shape (..., 7), into homogeneous matrices (..., 4, 4)."""
+    crossed = np.swapaxes(np.cross(values[..., np.newaxis, 4:], np.eye(3)), -1, -2)  # of (qx qy qz), as a matrix
+    matrices = np.zeros((*values.shape[:-1], 4, 4))
+    matrices[..., :3, :3] = np.eye(3) + 2 * (values[..., 3, np.newaxis, np.newaxis] * crossed + crossed @ crossed)
+    matrices[..., :3, 3], matrices[..., 3, 3] = values[..., :3], 1.0
+    return matrices
+
+
 def numbers(values: Any) -> Vector:
     """Return values as an array of floats, NaN where a masked array hides one; an empty array if they are none."""
     try:
@@ -163,11 +172,15 @@ def finite(values: Any) -> Vector:
     return found if np.isfinite(found).all() else np.zeros(0)
 
 
+def vertical(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:
+    """Return the world's upward direction in the axes of a body of an orientation, of plain numbers."""
+    return 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
+
+
 def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
     """Return the angle between a body's direction ``up`` (3,) and the world's, at an orientation [rad].
 
     Of plain numbers, because a run asks after every step and at every sample.
     """
-    vertical = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
-    upward = sum(map(operator.mul, vertical, up))
+    upward = sum(map(operator.mul, vertical(qw, qx, qy, qz), up))
     return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward

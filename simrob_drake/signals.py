@@ -80,3 +80,11 @@ def sensor_panel(title: str, quantity: str, names: Sequence[str], units: Sequenc
     """Return the panel of a sensor's columns in the figure ``sensors``: "force [N]" on its upright axis."""
     unit = ", ".join(dict.fromkeys(units))
     return Panel("sensors", "sensors", title, f"{quantity} [{unit}]", tuple(names))
+
+
+def applied_signal(output: str, unit: str, title: str, *, part: str = "") -> Signal:
+    """Return what an output (3) is that gives a force [N] or a torque [N·m] from outside, with its panel."""
+    names = tuple(f"{output}.{axis}" for axis in "xyz")
+    label = f"{'force' if unit == 'N' else 'torque'} [{unit}]"
+    panel = Panel("sensors", "applied forces", title, label, names)
+    return Signal(names, (unit,) * 3, "applied", output, part=part, panel=panel)

@@ -63,6 +63,10 @@ class Strict(BaseModel, metaclass=_Told):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
+    def __repr_args__(self) -> Any:
+        """Show what was given, and no defaults."""
+        return [(name, value) for name, value in super().__repr_args__() if name in self.model_fields_set]
+
 
 class _Loader(yaml.CSafeLoader):
     """A safe loader for which a key that stands twice is an error, and 1e-3 a number as in YAML 1.2."""

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simrob_drake import Dynamics, Workcell
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.tables import _pose_differences
+from simrob_drake.robots.catalog import load_robot
 
 
 @pytest.fixture(autouse=True)
@@ -61,7 +63,9 @@ def test_converge_prints_the_difference(capsys):
         line for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :] if "joint_2" in line
     )
     assert 0 < float(row.split()[1]) < 3e-3
-    assert row.split()[2::3] == ["rad", "N·m"]
+    _, difference, of, _, degrees, *rest = row.split()
+    assert (of, rest[0], rest[-1]) == ("rad", "deg", "N·m")
+    assert float(degrees) == pytest.approx(np.rad2deg(float(difference)), rel=0.01)
 
 
 def test_converge_compares_the_base_of_a_legged_robot(capsys):
@@ -114,6 +118,20 @@ def test_check_foretells_the_overload(capsys):
     out = " ".join(capsys.readouterr().out.split())
     assert "warning torque of joint_2" in out
     assert "-20.79" in out
+
+
+def test_check_tells_what_an_arm_can_carry(capsys):
+    """The Puma's elbow is the first at its limit, stretched out level: see tests/test_dynamics.py for the figures."""
+    arm = Dynamics.of_robot("puma560")
+    assert run_command(["check", "puma560"]) == 0
+    out = capsys.readouterr().out
+    assert f"{arm.payload(load_robot('puma560').home).min():.3g} kg" in out
+    assert f"{arm.payload(arm.weakest_posture()).min():.3g} kg, by the motor of joint_2" in out
+    assert run_command(["check", "irb120_dynamic"]) == 0
+    course = np.linspace(0, 1, 51)[:, np.newaxis] * np.full(6, np.deg2rad(30))
+    held = Workcell("irb120_dynamic").arm().dynamics.payload(course).min()
+    assert f"{held:.3g} kg more at load" in " ".join(capsys.readouterr().out.split())
+    assert run_command(["check", "puma560", "--set", "duration=1"]) == ExitCode.BAD_INPUT
 
 
 def test_check_shows_a_urdf(capsys):
@@ -271,3 +289,11 @@ def test_one_thread_works_unless_the_environment_says_otherwise(told, threads):
     plain = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     done = subprocess.run(command, env={**plain, **told}, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == f"threads {min(threads, len(os.sched_getaffinity(0)))}"
+
+
+def test_plots_are_written_as_what_is_asked_for(tmp_path, capsys):
+    command = ["run", "irb120_dynamic", "--duration", "0.1", "--no-recording", "--out", "r", "--plots"]
+    assert run_command([*command, "svg"]) == 0
+    assert {file.name for file in (tmp_path / "r" / "plots").iterdir()} == {"position.svg", "torque.svg", "tcp.svg"}
+    assert run_command([*command, "jpg"]) == ExitCode.BAD_INPUT
+    assert "'--plots': " in capsys.readouterr().err

@@ -37,17 +37,16 @@ def protected(duration=None, **overrides):
 )
 def test_the_tool_presses_with_10_N_at_rest_and_while_it_wipes_at_50_mm_s(changed):
     result, force, speed = press(4.5, **changed)
-    wipes = (result.times > 2.8) & (result.times < 4.45)
-    assert force[wipes] == pytest.approx(10, abs=0.5)
-    assert speed[wipes & (result.times > 3.1)] == pytest.approx(0.05, abs=1.5e-3)
+    assert force[result.times > 2.2] == pytest.approx(10, abs=0.5)  # at rest, as it gathers speed, and while it wipes
+    assert speed[(result.times > 3.1) & (result.times < 4.45)] == pytest.approx(0.05, abs=1.5e-3)
     assert force.max() < 10.5  # the approach is slow enough for the blow, and nothing winds up
-    at_rest = (result.times > 2.2) & (result.times < 2.5)
-    assert force[at_rest] == pytest.approx(10, abs=0.5)
 
 
 def test_it_does_so_under_another_scheme_and_the_board_gives_way_as_its_stiffness_says():
     result, force, _ = press(3.2, **RADAU)
-    assert force[(result.times > 2.2) & (result.times < 2.5) | (result.times > 2.7)] == pytest.approx(10, abs=0.5)
+    breaks_loose = (result.times > 2.55) & (result.times < 2.75)  # friction at rest lets go
+    assert force[(result.times > 2.2) & ~breaks_loose] == pytest.approx(10, abs=0.5)
+    assert force[breaks_loose] == pytest.approx(10, abs=0.8)
     depths = []
     for stiffness in (1e5, 1000.0):
         still, force, _ = press(4.0, **{"reference.kind": "hold", "pieces.board.contact.stiffness": stiffness})

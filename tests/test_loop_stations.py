@@ -119,6 +119,18 @@ def test_the_arms_catch_a_robot_that_falls_forward(changed):
     assert touched(result) == FEET | HANDS
     assert result["distance.head"].min() > 0.14
     assert result["distance.hand"][-1] == pytest.approx(0, abs=1e-3)
+    assert not result["guard_behind.active"].any()
+
+
+@pytest.mark.parametrize(
+    ("force", "changed"), [(5.5, {}), (6.5, FINE), (7.7, {}), (9, {"controllers.guard.rate": 50}), (15, FINE)]
+)
+def test_hands_catch_it_after_any_push_that_tips_it_over_ahead_or_onto_its_back(force, changed):
+    result = run("humanoid_fall_forward", 4.0, **{"forces.shove.force": [0, -force, 0], **changed})
+    acts = {name: result[f"{name}.active"].any() for name in ("guard", "guard_behind")}
+    assert acts == {"guard": force > 7, "guard_behind": force < 7}
+    assert touched(result) == FEET | HANDS
+    assert result["distance.head"].min() > 0.13
 
 
 @pytest.mark.parametrize("changed", [{}, FINE])
@@ -131,6 +143,7 @@ def test_without_the_guard_the_head_hits_the_floor(changed):
 def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
     result = run("humanoid_fall_forward", **{"forces.shove.force": [0, -4, 0]})
     assert not result["guard.active"].any()
+    assert not result["guard_behind.active"].any()
     assert touched(result) == FEET
     assert tilt(result)[-1] < 1
 
@@ -138,7 +151,7 @@ def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
 @pytest.mark.parametrize("rate", [50, 100])
 def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
     arms = {"right_shoulder_pitch": 110, "left_shoulder_pitch": 110}
-    by_step = {"kind": "fall_guard", "capture_point": 0.0, "posture_deg": arms, "rate": rate, "priority": 1}
+    by_step = {"kind": "fall_guard", "capture_point": 0.0, "posture_deg": arms, "rate": rate, "priority": 2}
     result = run("humanoid_fall_forward", **{"controllers.step": by_step})
     early, late = (result.times[np.argmax(result[f"{name}.active"])] for name in ("step", "guard"))
     assert 0.5 < early < late - 0.05
@@ -178,7 +191,7 @@ def test_a_leg_s_screws_are_those_of_the_plant():
         for number, axis in enumerate(limb.axes):
             small = np.zeros(len(positions))
             small[axis] = 1e-6
-            slope = (limb.place(positions + small) - limb.place(positions - small)) / 2e-6
+            slope = np.subtract(limb.place(positions + small), limb.place(positions - small)) / 2e-6
             assert limb.rates(positions)[:, number] == pytest.approx(slope, abs=1e-8)
 
 

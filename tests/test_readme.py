@@ -1,7 +1,7 @@
 """What README and docs say is so: their scripts, stations, commands and links.
 
 Every block of Python is a script of its own. Every block of YAML tells in its first line what it is: ``station.yaml``,
-``robot.yaml``, ``piece.yaml`` or ``program.yaml``, or what is changed in a station of the package:
+``robot.yaml``, ``piece.yaml``, ``program.yaml`` or ``study.yaml``, or what is changed in a station of the package:
 ``# irb120_dynamic.yaml, changed``. The commands of a block run one after the other.
 """
 
@@ -20,6 +20,7 @@ from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
 from simrob_drake.robots.pieces import described_piece, weighed
 from simrob_drake.stations.checks import check_station
+from simrob_drake.tuning.study import Study
 from simrob_drake.yaml_files import parse_yaml
 
 ROOT = Path(__file__).parent.parent
@@ -55,7 +56,7 @@ def folder(tmp_path, monkeypatch, one_joint_urdf):
 SHOWN = {
     "automatic=True).cells)": r"4\.07, 8\.15.*\n.*7\.76, 15\.51",
     "print(result.message, arm.pose())": r"ran to its end",
-    'arm.simulate("irb120_dynamic")': r"^0\.0\d* rad ",
+    'arm.simulate("irb120_dynamic")': r"^\d\.\d* (deg|grados) ",
     "np.rad2deg(result[": r" 4[67]\.\d* (deg|grados)\n",
     "walk(4, amplitude=0.8)": r"ran to its end at 5 s .*\n0\.(0[5-9]|[12])\d* m ",
     '"right_hand", [-0.1, -0.1, -0.15]': r"\[-0\.1 +-0\.1 +-0\.15 ",
@@ -88,6 +89,7 @@ LOADERS: dict[str, Callable] = {
     "robot.yaml": lambda file: load_robot_file(file).element,
     "piece.yaml": lambda file: weighed(described_piece(file)),
     "program.yaml": Program.load,
+    "study.yaml": Study.read,
 }
 
 

@@ -14,29 +14,11 @@ as the servo is not saturated; when it is, x does not wind up. Only C++ primitiv
 """
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
+from pydrake.systems.primitives import LinearSystem
 
 from simrob_drake.blocks.servo import ServoGains, ServoSignals
-from simrob_drake.blocks.wiring import fed, joined, mapped
-from simrob_drake.frames import Vector
-
-
-def add_model_torque(
-    builder: DiagramBuilder, plant: MultibodyPlant, state: OutputPort, *, pick: Vector, prefix: str = ""
-) -> OutputPort:
-    """Add the torque (n) [N·m] that keeps a robot's velocity as it is, from the ``state`` of its whole finalized plant.
-
-    ``pick`` is the matrix (n, nv) from the plant's generalized forces to the robot's axes.
-    """
-    mode = InverseDynamics.InverseDynamicsMode.kInverseDynamics
-    dynamics = builder.AddNamedSystem(f"{prefix}model_torque", InverseDynamics(plant, mode))
-    steady = fed(builder, f"{prefix}model_torque.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
-    builder.Connect(state, dynamics.get_input_port_estimated_state())
-    builder.Connect(steady, dynamics.get_input_port_desired_acceleration())
-    return mapped(builder, f"{prefix}model_torque.axes", pick, dynamics.get_output_port_generalized_force())
+from simrob_drake.blocks.wiring import fed, joined
 
 
 def add_admittance(

@@ -10,6 +10,7 @@ place. Only C++ primitives are used.
 """
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointIndex
 from pydrake.systems.framework import DiagramBuilder
@@ -18,11 +19,13 @@ from pydrake.systems.primitives import Saturation
 from simrob_drake.blocks.wiring import fed, joined, mapped
 
 
-def add_joint_stops(builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: float, damping: float) -> None:
+def add_joint_stops(
+    builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: npt.ArrayLike, damping: npt.ArrayLike
+) -> None:
     """Add stops at every finite limit of a plant's one-axis joints; its ``applied_generalized_force`` is used up.
 
     They have the stiffness k [N·m/rad, and N/m of joints that slide], positive, and the damping d [N·m·s/rad, and
-    N·s/m], not negative.
+    N·s/m], not negative: one figure for all joints, or one for each of the plant's velocities (nv,).
     """
     joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
     limited = [
@@ -35,12 +38,13 @@ def add_joint_stops(builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness
         return
     count, rows = len(limited), np.arange(len(limited))
     velocities = [joint.velocity_start() for joint in limited]
+    k, d = (np.broadcast_to(figures, plant.num_velocities())[velocities] for figures in (stiffness, damping))
     pick = np.zeros((count, plant.num_multibody_states()))
     pick[rows, [joint.position_start() for joint in limited]] = 1.0
-    pick[rows, [plant.num_positions() + velocity for velocity in velocities]] = damping / stiffness
+    pick[rows, [plant.num_positions() + velocity for velocity in velocities]] = d / k
     push = np.zeros((plant.num_velocities(), 2 * count))
-    push[velocities, rows] = -stiffness
-    push[velocities, count + rows] = stiffness
+    push[velocities, rows] = -k
+    push[velocities, count + rows] = k
 
     ahead = mapped(builder, "stops.position_ahead", pick, plant.get_state_output_port())
     lower = np.array([joint.position_lower_limit() for joint in limited])

@@ -10,7 +10,7 @@ from pydrake.math import BsplineBasis
 from pydrake.polynomial import Polynomial
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Sine, TrajectorySource
-from pydrake.trajectories import BsplineTrajectory, PiecewisePolynomial, Trajectory
+from pydrake.trajectories import BsplineTrajectory, CompositeTrajectory, PiecewisePolynomial, Trajectory
 
 from simrob_drake.blocks.wiring import fed, summed
 from simrob_drake.errors import InvalidParameter
@@ -89,10 +89,20 @@ def hold(position: npt.ArrayLike) -> Trajectory:
     return PiecewisePolynomial(np.asarray(position, dtype=float)[:, np.newaxis])
 
 
-def ramp(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0) -> Trajectory:
-    """Go from ``start`` to ``target``, each (n,) [rad], at constant speed in ``duration`` [s]."""
-    times = _rising(np.array([start_time, start_time + duration]), "times")
-    return PiecewisePolynomial.FirstOrderHold(times, np.column_stack([start, target]))
+def ramp(
+    start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0, blend: float = 0.0
+) -> Trajectory:
+    """Go from ``start`` to ``target``, each (n,) [rad], at constant speed.
+
+    With a ``blend`` [s] the speed grows and falls evenly for so long at either end, less than half of the duration.
+    """
+    ends = np.array([start, target], dtype=float)
+    if not blend:
+        return table([start_time, start_time + duration], ends, linear=True)
+    speed = (ends[1] - ends[0]) / (duration - blend)
+    reached, rest = speed * blend / 2, np.zeros_like(speed)
+    times = start_time + np.array([0.0, blend, duration - blend, duration])
+    return hermite(times, [ends[0], ends[0] + reached, ends[1] - reached, ends[1]], [rest, speed, speed, rest])
 
 
 def move(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0) -> Trajectory:
@@ -159,7 +169,9 @@ def hermite_samples(trajectory: Trajectory, start: float, end: float, rate: floa
     """
     breaks, cubic = _breaks(trajectory)
     grid = np.linspace(start, end, 2 if cubic else max(int((end - start) * rate), 1) + 1)
-    grid = np.union1d(grid, breaks[(breaks > start) & (breaks < end)])
+    inner = breaks[(breaks > start + SHORTEST) & (breaks < end - SHORTEST)]
+    apart = np.abs(np.subtract.outer(grid, inner)).min(axis=1, initial=np.inf) > SHORTEST
+    grid = np.union1d(grid[apart], inner)
     return grid, trajectory.vector_values(grid).T, trajectory.MakeDerivative().vector_values(grid).T
 
 
@@ -169,6 +181,8 @@ def _breaks(trajectory: Trajectory) -> tuple[Vector, bool]:
         breaks, counts = np.unique(trajectory.basis().knots(), return_counts=True)
         if trajectory.basis().order() <= _CUBIC and (counts[1:-1] <= _CUBIC - 2).all():
             return breaks, True
+    if isinstance(trajectory, CompositeTrajectory):
+        return np.array(trajectory.get_segment_times()), False
     if not isinstance(trajectory, PiecewisePolynomial):
         return np.zeros(0), False
     pieces = range(trajectory.get_number_of_segments())

@@ -1,7 +1,8 @@
 """A block that looks around once a sample: what it remembers, by name, is discrete state; outputs are parts of it."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -23,15 +24,31 @@ class RunEnds(Exception):
     """What a sampled block raises to end the run, with the reason."""
 
 
-class _Looked(dict[str, Vector]):
-    """Vectors by name that are looked at when they are needed: looking is most of what a sample costs."""
+class _Remembered(dict[str, Vector]):
+    """What a block remembers by name, looked at when it is needed: looking is most of what a sample costs."""
 
-    def __init__(self, look: Callable[[str], Vector]) -> None:
-        super().__init__()
-        self._look = look
+    def __init__(self, values: DiscreteValues, told: Mapping[str, int], group: int, kept: Mapping[str, slice]) -> None:
+        self._values, self._told, self._group, self._kept = values, told, group, kept
 
     def __missing__(self, name: str) -> Vector:
-        value = self[name] = self._look(name)
+        if name in self._told:
+            known: dict[str, Vector] = {name: self._values.value(self._told[name])}
+        else:
+            whole = self._values.value(self._group)
+            known = {name: whole[part] for name, part in self._kept.items()}
+        self.update(known)
+        return known[name]
+
+
+class _Read(dict[str, Vector]):
+    """What a block reads by name, likewise."""
+
+    def __init__(self, block: Block, context: Context, inputs: Mapping[str, int]) -> None:
+        self._block, self._context, self._inputs = block, context, inputs
+
+    def __missing__(self, name: str) -> Vector:
+        value: Vector = self._block.EvalVectorInput(self._context, self._inputs[name]).value()
+        self[name] = value
         return value
 
 
@@ -70,17 +87,18 @@ class SampledBlock(Block):
         """
         super().__init__()
         self.period, self._delay = period, delay
-        self._inputs = {name: self.DeclareVectorInputPort(name, size) for name, size in reads.items()}
-        self._memory = {name: self.DeclareDiscreteState(np.atleast_1d(value)) for name, value in memory.items()}
-        self._late = {}
-        for name in gives:
-            told = self._memory[name]
+        self._inputs = {name: self.DeclareVectorInputPort(name, size).get_index() for name, size in reads.items()}
+        values = {name: np.atleast_1d(value) for name, value in memory.items()}
+        self._told, self._late = {name: self.DeclareDiscreteState(values.pop(name)) for name in gives}, {}
+        for name, told in self._told.items():
             if delay:
                 value = np.atleast_1d(memory[name])
                 waiting = self.DeclareDiscreteState(np.full(delay * len(value), np.inf))
-                told = self.DeclareDiscreteState(value)
-                self._late[name] = waiting, told
-            self.DeclareStateOutputPort(name, told)
+                self._late[name] = waiting, self.DeclareDiscreteState(value)
+            self.DeclareStateOutputPort(name, self._late[name][1] if delay else told)
+        ends = np.cumsum([0, *map(len, values.values())]).tolist()
+        self._kept = {name: slice(*part) for name, part in zip(values, pairwise(ends), strict=True)}
+        self._group = self.DeclareDiscreteState(np.concatenate([[], *values.values()]))  # one, for each takes time
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self._stage = self.DeclareDiscreteState(np.array([_ASLEEP])) if at_once else None
         if at_once:
@@ -108,19 +126,25 @@ class SampledBlock(Block):
             discrete.set_value(self._stage, np.array([_AWAKE]))
             if stage == _SAMPLED:  # this very moment, before the run began
                 return None
-        groups, inputs = self._memory, self._inputs
-        memory = _Looked(lambda name: context.get_discrete_state(groups[name]).value())
-        read = _Looked(lambda name: inputs[name].Eval(context))
+        memory = _Remembered(context.get_discrete_state(), self._told, self._group, self._kept)
         try:
-            changed = self.sample(memory, read)
+            changed = self.sample(memory, _Read(self, context, self._inputs))
         except RunEnds as reason:
             return EventStatus.ReachedTermination(self, str(reason))
+        if changed or self._late:
+            self._set(changed, memory, context, discrete)
+        return None
+
+    def _set(self, changed: Changes, memory: Named, context: Context, discrete: DiscreteValues) -> None:
+        kept = discrete.get_mutable_value(self._group)
         for name, value in changed.items():
-            discrete.set_value(self._memory[name], np.atleast_1d(value))
+            if name in self._told:
+                discrete.set_value(self._told[name], value if isinstance(value, np.ndarray) else [value])
+            else:
+                kept[self._kept[name]] = value
         for name, (waiting, told) in self._late.items():
             now = np.atleast_1d(changed[name] if name in changed else memory[name])
             line = context.get_discrete_state(waiting).value().reshape(self._delay, len(now))
             line = np.tile(now, (self._delay, 1)) if np.isinf(line).any() else line  # the first sample
             discrete.set_value(waiting, np.vstack([line[1:], now]).ravel())
             discrete.set_value(told, line[0])
-        return None

@@ -9,19 +9,28 @@ The law of each joint is that of the Simulink stations (subsystem ``ABB_irb120_q
 where :math:`v_r = 0` unless a reference velocity is wired. The integral part is clipped to a torque, and its state
 leaks back to that bound with time constant T, so it neither winds up nor chatters.
 
+A cascade has a loop for the velocity inside of the one for the position, whose command is limited to a speed:
+
+.. math::
+    v_c = \mathrm{clip}\Bigl(\frac{k_p}{k_d}\,(q_r - q) + v_r\Bigr), \qquad
+    \tau = \mathrm{sat}\bigl(k_d\,(v_c - v) + i + \tau_{ff}\bigr), \qquad
+    \dot x = k_i \frac{k_d}{k_p}\,(v_c - v) + \frac{\mathrm{clip}(x) - x}{T}.
+
+Without an integral part it is the law above, as long as the speed is not limited.
+
 Drake's PidController has no such clamp, and keeps an integrator state even where ki is 0, which made an implicit
 integrator 1.4 times slower on six joints; so the PD part is a MatrixGain here. ``per_joint`` gives each joint blocks
 of its own, as the Simulink picture does; ``vector`` is the same with one group that holds all joints.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer, Saturation, Selector, SelectorParams
 
-from simrob_drake.blocks.wiring import fed, joined
+from simrob_drake.blocks.wiring import fed, joined, mapped
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
@@ -43,12 +52,14 @@ class ServoGains:
     kd: Vector  # N·m·s/rad
     torque_limit: Vector  # N·m
     integral_limit: Vector  # N·m, of the integral part alone
+    speed_limit: Vector | None = None  # rad/s, of what the outer loop of a cascade commands; None: no cascade
 
     def __post_init__(self) -> None:
         """Check the figures.
 
         Raises:
-            InvalidParameter: a gain that is negative or beyond `LARGEST_GAIN`, or a limit that is not positive.
+            InvalidParameter: a gain that is negative or beyond `LARGEST_GAIN`, or a limit that is not positive; in a
+                cascade a gain kp or kd that is zero.
         """
         for name in ("kp", "ki", "kd"):
             values = getattr(self, name)
@@ -57,6 +68,13 @@ class ServoGains:
         for name in ("torque_limit", "integral_limit"):
             if not (getattr(self, name) > 0).all():
                 raise InvalidParameter(name, getattr(self, name), "positive [N·m or N]")
+        if self.speed_limit is not None:
+            if not (self.speed_limit > 0).all():
+                raise InvalidParameter("speed_limit", self.speed_limit, "positive [rad/s or m/s]")
+            for name in ("kp", "kd"):
+                least = float(getattr(self, name).min())
+                if not least > 0:
+                    raise InvalidParameter(f"the smallest {name}", least, "positive in a cascade")
 
 
 @dataclass(frozen=True)
@@ -67,6 +85,7 @@ class ServoSignals:
     state: OutputPort  # measured positions and velocities [rad, rad/s]
     reference_velocity: OutputPort | None = None  # [rad/s]
     feedforward: OutputPort | None = None  # [N·m], added before the saturation
+    reference_acceleration: OutputPort | None = None  # [rad/s²], of which only the model's torques tell
 
 
 def add_servos(
@@ -139,18 +158,41 @@ def _add_group(
     signals: ServoSignals,
     name: str,
 ) -> OutputPort:
-    """Add PD and integral part of one group of joints, whose signals ``bus`` carries, and return what they command."""
+    """Add the law of one group of joints, whose signals ``bus`` carries, and return what it commands."""
+    if gains.speed_limit is not None:
+        return _add_cascade(builder, bus, gains, group, signals, name)
     proportional, derivative = np.diag(gains.kp[group]), np.diag(gains.kd[group])
-    columns = [proportional, -proportional, -derivative]
-    if signals.reference_velocity is not None:
-        columns.append(derivative)
-    if signals.feedforward is not None:
-        columns.append(np.eye(len(group)))
-    matrix = np.hstack(columns)
+    matrix = _of_bus(signals, proportional, -proportional, -derivative, derivative, np.eye(len(group)))
     if (gains.ki[group] > 0).any():
         integral = add_integral(builder, [bus], gains, group, name)
         matrix, bus = np.hstack([matrix, np.eye(len(group))]), joined(builder, f"{name}.signals", bus, integral)
     return fed(builder, f"{name}.pd", MatrixGain(matrix), bus)
+
+
+def _of_bus(signals: ServoSignals, *parts: Vector) -> Vector:
+    """Return the matrix from a bus: parts of references, positions, velocities, reference velocities, feedforward."""
+    wired = (True, True, True, signals.reference_velocity is not None, signals.feedforward is not None)
+    return np.hstack([part for part, there in zip(parts, wired, strict=True) if there])
+
+
+def _add_cascade(
+    builder: DiagramBuilder, bus: OutputPort, gains: ServoGains, group: list[int], signals: ServoSignals, name: str
+) -> OutputPort:
+    """Add the loop of the positions of one group of joints, and within it that of the velocities."""
+    assert gains.speed_limit is not None
+    each, none = np.eye(len(group)), np.zeros((len(group), len(group)))
+    rate, damping = np.diag(gains.kp[group] / gains.kd[group]), np.diag(gains.kd[group])
+    outer = MatrixGain(_of_bus(signals, rate, -rate, none, each, none))
+    wanted = fed(builder, f"{name}.position_loop", outer, bus)
+    speed = add_saturation(builder, wanted, gains.speed_limit[group], f"{name}.speed_limit")
+    parts, columns = [speed, bus], [damping, _of_bus(signals, none, none, -damping, none, each)]
+    if (gains.ki[group] > 0).any():
+        measured = mapped(builder, f"{name}.speed", _of_bus(signals, none, none, each, none, none), bus)
+        scaled = replace(gains, ki=gains.ki * gains.kd / gains.kp)
+        parts.append(add_integral(builder, [speed, measured], scaled, group, name))
+        columns.append(each)
+    inner = MatrixGain(np.hstack(columns))
+    return fed(builder, f"{name}.velocity_loop", inner, joined(builder, f"{name}.signals", *parts))
 
 
 def add_integral(
@@ -158,7 +200,7 @@ def add_integral(
 ) -> OutputPort:
     """Add the clamped integrator of a group: x' = ki e + (clip(x) - x) / T, with clip(x) as its output.
 
-    The ports carry the group's references and positions first; what follows them is not used.
+    The ports carry the group's references and positions first, or speeds; what follows them is not used.
     """
     count, ki, limit = len(group), np.diag(gains.ki[group]), gains.integral_limit[group]
     size = sum(port.size() for port in ports)

@@ -1,10 +1,11 @@
-"""The command line: ``simrob list | run | walk | act | check | diagram | import | view | station``.
+"""The command line: ``simrob list | run | walk | act | check | linearize | diagram | import | view | station``.
 
 Exit codes: 0 done, a monitor's stop included; 2 bad input, with one line on the error stream that says what, where and
 what would be right; 3 the simulation diverged, with the partial result saved; 130 the user interrupted it. What was
 simulated until then is saved; what was being written is finished, unless the user interrupts again.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -29,7 +30,11 @@ def main() -> None:
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else the caller wants it ignored
     if interruptible:
         signal.signal(signal.SIGINT, _leave)
+    gc.disable()  # what is loaded stays: there is no rubbish to look for in it, now or later
     from simrob_drake.cli.app import run_command  # loads Drake, inside of which an interrupt may come as any error
+
+    gc.freeze()
+    gc.enable()
 
     if interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)

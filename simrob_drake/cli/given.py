@@ -1,5 +1,6 @@
 """What the arguments and options of a command ask for, and those that would do nothing."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,16 +31,25 @@ def given_station(
     """
     overrides = {key: value for key, value in options.items() if value is not None}
     called = {key: f"--{key}" for key in overrides}
-    for setting in settings or []:
-        key, equals, value = setting.partition("=")
-        key = key.strip()
-        if not (key and equals):
-            raise InvalidParameter("--set", setting, "of the form key.path=value")
+    for key, text in texts_by_key(settings, "--set"):
         if key in overrides:
-            raise InvalidParameter(f"--set {setting}", f"given beside {called[key]}", "left out, or the only one")
-        overrides[key] = parse_yaml(value, f"--set {setting}")
+            raise InvalidParameter(f"--set {key}={text}", f"given beside {called[key]}", "left out, or the only one")
+        overrides[key] = parse_yaml(text, f"--set {key}={text}")
         called[key] = f"--set {key}"
     return load_station(station, overrides, called=called, allow_code=allow_code)
+
+
+def texts_by_key(given: list[str] | None, option: str) -> Iterator[tuple[str, str]]:
+    """Yield the keys and the texts of an option that is given as ``key.path=text``.
+
+    Raises:
+        InvalidParameter: given in another form.
+    """
+    for one in given or []:
+        key, equals, text = one.partition("=")
+        if not (key.strip() and equals):
+            raise InvalidParameter(option, one, "of the form key.path=value")
+        yield key.strip(), text
 
 
 def is_robot_file(text: str) -> bool:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 
-from simrob_drake.cli import ExitCode
 from simrob_drake.cli.given import given_station
-from simrob_drake.cli.options import Force, Live, NoRecording, ResultFolder, Settings, StationArgument, Video
+from simrob_drake.cli.options import Force, Live, NoRecording, Plots, ResultFolder, Settings, StationArgument, Video
 from simrob_drake.cli.saving import prepared_folder, saved, wait_for_watcher
-from simrob_drake.errors import InvalidConfig, InvalidParameter
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
@@ -40,6 +38,7 @@ def walk(
     live: Live = False,
     no_recording: NoRecording = False,
     video: Video = False,
+    plots: Plots = "png",
 ) -> int:
     """Let a legged robot walk, and save what `simrob run` saves.
 
@@ -55,7 +54,7 @@ def walk(
     config = _own_timing(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
     result, way = _performed(config, robot, live, lambda who: who.walk(steps, amplitude, gait))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, more=way)
+    return saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots, more=way)
 
 
 def act(
@@ -68,6 +67,7 @@ def act(
     live: Live = False,
     no_recording: NoRecording = False,
     video: Video = False,
+    plots: Plots = "png",
 ) -> int:
     """Let a legged robot go through postures or stand on three legs, and save what `simrob run` saves.
 
@@ -82,43 +82,15 @@ def act(
     config = _own_timing(station, set_)
     folder = prepared_folder(config, out, force=force, video=video)
     result, way = _performed(config, robot, live, lambda who: who.act(name))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, more=way)
-
-
-def run_program(
-    file: str, set_: list[str] | None, out: Path | None, *, live: bool, force: bool, recording: bool, video: bool
-) -> ExitCode:
-    """Run a program on the station that it names, and save what `simrob run` saves: of several runs the last.
-
-    Raises:
-        InvalidConfig: a damaged program, or one that names no station.
-        SimrobError: one that the robot cannot do.
-    """
-    from simrob_drake.programs.program import Program
-
-    program, runs = Program.load(file), list[SimulationResult]()
-    if program.station is None:
-        raise InvalidConfig(file, "station", "missing: the name or the file of the station that it is to run on")
-    beside = Path(file).parent / program.station
-    config = given_station(str(beside if beside.is_file() else program.station), set_)
-    folder = prepared_folder(config, out, force=force, video=video)
-
-    def perform(who: LeggedRobot) -> SimulationResult:
-        last = who.run(program)
-        runs.extend(who.runs)
-        return last
-
-    result, way = _performed(config, program.robot, live, perform)
-    more = f"the last of {len(runs)} runs; {way}" if len(runs) > 1 else way
-    return saved(result, folder, force=force, recording=recording, video=video, more=more)
+    return saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots, more=way)
 
 
 def _performed(
     config: StationConfig, robot: str | None, live: bool, perform: Callable[[LeggedRobot], SimulationResult]
 ) -> tuple[SimulationResult, str]:
     """Let a robot of a station do something; return the run, and the robot's way in words."""
-    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.legged_robot import LeggedRobot  # few commands need programs, which load scipy
+    from simrob_drake.programs.workcell import Workcell
 
     cell = Workcell(config)
     cell.progress = not live
@@ -127,7 +99,7 @@ def _performed(
         wait_for_watcher(cell.show())
     try:
         result = perform(who)
-        return result, _way(result, who.name)
+        return result, way_of(result, who.name)
     finally:
         cell.close()
 
@@ -142,7 +114,7 @@ def _own_timing(station: str, settings: list[str] | None) -> StationConfig:
     return given_station(station, settings)
 
 
-def _way(result: SimulationResult, robot: str) -> str:
+def way_of(result: SimulationResult, robot: str) -> str:
     """Return how far a robot came, and how it turned, in words; nothing of one that cannot tell."""
     if result.ending == "diverged" or robot not in legged_robots(result):
         return ""

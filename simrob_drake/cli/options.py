@@ -10,6 +10,7 @@ import typer
 from pydantic.fields import FieldInfo
 
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.yaml_files import validated
 
 StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
@@ -24,6 +25,11 @@ ResultFolder = Annotated[Path | None, typer.Option("--out", help="Folder of the 
 Live = Annotated[bool, typer.Option("--live", help="Show the motion in the browser while it is computed.")]
 NoRecording = Annotated[bool, typer.Option("--no-recording", help="No recording and no film strip.")]
 Video = Annotated[bool, typer.Option("--video", help="Write an MP4, too (needs the extra `video`).")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; as many as processors by default.")]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
+]
+Plots = Annotated[PlotFormat, typer.Option("--plots", help="What the plots are written as.")]
 
 FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="A URDF or xacro file, or a Simulink model (import).")

@@ -21,13 +21,13 @@ from simrob_drake.cli.simulink import (
     model_options,
     refuse_model,
 )
-from simrob_drake.cli.tables import report_table, robot_table
+from simrob_drake.cli.tables import payload_told, report_table, robot_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import written_at_once
 from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.importer.importing import ImportedRobot, examine_robot, import_robot
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.robots.catalog import load_robot
+from simrob_drake.robots.catalog import RobotModel, load_robot
 from simrob_drake.stations.draft import draft_station
 
 
@@ -44,7 +44,7 @@ def import_file(
     assume: Assume = False,
     octave: RunOctave = False,
 ) -> None:
-    """Make a published robot run, or a Simulink model: convert, repair, and tell all that was done.
+    """Make a published robot, a Simulink model or a CAD assembly run: convert, repair, and tell all that was done.
 
     For example:
 
@@ -70,10 +70,18 @@ def examine_file(file: Path, options: ImportOptions | None) -> None:
     """Report on a robot's file without writing anything."""
     with errors.status(Text(f"reading {file}")):
         imported = examine_robot(file, options)
-    console.print(robot_table(imported.model))
+    show_robot(imported.model)
     _tell(imported)
     weightless = ", ".join(imported.model.links_without_inertia) or "none"
     console.print(f"moving links without inertia: {weightless}", highlight=False)
+
+
+def show_robot(robot: RobotModel) -> None:
+    """Report on a robot: its axes, and what an arm can carry."""
+    console.print(robot_table(robot))
+    if robot.base == "fixed" and robot.tools and not robot.links_without_inertia:
+        for line in payload_told(robot):
+            console.print(line, highlight=False)
 
 
 @with_import_options("mesh_path", "collision", "xacro_arg", "drop_loops")

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Unpack
 
 from rich.text import Text
 
@@ -10,7 +11,7 @@ from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import cells_table, result_table
 from simrob_drake.folders import check_folder
-from simrob_drake.results.files import SUMMARY, default_folder
+from simrob_drake.results.files import SUMMARY, Saved, default_folder
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
@@ -42,23 +43,25 @@ def wait_for_watcher(url: str) -> None:
 
 
 def saved(
-    result: SimulationResult, folder: Path, *, force: bool, recording: bool, video: bool = False, more: str = ""
+    result: SimulationResult,
+    folder: Path,
+    *,
+    more: str = "",
+    **options: Unpack[Saved],
 ) -> ExitCode:
     """Save a result, show it, and return the exit code.
 
     Args:
         result: the run.
         folder: where to.
-        force: replace a result that is there.
-        recording: with recording and film strip.
-        video: with an MP4.
         more: a line about the run.
+        options: how it is saved.
 
     Raises:
         Interrupted: the user insisted; nothing was saved.
     """
     with finished_first(f"the files of {folder}") as interrupted:
-        result.save(folder, force=force, recording=recording, video=video)
+        result.save(folder, **options)
     console.print(result_table(result))
     if result.cells:
         console.print(cells_table(result))
@@ -67,7 +70,7 @@ def saved(
         console.print(more, highlight=False)
     console.print(f"{result.realtime_rate:.0f} × real time, {len(result.step_times) - 1} steps", highlight=False)
     console.print(f"result    {folder}", soft_wrap=True, highlight=False)
-    if recording:
+    if options["recording"]:
         console.print(f"recording {(folder / 'recording.html').resolve().as_uri()}", soft_wrap=True, highlight=False)
     return ExitCode.INTERRUPTED if interrupted() else exit_code(result)
 

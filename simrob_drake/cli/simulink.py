@@ -13,7 +13,7 @@ from rich.text import Text
 from simrob_drake.cli.given import given_station, refuse, refuse_import
 from simrob_drake.cli.options import Force, Settings, StationArgument
 from simrob_drake.cli.screen import console, errors
-from simrob_drake.cli.tables import report_table
+from simrob_drake.cli.tables import in_units, report_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import check_folder
 from simrob_drake.importer.options import ImportOptions
@@ -50,8 +50,13 @@ ModelSettings = Annotated[
 
 
 def is_model_file(file: str | Path) -> bool:
-    """Tell whether an argument is a Simulink model."""
-    return Path(file).suffix.lower() in SUFFIXES
+    """Tell whether an argument is a Simulink model, or a CAD assembly exported for Simscape Multibody."""
+    suffix = Path(file).suffix.lower()
+    if suffix != ".xml":
+        return suffix in SUFFIXES
+    from simrob_drake.simulink.cad.assembly import is_export
+
+    return is_export(Path(file))
 
 
 def refuse_model(**options: Any) -> None:
@@ -188,9 +193,10 @@ def compare(
         check_folder(out, marker=comparing.NUMBERS, force=force)
     times, logged = comparing.read_log(with_, names)
     _, differences = comparing.compare(given_station(station, set_), times, logged, progress=True)
-    table = Table("signal", "unit", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
+    table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
     for found in differences:
-        table.add_row(found.signal, found.unit, f"{found.largest:.3g}", f"{found.at:.3f}", f"{found.rms:.3g}")
+        largest, rms = (in_units(value, found.unit) for value in (found.largest, found.rms))
+        table.add_row(found.signal, largest, f"{found.at:.3f}", rms)
     console.print(table)
     if others := sorted(logged.keys() - {found.signal for found in differences}):
         console.print(f"not among the station's signals: {', '.join(others)}", soft_wrap=True, highlight=False)

@@ -2,26 +2,27 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, cast
 
 import typer
 from rich.table import Table
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.given import check_file, given_station, is_program_file, is_robot_file, refuse, refuse_import
-from simrob_drake.cli.legged import run_program
 from simrob_drake.cli.options import (
     AllowCode,
     Force,
     Live,
     NoRecording,
+    Plots,
     ResultFolder,
     Settings,
     StationArgument,
     Video,
     with_import_options,
 )
-from simrob_drake.cli.robots import examine_file
+from simrob_drake.cli.programs import check_program, run_program
+from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.saving import exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
 from simrob_drake.cli.simulink import (
@@ -35,7 +36,9 @@ from simrob_drake.cli.simulink import (
     refuse_model,
 )
 from simrob_drake.cli.tables import convergence_table, findings_table
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.robots.pieces import load_piece, piece_names
@@ -71,6 +74,10 @@ def run(
     live: Live = False,
     no_recording: NoRecording = False,
     video: Video = False,
+    frames: Annotated[
+        str | None, typer.Option(metavar="N|events", help="Of the film strip; events by default for programs, else 7.")
+    ] = None,
+    plots: Plots = "png",
     converge: Annotated[
         bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
     ] = False,
@@ -86,13 +93,20 @@ def run(
 
         simrob run program.yaml --set servo.kp=50
     """
+    options: Saved = {
+        "force": force,
+        "recording": not no_recording,
+        "video": video,
+        "frames": _frames(frames),
+        "plots": plots,
+    }
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
-        return run_program(station, set_, out, live=live, force=force, recording=not no_recording, video=video)
+        return run_program(station, set_, out, live=live, options=options)
     config = given_station(station, set_, allow_code=allow_code, duration=duration)
     folder = prepared_folder(config, out, force=force, video=video)
     result = _simulated(config, live)
-    code = saved(result, folder, force=force, recording=not no_recording, video=video)
+    code = saved(result, folder, **options)
     return _converged(result) if converge and code == ExitCode.DONE else code
 
 
@@ -100,7 +114,11 @@ def run(
 def check(
     *,
     station: Annotated[
-        str, typer.Argument(metavar="STATION|FILE", help="A station, a robot's file, or a Simulink model.")
+        str,
+        typer.Argument(
+            metavar="STATION|ROBOT|FILE",
+            help="A station, a program, a robot or its file, a Simulink model, or a CAD assembly.",
+        ),
     ],
     set_: Settings = None,
     options: ImportOptions | None,
@@ -110,15 +128,25 @@ def check(
     assume: Assume = False,
     octave: RunOctave = False,
 ) -> None:
-    """Say before any run what a station's robots need, and what will go wrong; or what an import would do."""
+    """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do."""
     if is_model_file(station):
         given = model_options(options, library=library, set_=set_, variables=variables, assume=assume, octave=octave)
         examine_model(Path(station), given)
         return
     refuse_model(library=library, variables=variables, assume=assume, octave=octave)
+    if is_program_file(station):
+        refuse_import("left out with a program: it goes with a robot's file", options)
+        refuse("left out with a program", allow_code=allow_code)
+        console.print(findings_table(check_program(station, set_)))
+        return
     if is_robot_file(station):
         refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
         examine_file(Path(station), options)
+        return
+    if station in robot_names():
+        refuse("left out with a robot: it changes stations", set=set_, allow_code=allow_code)
+        refuse_import("left out with a robot of the package: it is no import", options)
+        show_robot(load_robot(station))
         return
     refuse_import("left out with a station: it goes with a robot's file", options)
     console.print(findings_table(check_station(given_station(station, set_, allow_code=allow_code))))
@@ -140,6 +168,19 @@ def diagram(
         return
     check_file(out, force=force)
     console.print(str(save_block_picture(config, out)), soft_wrap=True, highlight=False)
+
+
+def _frames(text: str | None) -> int | Literal["events"] | None:
+    """Return how many frames a strip shall have.
+
+    Raises:
+        InvalidParameter: neither a number of two or more nor "events".
+    """
+    if text is None or text == "events":
+        return cast(Literal["events"] | None, text)
+    if not text.isdecimal() or int(text) < 2:
+        raise InvalidParameter("--frames", text, 'a number of at least 2, or "events"')
+    return int(text)
 
 
 def _simulated(config: StationConfig, live: bool) -> SimulationResult:

@@ -4,8 +4,10 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.importer.report import DEEDS, Deed, ImportReport
+from simrob_drake.linear import LinearModel
 from simrob_drake.results.result import SimulationResult, table_of
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.steps import Finding
@@ -38,7 +40,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
     They are those of every joint, and in place and attitude those of every base and piece that is free.
     """
     common = min(len(result.times), len(tight.times))
-    table = _numbers("joint", "largest difference", "unit", "at [s]", "in torque at the end", "unit")
+    table = _numbers("joint", "largest difference", "at [s]", "in torque at the end", "unit")
     table.title = "against a run ten times tighter"
     for robot in result.plant.robots.values():
         for axis, unit in zip(robot.axes, robot.model.units, strict=True):
@@ -47,7 +49,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
             worst = int(np.argmax(difference))
             torque = f"{robot.prefix}tau.{axis}"
             end = abs(result[torque][common - 1] - tight[torque][common - 1])
-            moved = f"{difference[worst]:.2e}", unit.si, f"{result.times[worst]:.2f}"
+            moved = in_units(difference[worst], unit.si), f"{result.times[worst]:.2f}"
             table.add_row(f"{robot.prefix}{axis}", *moved, f"{end:.2e}", unit.effort)
     free = {
         f"{robot.prefix}base": robot.name for robot in result.plant.robots.values() if robot.model.base == "floating"
@@ -57,7 +59,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
     for name, (loose, exact) in poses.items():
         for what, apart, of in _pose_differences(loose[:common], exact[:common]):
             worst = int(np.argmax(apart))
-            table.add_row(f"{what} of {name}", f"{apart[worst]:.2e}", of, f"{result.times[worst]:.2f}", "–", "")
+            table.add_row(f"{what} of {name}", f"{apart[worst]:.2e} {of}", f"{result.times[worst]:.2f}", "–", "")
     return table
 
 
@@ -67,6 +69,11 @@ def _pose_differences(poses: Vector, others: Vector) -> list[tuple[str, Vector, 
     chords = [np.linalg.norm(poses[:, 3:] - sign * others[:, 3:], axis=1) for sign in (1, -1)]  # q and -q are the same
     angles = np.rad2deg(4 * np.arcsin(np.minimum(*chords) / 2))
     return [("place", ways, "mm"), ("attitude", angles, "deg")]
+
+
+def in_units(value: float, unit: str) -> str:
+    """Return a figure with its unit, an angle in degrees, too."""
+    return f"{value:.2e} {unit}" + (f" = {np.rad2deg(value):.2e} deg" if unit == "rad" else "")
 
 
 def findings_table(findings: list[Finding]) -> Table:
@@ -85,6 +92,28 @@ def robot_table(robot: RobotModel) -> Table:
     for index, axis in enumerate(robot.axes):
         limits = f"{lower[index]:.5g}", f"{upper[index]:.5g}", robot.unit_names[index]
         table.add_row(axis, *limits, f"{robot.efforts[index]:g}", robot.effort_units[index])
+    return table
+
+
+def payload_told(robot: RobotModel) -> list[str]:
+    """Return in words what an arm can hold at its first tool, at home and where it can least."""
+    dynamics, lines = Dynamics.of_robot(robot), []
+    for where, posture in (("at home", robot.home), ("in its weakest posture", dynamics.weakest_posture())):
+        masses = dynamics.payload(posture)
+        axis = int(np.argmin(masses))
+        if np.isfinite(masses[axis]):
+            figures = " ".join(f"{value:.3g}" for value in (posture / robot.user_units).round(3) + 0.0)
+            least = f"{masses[axis]:.3g} kg, by the motor of {list(robot.axes)[axis]}"
+            lines.append(f"payload at {next(iter(robot.tools))} {where} ({figures}): {least}")
+    return lines
+
+
+def modes_table(model: LinearModel) -> Table:
+    """Return the motions of a linear model, those of slow poles first."""
+    table = _numbers("mostly", "pole [1/s]", "frequency [Hz]", "damping ratio", "fades in [s]")
+    for mode in model.modes:
+        pole = f"{mode.pole.real:.4g}" + (f" ± {mode.pole.imag:.4g}i" if mode.pole.imag else "")
+        table.add_row(mode.mostly, pole, f"{mode.frequency:.3f}", f"{mode.damping:.3f}", f"{mode.time_constant:.4g}")
     return table
 
 

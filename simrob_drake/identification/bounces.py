@@ -7,7 +7,7 @@ With the height h of the ball's lowest point,
 Flights are parabolas in closed form; contacts are integrated (Hunt and Crossley's law has no simple solution).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.given import path
 
 COLUMNS = ("time", "height")
 _LONGEST_GAP = 5.0  # times the usual interval
@@ -28,7 +29,8 @@ _TOLERANCE = 1e-9
 _LONGEST = 50.0  # half periods of the spring that a contact may last
 _CONFIDENCE = 0.95
 _ROUND_ABOUT = (0.4, 0.7, 1.0, 1.4, 2.5)  # parts of the first guess of k that are tried: the error has many valleys
-_STEPS = np.full(4, 1e-4)  # parts of the unknowns, for the Jacobian
+_STEPS = np.array([1e-4, 1e-4, 1e-5, 1e-5])  # parts of the unknowns, for the Jacobian
+_RAISED = 1.0  # m and m/s that are added to height and speed: a part of an unknown that is zero would be no step
 _FEW = 200  # samples that tell good starts from bad ones
 
 
@@ -44,6 +46,10 @@ class BounceTrace:
     times: Vector
     heights: Vector
 
+    def __repr__(self) -> str:
+        """Say in one line how much of it there is."""
+        return f"<BounceTrace of {len(self.times)} samples in {np.ptp(self.times):.3g} s, {self.bounces} bounces>"
+
     @property
     def bounces(self) -> int:
         """How often the ball came back up: falls to the floor with a rise behind them."""
@@ -57,13 +63,15 @@ class BounceTrace:
         return low_points
 
 
-def read_bounces(file: Path) -> BounceTrace:
+def read_bounces(file: Path | str) -> BounceTrace:
     """Read a CSV file with the columns ``time`` [s] and ``height`` [m] of the ball's lowest point over the floor.
 
     Raises:
         InvalidConfig: a file without these columns, with something that is no number, with gaps, with times that do
             not rise, or with too few bounces to learn from.
+        InvalidParameter: no path.
     """
+    file = path(file, "file")
     values, lines = read_columns(file, COLUMNS)
     times, heights = values.T
     if len(times) < _FEWEST_SAMPLES:
@@ -165,7 +173,7 @@ class Identified:
     stiffness_interval: tuple[float, float]
     dissipation_interval: tuple[float, float]
     residual: float
-    heights: Vector
+    heights: Vector = field(repr=False)
 
 
 def identify_bounces(trace: BounceTrace, *, mass: float, gravity: float = STANDARD_GRAVITY) -> Identified:
@@ -189,11 +197,12 @@ def identify_bounces(trace: BounceTrace, *, mass: float, gravity: float = STANDA
     def residuals(unknowns: Vector, times: Vector, heights: Vector) -> Vector:
         log_stiffness, log_dissipation, height, speed = unknowns
         law = BounceLaw(mass, float(np.exp(log_stiffness)), float(np.exp(log_dissipation)), gravity)
-        return law.heights(times, height, speed) - heights
+        return law.heights(times, height - _RAISED, speed - _RAISED) - heights
 
     thinned = slice(None, None, max(len(trace.times) // _FEW, 1))
     few = trace.times[thinned], trace.heights[thinned]
-    starts = [np.array([np.log(part * stiffness), np.log(dissipation), height, speed]) for part in _ROUND_ABOUT]
+    rest = np.log(dissipation), height + _RAISED, speed + _RAISED
+    starts = [np.array([np.log(part * stiffness), *rest]) for part in _ROUND_ABOUT]
     scale = np.array([0.1, 0.1, 1e-3, 1e-2])
     rough = min(starts, key=lambda start: float(np.sum(residuals(start, *few) ** 2)))
     near = least_squares(residuals, rough, x_scale=scale, args=few, diff_step=_STEPS)

@@ -21,7 +21,7 @@ class ImportOptions(Strict):
     base: Literal["auto", "fixed", "floating"] = "auto"
     """Whether the root link is fixed to the world; `auto` decides by the file and the shape of the robot."""
     friction_as_damping: bool = False
-    """Add the joints' Coulomb friction, which Drake does not simulate, to their viscous damping."""
+    """Add the joints' Coulomb friction, which is left out otherwise, to their viscous damping."""
     xacro_arg: tuple[str, ...] = ()
     """Value of an argument of a xacro file, as in `ur_type:=ur5e`."""
     drop_loops: bool = False

@@ -4,6 +4,7 @@ from simrob_drake.kinematics.analytic import AnalyticSolver as AnalyticSolver
 from simrob_drake.kinematics.chain import Chain as Chain
 from simrob_drake.kinematics.chain import UnsupportedChain as UnsupportedChain
 from simrob_drake.kinematics.constrained import ConstrainedSolver as ConstrainedSolver
+from simrob_drake.kinematics.every_branch import branches as branches
 from simrob_drake.kinematics.goals import Aiming as Aiming
 from simrob_drake.kinematics.goals import DistanceBounds as DistanceBounds
 from simrob_drake.kinematics.goals import JointBounds as JointBounds
@@ -15,8 +16,8 @@ from simrob_drake.kinematics.poses import Targets as Targets
 from simrob_drake.kinematics.poses import pose_errors as pose_errors
 from simrob_drake.kinematics.poses import pose_matrices as pose_matrices
 from simrob_drake.kinematics.registry import make_solver as make_solver
+from simrob_drake.kinematics.six_axis_arm import NoClosedForm as NoClosedForm
 from simrob_drake.kinematics.solver import Solutions as Solutions
 from simrob_drake.kinematics.solver import Solver as Solver
 from simrob_drake.kinematics.solver import Unreachable as Unreachable
 from simrob_drake.kinematics.solver import require as require
-from simrob_drake.kinematics.spherical_arm import NoClosedForm as NoClosedForm

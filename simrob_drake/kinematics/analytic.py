@@ -1,15 +1,16 @@
-"""Inverse kinematics in closed form for arms with a spherical wrist (AIK in SimRob)."""
+"""Inverse kinematics in closed form for six-axis arms with a spherical wrist, or with parallel axes (AIK in SimRob)."""
 
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import UnknownName
+from simrob_drake.errors import UnknownName, angle
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.closed_form import BRANCHES, ELBOWS, SHOULDERS, WRISTS, ClosedForm, all_postures
 from simrob_drake.kinematics.least_squares import fit_postures, within
 from simrob_drake.kinematics.poses import Targets, pose_errors, pose_matrices
 from simrob_drake.kinematics.screws import Indices
+from simrob_drake.kinematics.six_axis_arm import SixAxisArm
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
     ROTATION_TOLERANCE,
@@ -18,7 +19,6 @@ from simrob_drake.kinematics.solver import (
     Solver,
     nearest_turns,
 )
-from simrob_drake.kinematics.spherical_arm import SphericalArm
 
 _ROUNDING = 1e-9  # m or rad
 _EXACT = 1e-10  # m or rad: errors above it come from figures that are rounded, and are polished away
@@ -27,7 +27,7 @@ _FAR = 1e6  # ranks every posture that serves before all that do not
 
 
 class AnalyticSolver(Solver):
-    """Computes all up to eight postures of an arm with a spherical wrist, and takes one (SimRob's AIK).
+    """Computes all up to eight postures of a :class:`SixAxisArm`, and takes one (SimRob's AIK).
 
     It takes the posture nearest to the start, by the sum of squared angles, of those within the joint limits; whole
     turns of a joint are tried where its limits are wider than ±π. Flags narrow the choice:
@@ -35,11 +35,12 @@ class AnalyticSolver(Solver):
     * ``shoulder``: ``"right"`` has the wrist centre ahead of axis 1 with the upper arm on its right, as seen by one who
       stands in axis 1 and looks at the wrist; where the arm is not offset to a side, ``"right"`` is the side of axis 1
       that the wrist is on at zero. ``"left"`` is the arm turned round and bent backwards.
-    * ``elbow``: ``"up"`` has axis 3 above the line from axis 2 to the wrist centre.
+    * ``elbow``: ``"up"`` has axis 3 above the line from axis 2 to the wrist centre, or to a parallel axis 4.
     * ``wrist``: ``"no_flip"`` has axis 5 on the positive side of where axes 4 and 6 line up (the irb120's
       positive angles), ``"flip"`` on the other.
 
-    Where axes 4 and 6 line up, axis 4 stays as in the start; likewise axis 1 with the wrist centre on it.
+    Where axes 4 and 6 line up, axis 4 stays as in the start, or the sum of axes 2 to 4 if they are parallel, as near as
+    the arm reaches so; likewise axis 1 with the wrist centre on it.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class AnalyticSolver(Solver):
             UnknownName: no such flag.
         """
         super().__init__(chain)
-        self.arm = SphericalArm.of(chain)
+        self.arm = SixAxisArm.of(chain)
         wanted = np.ones((2, 2, 2), dtype=bool)
         for place, (kind, names, flag) in enumerate(
             (("shoulder", SHOULDERS, shoulder), ("elbow", ELBOWS, elbow), ("wrist", WRISTS, wrist))
@@ -152,6 +153,6 @@ class AnalyticSolver(Solver):
             return f"out of reach: the wrist centre lies {short:.3g} m beyond what the arm reaches"
         if beyond.any():
             axis = int(np.argmax(beyond))
-            more = f"{beyond[axis]:.3g} rad or more beyond its limit"
+            more = f"{angle(beyond[axis])} or more beyond its limit"
             return f"joint limit: {postures} need {self.chain.names[axis]} {more}"
         return "no orientation of the wrist serves: its axes are not at right angles"

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import numpy.typing as npt
@@ -20,8 +19,7 @@ from simrob_drake.kinematics.poses import Targets, one_pose
 from simrob_drake.kinematics.screws import Screws, skew
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.parse import add_urdf
-from simrob_drake.robots.urdf import with_absolute_meshes
+from simrob_drake.robots.parse import held_robot
 
 
 class UnsupportedChain(SimrobError):
@@ -57,6 +55,10 @@ class Chain(Screws):
     lower: Vector
     upper: Vector
     in_plant: ChainInPlant
+
+    def __repr__(self) -> str:
+        """Say in one line which axes it has."""
+        return f"<Chain of {len(self.names)} axes: {', '.join(self.names)}>"
 
     @classmethod
     def of_robot(cls, model: RobotModel, tool: str | None = None) -> Chain:
@@ -192,23 +194,6 @@ class Chain(Screws):
         columns[:, 0, :3, 1] = self.points[self._moving]
         columns[:, 0, 3, 1] = 1.0
         return columns
-
-
-def held_robot(model: RobotModel, element: Element | None = None) -> tuple[MultibodyPlant, Frame]:
-    """Return a plant of a robot alone, and its root, which stands at the world's origin.
-
-    ``element`` is its URDF with what it carries, mesh names absolute; its own unless given.
-
-    Raises:
-        InvalidModel: a URDF that Drake cannot read.
-    """
-    plant = MultibodyPlant(0.0)
-    robot = with_absolute_meshes(model.element, model.folder) if element is None else element
-    add_urdf(plant, robot, name=model.name, where=model.urdf_path, collision=False)
-    root = plant.GetFrameByName(model.root)
-    plant.WeldFrames(plant.world_frame(), root)
-    plant.Finalize()
-    return plant, root
 
 
 def axes_and_points(context: Context, joints: Sequence[Joint], base: Frame) -> tuple[Vector, Vector]:

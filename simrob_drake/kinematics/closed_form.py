@@ -1,8 +1,10 @@
-"""The eight postures of a spherical-wrist arm for a pose, in closed form, for many poses at once.
+"""The eight postures of a six-axis arm for a pose, in closed form, for many poses at once.
 
-The wrist centre fixes axes 1 to 3, as its distance along axis 2 and from axis 2 does not change with axes 2 and 3; the
-orientation that is left fixes axes 4 to 6. Each of the three steps has two answers: shoulder, elbow and wrist. (The
-subproblems of Paden and Kahan: Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3.)
+The wrist centre fixes axis 1, as its distance along axis 2 does not change with the parallel axes. With a spherical
+wrist its distance from axis 2 fixes axes 2 and 3, and the orientation that is left axes 4 to 6. With a parallel one the
+orientation fixes axes 5, 6 and the sum of the parallel angles, which leaves a triangle of axes 2, 3 and 4. Each of the
+three steps has two answers: shoulder, elbow and wrist. (The subproblems of Paden and Kahan: Murray, Li & Sastry,
+A Mathematical Introduction to Robotic Manipulation, 1994, §3.3.)
 """
 
 from dataclasses import dataclass
@@ -11,7 +13,8 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.least_squares import Flags
-from simrob_drake.kinematics.spherical_arm import SphericalArm
+from simrob_drake.kinematics.screws import skew
+from simrob_drake.kinematics.six_axis_arm import Complex, SixAxisArm
 
 BRANCHES = 8
 SHOULDERS, ELBOWS, WRISTS = ("right", "left"), ("up", "down"), ("no_flip", "flip")
@@ -31,7 +34,7 @@ class ClosedForm:
     singular: Flags  # where axis 1 or axis 4 may stand anywhere and was taken from the start, shape (k,)
 
 
-def all_postures(arm: SphericalArm, targets: Vector, starts: Vector) -> ClosedForm:
+def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm:
     """Return all postures that bring the tool to each target.
 
     Args:
@@ -42,21 +45,28 @@ def all_postures(arm: SphericalArm, targets: Vector, starts: Vector) -> ClosedFo
     turns = targets[:, :3, :3] @ arm.home[:3, :3].T
     centres = targets[:, :3, 3] + turns @ (arm.centre - arm.home[:3, 3])
     first, side_short, any_first = _shoulder(arm, centres, starts[:, 0])
-    second, third, reach_short = _elbow(arm, first, centres)
-    wrist, any_fourth = _wrist(arm, turns, first, second + arm.forearm_sense * third, starts[:, 3])
+    back = arm.turn(0, -first, (centres - arm.shoulder)[:, np.newaxis]) + arm.shoulder - arm.upper_arm
+    planar = (back @ arm.plane)[..., np.newaxis, np.newaxis]  # (k, shoulder, elbow, wrist) from here on
+    third, fourth = arm.senses
     postures = np.empty((len(targets), 2, 2, 2, 6))
     postures[..., 0] = first[:, :, np.newaxis, np.newaxis]
-    postures[..., 1] = second[..., np.newaxis]
-    postures[..., 2] = third[..., np.newaxis]
-    postures[..., 3:] = wrist
-    short = np.broadcast_to(
-        np.hypot(side_short[:, np.newaxis, np.newaxis], reach_short)[..., np.newaxis], (len(targets), 2, 2, 2)
-    )
-    singular = any_first | any_fourth.any(axis=(1, 2))
+    if arm.parallel:
+        wanted = _closing(arm, planar, starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3])
+        wrist, any_wrist = _wrist(arm, turns, first, np.zeros((len(targets), 2, 1)), fourth * wanted)
+        total = fourth * wrist[..., 0]
+        postures[..., 1], postures[..., 2], reach_short = _elbow(arm, planar - arm.hand * np.exp(1j * total))
+        postures[..., 3] = fourth * (total - postures[..., 1] - third * postures[..., 2])
+        postures[..., 4:] = wrist[..., 1:]
+    else:
+        postures[..., 1], postures[..., 2], reach_short = _elbow(arm, planar)
+        bent = postures[..., 0, 1] + third * postures[..., 0, 2]
+        postures[..., 3:], any_wrist = _wrist(arm, turns, first, bent, _column(starts[:, 3]))
+    short = np.broadcast_to(np.hypot(_column(side_short), reach_short), postures.shape[:-1])
+    singular = any_first | any_wrist.any(axis=(1, 2))
     return ClosedForm(postures.reshape(-1, BRANCHES, 6), short.reshape(-1, BRANCHES), singular)
 
 
-def _shoulder(arm: SphericalArm, centres: Vector, starts: Vector) -> tuple[Vector, Vector, Flags]:
+def _shoulder(arm: SixAxisArm, centres: Vector, starts: Vector) -> tuple[Vector, Vector, Flags]:
     """Return axis 1 (k, 2) right and left, how far out of reach (k,), and where axis 1 may stand anywhere (k,).
 
     Turned back by axis 1, the wrist centre must lie as far along axis 2 as at zero: A cos q + B sin q = D.
@@ -77,7 +87,7 @@ def _shoulder(arm: SphericalArm, centres: Vector, starts: Vector) -> tuple[Vecto
     return first, np.maximum(np.abs(d) - radius, 0.0), free
 
 
-def _right(arm: SphericalArm) -> float:
+def _right(arm: SixAxisArm) -> float:
     """Return the sign of the shoulder's answer in which the wrist is ahead and, if offset, the arm on the right."""
     ahead = np.cross(arm.axes[1], arm.axes[0])
     if abs(arm.side) > 1e-6:
@@ -85,34 +95,51 @@ def _right(arm: SphericalArm) -> float:
     return -1.0 if ahead @ (arm.centre - arm.shoulder) < -1e-6 else 1.0
 
 
-def _elbow(arm: SphericalArm, first: Vector, centres: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return axes 2 and 3, and how far out of reach the wrist centre is, each (k, 2, 2): shoulder, elbow up and down.
+def _column(values: Vector) -> Vector:
+    """Return values (k,) for all shoulders, elbows and wrists: (k, 1, 1, 1)."""
+    return values[:, np.newaxis, np.newaxis, np.newaxis]
+
+
+def _closing(arm: SixAxisArm, target: Complex, wanted: Vector) -> Vector:
+    """Return the sum of the parallel angles nearest to a wanted one (k,) with which axes 2, 3 and 4 reach a target.
+
+    Where axis 6 lies along axis 4 the sum may be any, but not for each do the three close the way (k, 2, 1, 1).
+    """
+    hand, away = max(abs(arm.hand), _SINGULAR), np.maximum(np.abs(target), _SINGULAR)
+    angle = np.broadcast_to(_column(wanted), target.shape)
+    distance = np.abs(target - arm.hand * np.exp(1j * angle))
+    reach = np.clip(distance, abs(abs(arm.upper) - abs(arm.fore)), abs(arm.upper) + abs(arm.fore))
+    ahead = np.angle(target * np.conj(arm.hand))
+    swing = np.arccos(np.clip((away**2 + hand**2 - reach**2) / (2.0 * away * hand), -1.0, 1.0))
+    return np.where(reach == distance, angle, ahead + np.copysign(swing, np.sin(angle - ahead)))
+
+
+def _elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
+    """Return axes 2 and 3, and how far out of reach, each (k, shoulder, 2, ...), for targets (k, shoulder, 1, ...).
 
     In the plane across axis 2: exp(i·q2)·(upper + fore·exp(i·q3)) = target.
     """
-    back = arm.turn(0, -first, (centres - arm.shoulder)[:, np.newaxis]) + arm.shoulder - arm.upper_arm
-    target = (back @ arm.plane)[..., np.newaxis]
     upper, fore = abs(arm.upper), abs(arm.fore)
     distance = np.abs(target)
     cosine = (distance**2 - upper**2 - fore**2) / (2.0 * upper * fore)
     bend = np.arccos(np.clip(cosine, -1.0, 1.0))
-    up = _right(arm) * np.array([[1.0, -1.0], [-1.0, 1.0]])  # facing the other way, up is the other answer
+    up = _right(arm) * np.array([[[1.0], [-1.0]], [[-1.0], [1.0]]])  # facing the other way, up is the other answer
     angle = up * bend - np.angle(arm.fore / arm.upper)
     reached = arm.upper + arm.fore * np.exp(1j * angle)
     second = np.angle(target * np.conj(reached))
     short = np.maximum(np.maximum(distance - (upper + fore), abs(upper - fore) - distance), 0.0)
-    return second, angle * arm.forearm_sense, np.broadcast_to(short, second.shape)
+    return second, angle * arm.senses[0], short
 
 
-def _wrist(arm: SphericalArm, turns: Vector, first: Vector, bent: Vector, starts: Vector) -> tuple[Vector, Flags]:
-    """Return axes 4, 5, 6 (k, 2, 2, 2, 3) and where axis 4 may stand anywhere (k, 2, 2).
+def _wrist(arm: SixAxisArm, turns: Vector, first: Vector, bent: Vector, starts: Vector) -> tuple[Vector, Flags]:
+    """Return axes 4, 5, 6 (k, 2, e, 2, 3) and where axis 4 may stand anywhere (k, 2, e).
 
     Args:
         arm: the geometry.
         turns: of the tool from zero, shape (k, 3, 3).
         first: axis 1, shape (k, 2).
-        bent: axes 2 and 3 together, about axis 2, shape (k, 2, 2).
-        starts: axis 4 of the start, shape (k,).
+        bent: axes 2 and 3 together, about axis 2, shape (k, 2, e); 0 to have all parallel axes in axis 4.
+        starts: axis 4 of the start, shape (k, 1 or 2, 1, 1).
 
     Axis 5 is an angle of the spherical triangle with sides (4, 5), (5, 6) and (4, turned 6), by the half-angle form,
     which loses no digits where axes 4 and 6 line up; axis 6 is what is left of the orientation.
@@ -122,7 +149,7 @@ def _wrist(arm: SphericalArm, turns: Vector, first: Vector, bent: Vector, starts
     probe /= np.linalg.norm(probe)
 
     def forearm(vectors: Vector) -> Vector:
-        """Turn vectors (k, 3) of the base back by axes 1, 2 and 3: (k, 2, 2, 3)."""
+        """Turn vectors (k, 3) of the base back by axes 1, 2 and 3: (k, 2, e, 3)."""
         return arm.turn(1, -bent, arm.turn(0, -first, vectors[:, np.newaxis])[:, :, np.newaxis])
 
     sixth, probes = forearm(turns @ six), forearm(turns @ probe)
@@ -137,7 +164,7 @@ def _wrist(arm: SphericalArm, turns: Vector, first: Vector, bent: Vector, starts
     free = across < _SINGULAR
     tip = arm.turn(4, fifth, six)
     fourth = _about(four, tip, sixth[..., np.newaxis, :])
-    fourth = np.where(free[..., np.newaxis], starts[:, np.newaxis, np.newaxis, np.newaxis], fourth)
+    fourth = np.where(free[..., np.newaxis], starts, fourth)
     left = arm.turn(4, -fifth, arm.turn(3, -fourth, probes[..., np.newaxis, :]))
     return np.stack([fourth, fifth, _about(six, probe, left)], axis=-1), free
 
@@ -147,7 +174,8 @@ def _angle(one: Vector, other: Vector) -> float:
 
 
 def _about(axis: Vector, begin: Vector, end: Vector) -> Vector:
-    """Return the angle about an axis that leads from vectors (..., 3) to vectors (..., 3)."""
-    normal = np.cross(axis, begin)
-    angle: Vector = np.arctan2((normal * end).sum(axis=-1), (begin * end).sum(axis=-1) - (begin @ axis) * (end @ axis))
+    """Return the angle about an axis that leads from vectors (..., 3) to vectors (..., 3); they may lie near it."""
+    spin = skew(axis).T
+    begin, end = begin @ spin, end @ spin  # across the axis first: their own product would lose what is small
+    angle: Vector = np.arctan2(np.vecdot(begin @ spin, end), np.vecdot(begin, end))
     return angle

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, angle
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.least_squares import Flags, within
@@ -21,6 +21,9 @@ class IncrementalSolver(Solver):
     steadily from those of the start. λ is 0 away from singular postures and grows as the smallest singular value of the
     Jacobian falls under 0.02 (Nakamura & Hanafusa, 1986), so that the arm passes them. Joints stop at their limits.
 
+    Attributes:
+        stray: how far the points of a move may be from its line or arc [m].
+
     As in SimRob the rotation of a step counts only up to a limit: a point that turns the tool by more is gone to
     with the tool kept as it is. (SimRob compares with the sine of that angle, so a half turn passed there.)
     """
@@ -33,6 +36,7 @@ class IncrementalSolver(Solver):
         iterations: int = 20,
         position_tolerance: float = 1e-5,
         rotation_tolerance: float = 1e-4,
+        stray: float = 0.0,
     ) -> None:
         """Make the solver.
 
@@ -44,6 +48,7 @@ class IncrementalSolver(Solver):
             iterations: most steps for a point; 1 is SimRob's.
             position_tolerance: distance at which a point counts as reached [m].
             rotation_tolerance: angle at which it does [rad].
+            stray: how far the points of a move may be from its line or arc, past singular postures [m].
 
         Raises:
             InvalidParameter: a setting that makes no sense.
@@ -53,6 +58,9 @@ class IncrementalSolver(Solver):
             raise InvalidParameter("rotation_limit", rotation_limit, "an angle [rad]; 0 for positions only")
         tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
         self._iterations, self._tolerance = iterations, check_search(iterations, tolerances)
+        if not 0.0 <= stray < np.inf:
+            raise InvalidParameter("stray", stray, "a distance [m], 0 or more")
+        self.stray = stray
         self._limit = np.inf if rotation_limit < 0 else rotation_limit
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
@@ -88,8 +96,8 @@ class IncrementalSolver(Solver):
 
     def _reason(self, target: Vector, positions: Vector, error: Vector, turned: bool) -> str:
         if not turned and np.linalg.norm(error[:3]) <= self._tolerance[0]:
-            angle = float(np.linalg.norm(error[3:]))
-            return f"rotation limit: the tool would turn by {angle:.3g} rad at once, and the limit is {self._limit:.3g}"
+            turn = angle(float(np.linalg.norm(error[3:])))
+            return f"rotation limit: the tool would turn by {turn} at once, and the limit is {angle(self._limit)}"
         weights = np.array([1.0, 1.0, 1.0, *[float(turned)] * 3])
         return why_unreached(self.chain, target, positions, error * weights, weights)
 

@@ -9,8 +9,8 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.constrained import ConstrainedSolver
 from simrob_drake.kinematics.incremental import IncrementalSolver
 from simrob_drake.kinematics.numeric import NumericSolver
+from simrob_drake.kinematics.six_axis_arm import NoClosedForm
 from simrob_drake.kinematics.solver import Solver
-from simrob_drake.kinematics.spherical_arm import NoClosedForm
 
 SOLVERS: dict[str, type[Solver]] = {
     "numeric": NumericSolver,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.errors import InvalidParameter, SimrobError, angle
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.poses import Targets, pose_matrices
@@ -39,7 +39,7 @@ class Unreachable(SimrobError):
         self, target: str, reason: str, *, index: int, positions: Vector, position_error: float, rotation_error: float
     ) -> None:
         """Say that ``target`` (such as "targets[3]") cannot be reached, why, and how near the best posture comes."""
-        near = f"the best solution comes within {position_error:.3g} m and {rotation_error:.3g} rad"
+        near = f"the best solution comes within {position_error:.3g} m and {angle(rotation_error)}"
         super().__init__(f"{target} cannot be reached: {reason}; {near}")
         self.index = index
         self.reason = reason
@@ -256,7 +256,8 @@ def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, 
         ((posture >= chain.upper - _AT_LIMIT) & (push > 0) & strong, chain.upper, "upper"),
     ):
         for axis in np.flatnonzero(held):
-            return f"joint limit: {chain.names[axis]} stands at its {side} limit {limits[axis]:.4g}"
+            limit = angle(limits[axis]) if chain.revolute[axis] else f"{limits[axis]:.4g} m"
+            return f"joint limit: {chain.names[axis]} stands at its {side} limit of {limit}"
     rows = jacobian[weights > 0][:, list(chain.order)]
     if rows.size and np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
         return "singular posture: the arm is stretched or folded there and cannot move the way that is left"

@@ -7,7 +7,8 @@ from typing import Literal
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.units import with_units
 
 MANY = 8

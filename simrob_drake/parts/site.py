@@ -53,6 +53,7 @@ class ResolvedRobot:
         base: pose of its root link in the world; where it begins if it floats.
         floats: whether its root link is held by nothing.
         gains: of its servos.
+        stops: stiffness and damping of the stops of its axes, each shape (n,) [N·m/rad or N/m, N·m·s/rad or N·s/m].
         initial: where its axes are at the start, shape (n,) [rad or m].
         carried: the pieces that it carries, each after what it hangs on.
         held: those of them that hang on its tools, and not elsewhere.
@@ -68,6 +69,7 @@ class ResolvedRobot:
     base: RigidTransform
     floats: bool
     gains: ServoGains
+    stops: tuple[Vector, Vector]
     initial: Vector
     carried: tuple[str, ...]
     held: tuple[str, ...]
@@ -75,6 +77,11 @@ class ResolvedRobot:
     tcp: str
     tcp_offset: Pose | None
     feet: FootContact | None
+
+    def __repr__(self) -> str:
+        """Say in one line which robot it is."""
+        tool = f", tool {self.tcp}" if self.tcp else ""
+        return f"<{type(self).__name__} {self.name}: {self.model.name}, {len(self.axes)} axes{tool}>"
 
     @property
     def axes(self) -> list[str]:
@@ -148,7 +155,7 @@ class Surroundings:
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StationRobot(ResolvedRobot):
     """A robot in the plant of a station.
 
@@ -171,6 +178,11 @@ class StationRobot(ResolvedRobot):
         """Between its axes and the vectors of the plant, which is finalized."""
         return AxisMap.of_joints(self.plant, self.joints, [axis.sign for axis in self.model.axes.values()])
 
+    def free_inertias(self) -> Vector:
+        """Return the inertia (n,) [kg m² or kg] that each axis feels at the start while all others are free."""
+        mass = self.plant.CalcMassMatrix(self.plant.CreateDefaultContext())
+        return np.asarray(1 / np.diag(np.linalg.inv(mass))[self.axis_map.velocity_places])
+
 
 @dataclass(frozen=True)
 class StationPlant:
@@ -189,6 +201,16 @@ class StationPlant:
     robots: dict[str, StationRobot]
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
     ground: Ground = field(default_factory=Ground)
+
+    def piece_frame(self, piece: str, frame: str) -> Frame:
+        """Return a frame of a piece by its name in the plant; that in which the piece is described has the piece's."""
+        carriers = [robot.instance for robot in self.robots.values() if piece in robot.carried]
+        instance = carriers[0] if carriers else self.plant.GetModelInstanceByName(f"{piece}::{piece}")
+        return self.plant.GetFrameByName(frame, instance)
+
+    def __repr__(self) -> str:
+        """Say in one line what stands in it."""
+        return f"<StationPlant of {[*self.robots.values()]}, free pieces {[*self.free_pieces]}>"
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
         """Let a plant that stands outside of the diagram pose its geometry.
@@ -255,10 +277,14 @@ class Site:
     drawn: dict[str, Drawn | None] = field(default_factory=dict)
     blocks: dict[str, LeafSystem] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Say in one line what goes in and what comes out."""
+        return f"<{type(self).__name__}: {', '.join(self.inputs) or 'nothing'} → {', '.join(self.outputs)}>"
+
     def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
-        """Add an output with what it is."""
+        """Add an output with what it is; a signal of no columns, as of limbs that a robot lacks, is none."""
         self.outputs[output] = port
-        self.signals.extend(signals)
+        self.signals.extend(signal for signal in signals if signal.names)
         if of_state is not None:
             self.of_state[output] = of_state
 

@@ -4,40 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import PoseLike, Vector, as_transform, finite, pose_from_transform
+from simrob_drake.dynamics import Dynamics
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import PoseLike, Vector, as_transform
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
 from simrob_drake.programs.automatic import pace_of, run_cells
+from simrob_drake.programs.branches import Branch, Branches
+from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
-from simrob_drake.programs.ongoing import CellRobot, OngoingStation
-from simrob_drake.programs.plan import How
 from simrob_drake.programs.planner import Planner
 from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
+from simrob_drake.programs.timing import How
+from simrob_drake.programs.together import collision
+from simrob_drake.programs.workcell import Workcell
+from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
-
-
-class Workcell(OngoingStation):
-    """A station with arms, which share its state: see :class:`OngoingStation`."""
-
-    def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
-        """Return one of the station's robots, to be programmed.
-
-        Args:
-            name: of the robot; needed where there are several.
-            tool: see :meth:`Arm.tool`.
-            solver: of the inverse kinematics, where a move names none.
-        """
-        return Arm(self, name, tool, solver=solver)
 
 
 class Arm(CellRobot):
@@ -46,7 +37,8 @@ class Arm(CellRobot):
     Every move begins where the reference of the last one ended, rests at its end, and returns the run. On a kinematic
     station the arm is then exactly there; on a dynamic one it is where its motors brought it, and goes on from that
     state. A move that cannot be done raises an error before anything moves. ``points``, ``duration``, ``times``,
-    ``speed`` and ``check`` of moves are those of :class:`~simrob_drake.programs.plan.How`.
+    ``speed``, ``acceleration``, ``profile``, ``zone`` and ``check`` of moves are those of
+    :class:`~simrob_drake.programs.timing.How`.
 
     Poses are those of the tool centre point, in the world unless a work object is given: pose vectors
     [x y z Rz Ry Rx], matrices (4, 4), RigidTransforms, one or many; or places [x y z], which keep the orientation.
@@ -101,8 +93,10 @@ class Arm(CellRobot):
         return model.chain(self.name, robot.tools[robot.tcp])
 
     def _described(self) -> list[str]:
-        place = " ".join(f"{value:.4g}" for value in self.pose()[:3].round(6) + 0.0)  # no -0
-        return [*super()._described(), f"tool {self.cell.model.robots[self.name].tcp} at {place} m"]
+        values = np.append(self.pose()[:3], np.rad2deg(self.pose()[3:])).round(6) + 0.0  # no -0
+        place, angles = (" ".join(f"{value:.4g}" for value in part) for part in (values[:3], values[3:]))
+        tool = self.cell.model.robots[self.name].tcp
+        return [*super()._described(), f"tool {tool} at {place} m, Rz Ry Rx {angles} deg"]
 
     def tool(self, tool: str | PoseLike) -> None:
         """Change the tool centre point (SimRob's Tool).
@@ -114,16 +108,7 @@ class Arm(CellRobot):
         Raises:
             UnknownName: no such tool.
         """
-        entry, robot = self.cell.config.robots[self.name], self.cell.model.robots[self.name]
-        if isinstance(tool, str):
-            one_of(f"tool of {self.name}", tool, robot.tools)
-            changes: dict[str, object] = {} if tool == robot.tcp else {"tcp": tool, "tcp_offset": None}
-        else:
-            before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
-            changes = {"tcp_offset": tuple(pose_from_transform(before @ as_transform(tool)).tolist())}
-        config = self.cell.config
-        robots = {**config.robots, self.name: entry.model_copy(update=changes)}
-        self.cell.change(config.model_copy(update={"robots": robots}))
+        self.cell.tool(self.name, tool)
 
     def tool_pose(self) -> RigidTransform:
         """Return where the tool centre point is now, in the world; :meth:`pose` gives it as numbers."""
@@ -131,7 +116,7 @@ class Arm(CellRobot):
 
     def frame(self, wobj: WorkObject = None) -> RigidTransform:
         """Return the pose of a work object in the world; see :class:`Arm`."""
-        if wobj is self:
+        if wobj is self or (isinstance(wobj, str) and wobj == self.name):
             return as_transform(self.chain.forward(self.reference)[0])
         return self.cell.frame(wobj)
 
@@ -176,6 +161,37 @@ class Arm(CellRobot):
         found = require(solver_for(chain, self.solver if solver is None else solver).solve(targets, begin), "pose")
         return np.asarray(found[0]) if is_single(pose) else found
 
+    def branches(
+        self,
+        pose: PoseTargets,
+        wobj: WorkObject = None,
+        *,
+        held: Mapping[str, npt.ArrayLike] | None = None,
+        start: npt.ArrayLike | None = None,
+    ) -> Branches:
+        """Return every posture that brings the tool to a pose, with torque, room to the limits and collision of each.
+
+        Args:
+            pose: one, or a place, which keeps the orientation that the tool has.
+            wobj: the work object in whose frame it is.
+            held: of an arm with more than six axes those that stay, by name, at one position [rad or m] or each of
+                several; see :func:`~simrob_drake.kinematics.branches`.
+            start: posture (n,) near to which whole turns are chosen; where the arm is unless given.
+
+        Returns:
+            as text a table; empty where nothing reaches the pose.
+        """
+        chain, begin = self.chain, self.position if start is None else start
+        target = world_poses(pose, self.frame(wobj), chain.forward(self.position)[0, :3, :3], "pose")
+        if len(target) != 1:
+            raise InvalidParameter("pose", f"{len(target)} poses", "one pose")
+        limit, model = self.cell.robot(self.name).gains.torque_limit, self.cell.collision_model
+
+        def meant(q: Vector) -> Branch:
+            return Branch.of(chain, q, self.inverse_dynamics(q), limit, collision(model, self.name, self.reference, q))
+
+        return Branches.of(chain, target, begin, {} if held is None else held, meant)
+
     def jacobian(self, q: npt.ArrayLike | None = None) -> Vector:
         """Return what the axes' speeds give of the tool's: shape (6, n), or (k, 6, n) for rows.
 
@@ -184,6 +200,11 @@ class Arm(CellRobot):
         rows = self.position if q is None else q
         jacobians = self.chain.jacobian(rows)
         return jacobians if np.ndim(rows) > 1 else np.asarray(jacobians[0])
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """Inertia, gravity, payload and more of the arm as it is, with what it carries; others rest."""
+        return self.cell.model.dynamics(self.name)
 
     def inverse_dynamics(
         self, q: npt.ArrayLike | None = None, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
@@ -198,21 +219,18 @@ class Arm(CellRobot):
         Returns:
             shape (n,), or (k, n) for rows [N·m or N].
         """
-        rows = self.chain.postures(self.position if q is None else q, "q")
-        model = self.cell.model
-        v_rows, a_rows = (_like(values, rows, name) for values, name in ((v, "v"), (a, "a")))
-        torques = np.array([model.torques(self.name, *row) for row in zip(rows, v_rows, a_rows, strict=True)])
-        return torques if q is not None and np.ndim(q) > 1 else np.asarray(torques[0])
+        return self.dynamics.inverse_dynamics(self.position if q is None else q, v, a)
 
     @property
     def plan(self) -> Planner:
         """Plan moves without running them: the methods of the same names; :meth:`Workcell.run` runs several at once."""
+        model = self.cell.robot(self.name).model
         return Planner(
             robot=self.name,
             chain=self.chain,
             start=self.reference,
             solver=self.solver,
-            speed_limits=self.cell.model.speed_limits(self.name),
+            rate_limits=(model.speed_limits, model.accelerations),
             frame=self.frame,
             collide=self.cell.check_collisions,
         )
@@ -269,19 +287,31 @@ class Arm(CellRobot):
 
     def record(self) -> None:
         """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
-        self.cell.tape.record()
+        self.cell.record()
 
     def pause(self) -> None:
         """Stop recording (``Rec(0)``)."""
-        self.cell.tape.running = False
+        self.cell.pause()
 
     def resume(self) -> None:
         """Go on recording (``Rec(1)``)."""
-        self.cell.tape.running = True
+        self.cell.resume()
 
     def replay(self) -> list[SimulationResult]:
         """Run the recorded moves again, each from the state that it began in (``Rep()``); the arm stays where it is."""
-        return self.cell.tape.replay()
+        return self.cell.replay()
+
+    def result(self) -> SimulationResult:
+        """Return all that was recorded as one result; see :meth:`Workcell.result`."""
+        return self.cell.result()
+
+    def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
+        """Write all that was recorded to a folder; see :meth:`Workcell.save`."""
+        return self.cell.save(folder, **options)
+
+    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
+        """Write all that was recorded as a film; see :meth:`Workcell.film`."""
+        return self.cell.film(file, frames=frames)
 
     def add_reference(self, targets: npt.ArrayLike, duration: float = MOVE_TIME) -> None:
         """Store a posture (n,), or many (k, n) [rad or m], as cells for :meth:`simulate` with ``automatic`` (AddRef).
@@ -303,7 +333,7 @@ class Arm(CellRobot):
         duration: float | None = None,
         automatic: bool | Mapping[str, Any] = False,
     ) -> SimulationResult:
-        """Run all recorded moves as one, on this station or another; see :meth:`Tape.simulate`. The arm stays.
+        """Do again all that was recorded, on this station or another; see :meth:`Workcell.simulate`. The arm stays.
 
         Args:
             station: another one, such as the dynamic one.
@@ -313,7 +343,7 @@ class Arm(CellRobot):
         """
         config = None if station is None else Workcell(station).config
         if automatic is False:
-            return self.cell.tape.simulate(config, duration=duration)
+            return self.cell.simulate(config, duration=duration)
         if duration is not None:
             raise InvalidParameter("duration", duration, "left out: an automatic robot takes its own time")
         other = Workcell(self.cell.config if config is None else config)
@@ -329,11 +359,3 @@ class Arm(CellRobot):
         if q is not None:
             self.cell.draw({self.name: self.chain.postures(q, "q")[0]})
         return self.cell.show()
-
-
-def _like(values: npt.ArrayLike, rows: Vector, name: str) -> Vector:
-    """Return velocities or accelerations, one for all or of the shape of postures (k, n), in that shape."""
-    found = finite(values)
-    if found.shape not in ((), rows.shape, rows.shape[1:]):
-        raise InvalidParameter(name, values, f"a finite number, or as many as q has: {rows.shape}")
-    return np.broadcast_to(found, rows.shape)

@@ -11,8 +11,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.given import instance
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.sequencer import Cell, Pace, Sequencer
+from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.moves import JointMove
-from simrob_drake.programs.ongoing import CellRobot
 from simrob_drake.quantities import Positive
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig

@@ -1,4 +1,4 @@
-"""Whether a robot can do a move: joint limits, speeds and collisions, before anything moves."""
+"""Whether a robot can do a move: joint limits, speeds, accelerations and collisions, before anything moves."""
 
 from collections.abc import Callable, Mapping
 
@@ -9,22 +9,23 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.targets import own_name, piece_of_shape
-from simrob_drake.programs.errors import JointLimitExceeded, PathCollision, SpeedLimitExceeded
+from simrob_drake.programs.errors import (
+    AccelerationLimitExceeded,
+    JointLimitExceeded,
+    PathCollision,
+    SpeedLimitExceeded,
+)
 from simrob_drake.programs.model import StationModel
 
 Naming = Callable[[float], tuple[int, str]]
 """From a time [s] of a move to the number of its point and the point's name."""
+Remedy = Callable[[float, float], str]
+"""From how many times slower a move can be done, and in what time [s], to what its user may do about it."""
 TOUCH = 1e-3
 """How deep shapes may be in each other before it counts [m]: what stands, or is held, touches."""
 
-_LOOKS = 4  # a point
 _ROUNDING = 1e-9  # rad or m
-_MARGIN = 1.02  # of the durations that messages propose
-
-
-def look_times(duration: float, points: int) -> Vector:
-    """Return the times (k,) [s] at which a move of so many points is looked at."""
-    return np.linspace(0.0, duration, _LOOKS * max(points, 10) + 1)
+_MARGIN = 1.02  # of what messages propose
 
 
 def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, hint: str = "") -> None:
@@ -52,46 +53,53 @@ def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, h
     raise JointLimitExceeded(name, chain.names[axis], point=number, time=float(times[row]), value=value, shown=text)
 
 
-def speed_ratio(trajectory: Trajectory, times: Vector, limits: Vector) -> float:
-    """Return the largest ratio of a joint's speed to its limit (n,) on a trajectory; below 1 it can be done."""
-    return float((_speeds(trajectory, times) / limits).max())
+def rate_ratio(trajectory: Trajectory, times: Vector, limits: Vector, order: int) -> float:
+    """Return the largest ratio of a joint's speed (order 1) or acceleration (2) to its limit (n,); up to 1 it can."""
+    return float((_rates(trajectory, times, order) / limits).max())
 
 
-def check_speeds(chain: Chain, trajectory: Trajectory, times: Vector, limits: Vector, named: Naming) -> None:
-    """Check that no axis is faster than its limit.
+def check_rates(
+    chain: Chain, trajectory: Trajectory, times: Vector, limits: Vector, order: int, named: Naming, remedy: Remedy
+) -> None:
+    """Check that no axis is faster than its limit, or sped up more.
 
     Args:
         chain: whose axes move.
         trajectory: of the move.
         times: at which it is looked at, shape (k,) [s].
-        limits: largest speeds, shape (n,) [rad/s or m/s].
+        limits: largest speeds or accelerations, shape (n,) [rad/s or m/s, rad/s² or m/s²].
+        order: 1 for speeds, 2 for accelerations.
         named: how points are called.
+        remedy: what to do about it.
 
     Raises:
-        SpeedLimitExceeded: names the first offending point, and a duration that would do.
+        SpeedLimitExceeded, AccelerationLimitExceeded: names the first offending point, and what would do.
     """
-    speeds = _speeds(trajectory, times)
-    ratios = speeds / limits
+    rates = _rates(trajectory, times, order)
+    ratios = rates / limits
     if ratios.max() <= 1 + _ROUNDING:
         return
     row = int(np.argmax((ratios > 1 + _ROUNDING).any(axis=1)))
     axis = int(np.argmax(ratios[row]))
     number, name = named(float(times[row]))
-    revolute = bool(chain.revolute[axis])
-    raise SpeedLimitExceeded(
+    revolute, slower = bool(chain.revolute[axis]), _MARGIN * float(ratios.max()) ** (1 / order)
+    unit = "/s²" if order == 2 else "/s"
+    limit = f"beyond its limit of {shown(limits[axis], revolute)}{unit}"
+    kind = AccelerationLimitExceeded if order == 2 else SpeedLimitExceeded
+    raise kind(
         name,
         chain.names[axis],
         point=number,
         time=float(times[row]),
-        speed=float(speeds[row, axis]),
-        duration=_MARGIN * float(ratios.max()) * float(times[-1]),
-        shown=f"{shown(speeds[row, axis], revolute)}/s, beyond its limit of {shown(limits[axis], revolute)}/s",
+        rate=float(rates[row, axis]),
+        duration=slower * float(times[-1]),
+        shown=f"{shown(rates[row, axis], revolute)}{unit}, {limit}; {remedy(slower, slower * times[-1])}",
     )
 
 
-def _speeds(trajectory: Trajectory, times: Vector) -> Vector:
-    speeds: Vector = np.abs(np.asarray(trajectory.MakeDerivative(1).vector_values(times.tolist())).T)
-    return speeds
+def _rates(trajectory: Trajectory, times: Vector, order: int) -> Vector:
+    rates: Vector = np.abs(np.asarray(trajectory.MakeDerivative(order).vector_values(times.tolist())).T)
+    return rates
 
 
 def shown(value: float, revolute: bool) -> str:

@@ -19,23 +19,37 @@ class JointLimitExceeded(SimrobError):
         self.axis, self.point, self.time, self.value = axis, point, time, value
 
 
-class SpeedLimitExceeded(SimrobError):
-    """A move on which a joint would turn faster than it can.
+class _TooFast(SimrobError):
+    """A move on which a joint would exceed a limit of its motion.
 
     Attributes:
         axis: the joint.
         point: which point of the move, counted from 1.
         time: when on the move [s].
-        speed: what it would take [rad/s or m/s].
+        rate: what it would take [rad/s or m/s, or by s²].
         duration: in what time the whole move can be done [s].
     """
 
+    _word = ""
+
     def __init__(
-        self, where: str, axis: str, *, point: int, time: float, speed: float, duration: float, shown: str
+        self, where: str, axis: str, *, point: int, time: float, rate: float, duration: float, shown: str
     ) -> None:
-        """Say at which point which axis would be too fast, and what duration would do."""
-        super().__init__(f"{where}: {axis} would move at {shown}; give the move a duration of {duration:.3g} s or more")
-        self.axis, self.point, self.time, self.speed, self.duration = axis, point, time, speed, duration
+        """Say at which point which axis would be too fast, what its limit is, and what would do."""
+        super().__init__(f"{where}: {axis} would {self._word} {shown}")
+        self.axis, self.point, self.time, self.rate, self.duration = axis, point, time, rate, duration
+
+
+class SpeedLimitExceeded(_TooFast):
+    """A move on which a joint would turn faster than it can."""
+
+    _word = "move at"
+
+
+class AccelerationLimitExceeded(_TooFast):
+    """A move on which a joint would be sped up, or slowed down, more than it can."""
+
+    _word = "be sped up by"
 
 
 class BrokenPath(SimrobError):
@@ -47,10 +61,10 @@ class BrokenPath(SimrobError):
         jump: how far the joint jumps [rad or m].
     """
 
-    def __init__(self, where: str, axis: str, *, point: int, jump: float) -> None:
-        """Say between which points which axis would have to jump."""
+    def __init__(self, where: str, axis: str, *, point: int, jump: float, shown: str) -> None:
+        """Say between which points which axis would have to jump; ``shown`` tells how far with its unit."""
         advice = "the path leads through a singular posture; go there by move_j, or take another way"
-        super().__init__(f"{where}: {axis} would have to jump by {jump:.2f} there: {advice}")
+        super().__init__(f"{where}: {axis} would have to jump by {shown} there: {advice}")
         self.axis, self.point, self.jump = axis, point, jump
 
 

@@ -18,7 +18,7 @@ from simrob_drake.programs.gaits.parameters import Posing, load_gaits
 from simrob_drake.programs.gaits.registry import Section, carries, first_gait, gaits_of, made_for
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.legged_geometry import LeggedGeometry
-from simrob_drake.programs.moves import AnyMove, Walk, WalkMove, checked, move_of
+from simrob_drake.programs.moves import LegMove, Walk, WalkMove, checked, move_of
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
@@ -91,7 +91,7 @@ def planned_gait(
     return motion
 
 
-def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[AnyMove]:
+def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[LegMove]:
     """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
 
     Args:
@@ -117,7 +117,7 @@ def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[An
     return [WalkMove(walk=checked(Walk, steps=1, **changes))]
 
 
-def _moves_of(model: RobotModel, sequence: Posing, move_time: float | None) -> list[AnyMove]:
+def _moves_of(model: RobotModel, sequence: Posing, move_time: float | None) -> list[LegMove]:
     times = np.diff([0.0, *(target.time for target in sequence.targets)])
     return [
         move_of(

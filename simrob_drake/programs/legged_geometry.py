@@ -10,7 +10,8 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform
 from simrob_drake.kinematics import Chain, NumericSolver, require
 from simrob_drake.kinematics.registry import SolverLike, solver_for
-from simrob_drake.programs.ongoing import CellRobot, one_posture
+from simrob_drake.programs.cell_robot import CellRobot
+from simrob_drake.programs.ongoing import one_posture
 from simrob_drake.programs.targets import PoseTargets, is_place, is_single, world_poses
 from simrob_drake.robots.catalog import RobotModel
 

@@ -11,8 +11,6 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.given import instance, truth
 from simrob_drake.parts.site import WORLD
-from simrob_drake.programs.arm import Workcell
-from simrob_drake.programs.film import save_film
 from simrob_drake.programs.legged_gait import step_moves
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.legged_stages import (
@@ -20,18 +18,18 @@ from simrob_drake.programs.legged_stages import (
     check_program,
     goes_on,
     joint_reference,
+    leg_moves,
     stages_of,
     stages_of_program,
-    targets_on,
 )
 from simrob_drake.programs.moves import (
     MOVE_TIME,
     Act,
     ActMove,
-    AnyMove,
     Attach,
     AttachMove,
     JointMove,
+    LegMove,
     Release,
     ReleaseMove,
     Walk,
@@ -40,9 +38,12 @@ from simrob_drake.programs.moves import (
     checked,
     move_of,
 )
+from simrob_drake.programs.one_move import targets_on
 from simrob_drake.programs.program import Program, counted
+from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.whole import joined
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
@@ -209,7 +210,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: as :meth:`run`; or a program with a walk, an act or a piece.
         """
-        return joint_reference(self, instance(program, "program", Program, "a Program").moves)
+        return joint_reference(self, leg_moves(instance(program, "program", Program, "a Program")))
 
     def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
         """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.
@@ -276,7 +277,7 @@ class LeggedRobot(LeggedGeometry):
         self._remember()
         self.program = program
 
-    def edit(self, index: int, move: AnyMove | Mapping[str, Any] | None = None, duration: float | None = None) -> None:
+    def edit(self, index: int, move: LegMove | Mapping[str, Any] | None = None, duration: float | None = None) -> None:
         """Change a stored move; the robot stays where it is.
 
         Args:
@@ -288,12 +289,12 @@ class LeggedRobot(LeggedGeometry):
             SimrobError: as :meth:`insert`, or no such move.
         """
         self.program.removed(index)  # there is one
-        old = self.program.moves[index]
+        old = leg_moves(self.program)[index]
         before = (old.target_deg, old.duration) if isinstance(old, JointMove) else (old, MOVE_TIME)
         new = any_move(before[0] if move is None else move, duration, otherwise=before[1])
         self._replace(self.program.edited(index, new))
 
-    def insert(self, index: int, move: AnyMove | Mapping[str, Any], duration: float | None = None) -> None:
+    def insert(self, index: int, move: LegMove | Mapping[str, Any], duration: float | None = None) -> None:
         """Put a move before the stored one of number ``index``; the robot stays where it is.
 
         Args:
@@ -330,18 +331,17 @@ class LeggedRobot(LeggedGeometry):
         """
         self._replace(Program.load(file), str(file))
 
-    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
-        """Write :attr:`runs`, one after the other, as one film; see :func:`save_film`.
-
-        Args:
-            file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
-            frames: of a strip: how many, or one for each of its ``events``.
+    def result(self) -> SimulationResult:
+        """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.whole.joined`.
 
         Raises:
-            InvalidParameter: nothing was run, another kind of file, or a piece changes hands and it is no strip.
-            OutputError: the file cannot be written.
+            InvalidParameter: nothing was run.
         """
-        return save_film(self.runs, file, frames=frames)
+        return joined(self.runs)
+
+    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
+        """Write :attr:`runs`, one after the other, as one film; see :meth:`SimulationResult.film`."""
+        return self.result().film(file, frames=frames)
 
     def reset(self, *, keep_program: bool = False) -> None:
         """Put the station back to its start and, unless ``keep_program``, forget the program (Reset)."""
@@ -350,12 +350,12 @@ class LeggedRobot(LeggedGeometry):
         self._back_to_start()
         self.program = kept
 
-    def _do(self, moves: Sequence[AnyMove], *, store: bool = False) -> list[SimulationResult]:
+    def _do(self, moves: Sequence[LegMove], *, store: bool = False) -> list[SimulationResult]:
         """Do moves from the last state, perhaps store them, and return the runs."""
         return self._perform(stages_of(self, moves, self.cell.config), store=moves if truth(store, "store") else ())
 
     def _perform(
-        self, stages: Sequence[Stage], *, store: Sequence[AnyMove] = (), from_start: bool = False
+        self, stages: Sequence[Stage], *, store: Sequence[LegMove] = (), from_start: bool = False
     ) -> list[SimulationResult]:
         """Do stage after stage, and return the runs; what goes wrong leaves robot and program as they were."""
         snapshot, runs = self._snapshot(), list[SimulationResult]()

@@ -4,24 +4,25 @@ Moves of joints that follow each other are one run, each walk and act is one, an
 of a program is checked before the first stage runs.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import groupby
 
 import numpy as np
 
 from simrob_drake.blocks.references import sequence
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.automatic import run_cells
-from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.grasps import let_go
+from simrob_drake.programs.hands import apply, taker
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel, reparented
-from simrob_drake.programs.moves import ActMove, AnyMove, AttachMove, JointMove, ReleaseMove, WalkMove
+from simrob_drake.programs.moves import LEG_KINDS, ActMove, AttachMove, JointMove, LegMove, ReleaseMove, WalkMove
+from simrob_drake.programs.one_move import move_name, naming, targets_on
 from simrob_drake.programs.ongoing import GOES_ON
 from simrob_drake.programs.program import Program
 from simrob_drake.results.record.walks import fallen
@@ -30,13 +31,13 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.yaml_files import Strict
 
 Stage = Callable[[LeggedGeometry], SimulationResult | None]
 """A part of a program, checked and ready, that a robot does from where it is; None of one that takes no time."""
-_ROUNDING = 1e-9  # rad or m
 
 
-def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationConfig, file: str = "") -> list[Stage]:
+def stages_of(robot: LeggedGeometry, moves: Sequence[LegMove], station: StationConfig, file: str = "") -> list[Stage]:
     """Cut a program into stages, after checking all of it.
 
     Args:
@@ -58,16 +59,18 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[AnyMove], station: StationC
             if isinstance(move, JointMove):
                 targets_on(robot.model, move.target_deg, name, move.duration)
                 continue
-            with _naming(name if len(moves) > 1 or file else ""):
+            with naming(name if len(moves) > 1 or file else ""):
                 if isinstance(move, AttachMove | ReleaseMove):
                     station, changed = handed_over(StationModel(station), robot.name, move), True
                     stages.append(partial(_hand_over, move=move, name=name))
                 else:
                     motion = _planned(robot, move, station)
                     anew = changed or resolve(station).ground.incline  # then it depends on what was done before
-                    stages.append(
+                    stage = (
                         partial(_walk_anew, move=move, name=name) if anew else partial(_go_as_planned, plan=[motion])
                     )
+                    did = f"act {move.act.name}" if isinstance(move, ActMove) else "walk"
+                    stages.append(partial(_called, stage=stage, did=did))
     return stages
 
 
@@ -82,7 +85,22 @@ def stages_of_program(robot: LeggedGeometry, program: Program, station: StationC
     if program.automatic:
         return [partial(run_cells, cells=program.references, pace=program.automatic)]
     check_some(program.moves)
-    return stages_of(robot, program.moves, station, file)
+    return stages_of(robot, leg_moves(program, file), station, file)
+
+
+def leg_moves(program: Program, file: str = "") -> list[LegMove]:
+    """Return the moves of a program for a robot with legs.
+
+    Raises:
+        InvalidParameter: one for arms.
+    """
+    moves: list[LegMove] = []
+    for number, move in enumerate(program.moves):
+        if not isinstance(move, LegMove):
+            kind, told = next(iter(type(move).model_fields)), f"one of {', '.join(LEG_KINDS)}: the others are for arms"
+            raise InvalidParameter(move_name(number, len(program.moves), file), kind, told)
+        moves.append(move)
+    return moves
 
 
 def check_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> None:
@@ -92,7 +110,7 @@ def check_program(robot: LeggedGeometry, program: Program, station: StationConfi
         SimrobError: as :func:`stages_of`.
     """
     _check_references(robot, program, file)
-    stages_of(robot, program.moves, station, file)
+    stages_of(robot, leg_moves(program, file), station, file)
 
 
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
@@ -107,31 +125,30 @@ def _planned(robot: LeggedGeometry, move: WalkMove | ActMove, station: StationCo
     return planned_gait(robot, walk.gait, more, steps=walk.steps, amplitude=walk.amplitude, station=station)
 
 
+def _called(robot: LeggedGeometry, stage: Callable[[LeggedGeometry], SimulationResult], did: str) -> SimulationResult:
+    return replace(stage(robot), did=did)
+
+
 def _go_as_planned(robot: LeggedGeometry, plan: list[JointMotion]) -> SimulationResult:
     return perform(robot, plan.pop())  # nobody keeps it while it runs
 
 
 def _walk_anew(robot: LeggedGeometry, move: WalkMove | ActMove, name: str) -> SimulationResult:
-    with _naming(name):
+    with naming(name):
         return perform(robot, _planned(robot, move, robot.cell.config))
 
 
-def _move_joints(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> SimulationResult:
+def _move_joints(robot: LeggedGeometry, moves: Sequence[LegMove]) -> SimulationResult:
     reference, duration = joint_reference(robot, moves)
     return robot.cell.follow({robot.name: reference}, duration)
 
 
 def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove, name: str) -> None:
-    with _naming(name):
-        if isinstance(move, ReleaseMove):
-            given = move.release
-            robot.cell.release(given.piece, given.parent, fixed=given.fixed)
-        else:
-            piece, (parent, frame) = move.attach, _taker(robot.cell.config, robot.name, move)
-            robot.cell.attach(piece.piece, parent, frame=frame, pose=piece.pose)
+    with naming(name):
+        apply(robot.cell, move, robot.name)
 
 
-def joint_reference(robot: LeggedGeometry, moves: Sequence[AnyMove]) -> tuple[Reference, float]:
+def joint_reference(robot: LeggedGeometry, moves: Sequence[LegMove]) -> tuple[Reference, float]:
     """Return the reference that moves of joints are from where a robot is, and its duration [s].
 
     Raises:
@@ -157,18 +174,13 @@ def handed_over(model: StationModel, robot: str, move: AttachMove | ReleaseMove)
         UnknownName: no such piece, tool or parent.
     """
     if isinstance(move, AttachMove):
-        parent, frame = _taker(model.config, robot, move)
+        parent, frame = taker(model.config, move.attach.robot or robot, move.attach)
         return reparented(model, move.attach.piece, parent, frame=frame, pose=move.attach.pose)
-    return let_go(model, move.release.piece, move.release.parent, fixed=move.release.fixed)
+    let = move.release
+    return let_go(model, let.piece, let.parent, frame=let.frame, fixed=let.fixed)
 
 
-def _taker(station: StationConfig, robot: str, move: AttachMove) -> tuple[str, str | None]:
-    """Return what a robot takes a piece with: a piece that it carries, or itself with a tool."""
-    tool = move.attach.tool
-    return (tool, None) if tool is not None and tool in station.pieces else (robot, tool)
-
-
-def check_some(moves: Sequence[AnyMove]) -> None:
+def check_some(moves: Sequence[Strict]) -> None:
     """Check that a program to be run does something that takes time.
 
     Raises:
@@ -179,58 +191,9 @@ def check_some(moves: Sequence[AnyMove]) -> None:
         raise InvalidParameter("the program", state, "one with moves: add_move() stores them")
 
 
-@contextmanager
-def _naming(move: str) -> Iterator[None]:
-    """Put the name of a move before what goes wrong with it."""
-    try:
-        yield
-    except SimrobError as problem:
-        if move:
-            problem.args = (f"{move}: {problem}",)
-        raise
-
-
 def goes_on(result: SimulationResult) -> bool:
     """Tell whether a robot goes on from the end of a run: it came to an end, and no robot lies on the floor."""
     return result.ending in GOES_ON and fallen(result) is None
-
-
-def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:
-    """Return the targets of a move on one robot: the place of each axis, and its position [rad or m].
-
-    Args:
-        model: the robot.
-        target_deg: by axis name or alias.
-        where: what messages call the move.
-        time: how long it takes, for the error [s].
-
-    Raises:
-        UnknownName: an axis that the robot does not have; proposes the nearest.
-        InvalidParameter: an axis under two names.
-        JointLimitExceeded: a target beyond an axis' limits; tells by how much.
-    """
-    names, units, slides = list(model.axes), model.user_units, model.prismatic
-    lower, upper = model.axis_limits
-    found: dict[int, float] = {}
-    for axis, value in target_deg.items():
-        place = model.axis_index(axis, where)
-        if place in found:
-            raise InvalidParameter(f"{where}: {axis}", "another name of an axis that it moves, too", "named once")
-        position = float(value * units[place])
-        bound = lower[place] if position < lower[place] else upper[place]
-        if abs(position - np.clip(position, lower[place], upper[place])) > _ROUNDING:
-            unit, limit = ("m" if slides[place] else "deg"), bound / units[place]
-            shown = f"{value:.4g} {unit}, {abs(value - limit):.4g} {unit} beyond its limit of {limit:.4g} {unit}"
-            raise JointLimitExceeded(where, names[place], point=1, time=time, value=position, shown=shown)
-        found[place] = position
-    return found
-
-
-def move_name(number: int, count: int, file: str = "") -> str:
-    """Return what messages call a move of a program that has so many, and may stand in a file."""
-    if file:
-        return f"{file}: moves[{number}]"
-    return f"move {number}" if count > 1 else "the move"
 
 
 def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) -> tuple[Vector, Vector]:

@@ -5,12 +5,12 @@ Pieces change hands in it (SimRob's PegarEn): another parent, the same place in 
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyForces
+from pydrake.multibody.tree import Frame, ModelInstanceIndex
 
+from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import (
     PoseLike,
-    Vector,
     as_transform,
     pose_from_transform,
     transform_from_xyz_quaternion,
@@ -18,7 +18,7 @@ from simrob_drake.frames import (
 )
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.results.record.state import JointState, State
+from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact_config import ContactConfig
@@ -111,12 +111,6 @@ class StationModel(PosedStation):
             names=own.axes,
         )
 
-    def speed_limits(self, robot: str) -> Vector:
-        """Return the largest speed of each axis of a robot in its URDF, shape (n,) [rad/s or m/s]."""
-        joints = self.robots[robot].joints
-        limits = [min(joint.velocity_upper_limits()[0], -joint.velocity_lower_limits()[0]) for joint in joints]
-        return np.array(limits)
-
     def tool_in_use(self, robot: str) -> str:
         """Return the tool that a robot's tool centre point belongs to: one of its own or a piece; empty without any."""
         own = self.robots[robot]
@@ -131,11 +125,11 @@ class StationModel(PosedStation):
         one_of("piece", piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
         one_of(f"frame of {piece}", frame, known)
-        return self._piece_link(piece, f"{piece}_{frame}")
+        return self.station.piece_frame(piece, f"{piece}_{frame}")
 
     def piece_origin(self, piece: str) -> Frame:
         """Return the frame in which a piece is described."""
-        return self._piece_link(piece, piece)
+        return self.station.piece_frame(piece, piece)
 
     def links(self, robot: str) -> list[str]:
         """Return the links of a robot that are none of its tools, which pieces can be put on, too."""
@@ -167,31 +161,13 @@ class StationModel(PosedStation):
             return self.plant.GetFrameByName(name, self.robots[owner].instance)
         return self.plant.GetFrameByName(name, self.plant.GetModelInstanceByName(f"{piece}::{piece}"))
 
-    def torques(
-        self, robot: str, position: Vector, velocity: Vector | float = 0.0, acceleration: Vector | float = 0.0
-    ) -> Vector:
-        """Return the torques (n,) [N·m or N] of a motion of one robot while the others rest, by inverse dynamics.
-
-        Args:
-            robot: its name.
-            position: shape (n,) [rad or m].
-            velocity: shape (n,) or one number.
-            acceleration: shape (n,) or one number.
-        """
-        own, plant = self.robots[robot], self.plant
-        self.place_robots({robot: position})
-        axes = own.axis_map
-        plant.SetVelocities(self._context, axes.spread_velocities(velocity))
-        forces = MultibodyForces(plant)
-        plant.CalcForceElementsContribution(self._context, forces)
-        torque = plant.CalcInverseDynamics(self._context, axes.spread_velocities(acceleration), forces)
-        plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
-        return axes.efforts(torque)
-
-
-def free_joint(piece: str) -> str:
-    """Return the name of the joint of a free piece in a state."""
-    return f"{piece}::{piece}/{piece}"
+    def dynamics(self, robot: str) -> Dynamics:
+        """Return the dynamics of a robot with what it carries, while the others stay as they are."""
+        own = self.robots[robot]
+        tool, placed = own.tools.get(own.tcp), self.plant.GetPositions(self._context)
+        return Dynamics(
+            own.model, self.plant, own.joints, tool=tool, torque_limit=own.gains.torque_limit, positions=placed
+        )
 
 
 def reparented(

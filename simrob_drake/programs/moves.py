@@ -10,11 +10,14 @@ import numpy as np
 from pydantic import (
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
     ValidationError,
     model_serializer,
     model_validator,
 )
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.given import LONGEST, SHORTEST
@@ -50,7 +53,7 @@ class JointMove(Strict):
     """Time that it takes [s]."""
 
 
-class _Brief(Strict):
+class Brief(Strict):
     """What is written without the values that are as they would be anyway."""
 
     @model_serializer(mode="wrap")
@@ -62,21 +65,27 @@ class _Brief(Strict):
         return bool(getattr(self, key) != type(self).model_fields[key].default)
 
 
-class _Named(_Brief):
-    """What its name alone can stand for, the first field."""
+class Named(Brief):
+    """What its first field alone can stand for, such as its name."""
 
     @model_validator(mode="before")
     @classmethod
-    def _from_name(cls, given: Any) -> Any:
-        return {next(iter(cls.model_fields)): given} if isinstance(given, str) else given
+    def _from_first(cls, given: Any) -> Any:
+        return {next(iter(cls.model_fields)): given} if isinstance(given, (str, list, tuple)) else given
 
     @model_serializer(mode="wrap")
     def _brief(self, handler: SerializerFunctionWrapHandler) -> Any:
-        content = super()._brief(handler)
-        return next(iter(content.values())) if len(content) == 1 else content
+        content, first = super()._brief(handler), next(iter(type(self).model_fields))
+        return content[first] if list(content) == [first] else content
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        schema = handler(core)
+        alone = handler.resolve_ref_schema(schema)["properties"][next(iter(cls.model_fields))]
+        return {"anyOf": [schema, alone]}
 
 
-class Walk(_Brief):
+class Walk(Brief):
     """Steps by a gait; further keys are parameters of the gait in place of its own."""
 
     model_config = ConfigDict(extra="allow")
@@ -89,7 +98,7 @@ class Walk(_Brief):
     """One of the robot's gaits that go steps; the first for its feet unless given."""
 
 
-class Act(_Named):
+class Act(Named):
     """Postures one after the other, or a stand on three legs; further keys are parameters in place of the act's own."""
 
     model_config = ConfigDict(extra="allow")
@@ -98,7 +107,7 @@ class Act(_Named):
     """One of the robot's gaits that go no steps."""
 
 
-class Attach(_Named):
+class Attach(Named):
     """A piece that is taken."""
 
     piece: str
@@ -107,9 +116,15 @@ class Attach(_Named):
     """With what: a tool or link of the robot, or a piece that it carries; the first tool unless given."""
     pose: Pose | None = None
     """Its pose in the hand, to put it there; it keeps its place in the world unless given."""
+    parent: str | None = None
+    """Instead of a tool of the robot anything else that it is to hang on: `world`, a robot, another piece."""
+    frame: str | None = None
+    """A frame of that piece, instead of its tool centre point; or a tool or link of that robot."""
+    robot: str | None = None
+    """Which robot of the station takes it; that of the program unless given."""
 
 
-class Release(_Named):
+class Release(Named):
     """A piece that is let go."""
 
     piece: str
@@ -118,6 +133,8 @@ class Release(_Named):
     """Where it is then: the world, or another piece that it hangs on."""
     fixed: bool = False
     """Hang it in the world, too, instead of letting it fall."""
+    frame: str | None = None
+    """A frame of the piece that it hangs on, instead of its tool centre point."""
 
 
 class WalkMove(Strict):
@@ -144,14 +161,14 @@ class ReleaseMove(Strict):
     release: Release
 
 
-AnyMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove
-KINDS: dict[str, type[AnyMove]] = {next(iter(kind.model_fields)): kind for kind in get_args(AnyMove)}
+LegMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove
+LEG_KINDS: dict[str, type[LegMove]] = {next(iter(kind.model_fields)): kind for kind in get_args(LegMove)}
 """By the key that tells them apart, the first field."""
 
 
-def kind_of(content: Mapping[str, Any]) -> type[AnyMove] | None:
+def kind_of(content: Mapping[str, Any]) -> type[LegMove] | None:
     """Return what kind of move a mapping of a program's file is; None if no key tells."""
-    return next((kind for key, kind in KINDS.items() if key in content), None)
+    return next((kind for key, kind in LEG_KINDS.items() if key in content), None)
 
 
 def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:
@@ -164,8 +181,8 @@ def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMo
 
 
 def any_move(
-    given: AnyMove | Mapping[str, Any], duration: float | None = None, *, otherwise: float = MOVE_TIME
-) -> AnyMove:
+    given: LegMove | Mapping[str, Any], duration: float | None = None, *, otherwise: float = MOVE_TIME
+) -> LegMove:
     """Return a move of any kind of what a user gave: targets of axes, or what would stand in a program's file.
 
     Args:
@@ -179,7 +196,7 @@ def any_move(
     if isinstance(given, Strict):
         made = given
     elif isinstance(given, Mapping) and (kind := kind_of(given)) is not None:
-        made = validated(kind, _plain(given), "the move")
+        made = validated(kind, plain(given), "the move")
     else:
         return move_of(given, otherwise if duration is None else duration)
     if duration is not None:
@@ -194,7 +211,7 @@ def checked(kind: type[Entry], /, **content: Any) -> Entry:
         InvalidParameter: the first value that cannot be.
     """
     try:
-        return kind.model_validate(_plain(content))
+        return kind.model_validate(plain(content))
     except ValidationError as problem:
         finding = problem.errors()[0]
         key = ".".join(str(part) for part in finding["loc"])
@@ -202,10 +219,10 @@ def checked(kind: type[Entry], /, **content: Any) -> Entry:
         raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Return a value with numpy's numbers and arrays as Python's own."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
-    return [_plain(part) for part in value] if isinstance(value, (list, tuple)) else value
+        return {str(key): plain(part) for key, part in value.items()}
+    return [plain(part) for part in value] if isinstance(value, (list, tuple)) else value

@@ -11,19 +11,21 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import PoseLike, Vector, as_transform, finite, poses_from_matrices
+from simrob_drake.frames import PoseLike, Vector, as_transform, finite, pose_from_transform
 from simrob_drake.given import instance, seconds
-from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
-from simrob_drake.programs.checks import check_collisions, look_times
+from simrob_drake.programs.arm_moves import ArmMove, Tool, ToolMove
 from simrob_drake.programs.grasps import let_go, taken
-from simrob_drake.programs.model import StationModel, free_joint, reparented
+from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.moves import Attach, AttachMove, Release, ReleaseMove, checked
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
+from simrob_drake.programs.telling import in_words, told_pose, told_run
+from simrob_drake.programs.together import check_moves
 from simrob_drake.programs.trajectories import Stretch, rest, trajectory
 from simrob_drake.results.animation.live import LiveView
-from simrob_drake.results.record.state import State
+from simrob_drake.results.record.state import State, free_joint
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Reference, Runner
 from simrob_drake.stations.config import StationConfig
@@ -104,6 +106,20 @@ class OngoingStation:
         """Return what a robot is in the station's plant."""
         return self._model.robots[one_of("robot", name, self._model.robots)]
 
+    def robot_name(self, name: str | None) -> str:
+        """Return a robot's name; the only one need not be named.
+
+        Raises:
+            UnknownName: no such robot.
+            InvalidParameter: a station without a robot, or no robot named where there are several.
+        """
+        robots = self.config.robots
+        if not robots:
+            raise InvalidParameter("station", self.config.name, "one with a robot; it has none")
+        if name is None and self.config.only_robot is None:
+            raise InvalidParameter("robot", "not named", f"one of {', '.join(robots)}: robot='{next(iter(robots))}'")
+        return one_of("robot", self.config.only_robot if name is None else name, robots)
+
     def frame(self, wobj: WorkObject) -> RigidTransform:
         """Return the pose of a work object in the world.
 
@@ -138,25 +154,32 @@ class OngoingStation:
         Returns:
             the run; unless it diverged or was interrupted, the next one begins where it ended.
         """
+        self.check_together(*plans)
+        if not plans and duration is None:
+            raise InvalidParameter("plans", "empty", "some, such as arm.plan.move_l(...), or a duration to wait")
+        end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
+        own = {plan.robot: plan.stretches for plan in plans}
+        stretches = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
+        references = {robot: trajectory(motion) for robot, motion in stretches.items()}
+        move = told_run(plans, duration, self.frame, several=len(self.config.robots) > 1)
+        return self._run(references, end, stretches, move)
+
+    def check_together(self, *plans: Plan) -> None:
+        """Check that planned moves can be run at the same time from where the robots are.
+
+        Raises:
+            InvalidParameter: something that is no plan, two of one robot, or one that begins elsewhere.
+            PathCollision: they would run into something, where that is to be looked at.
+        """
         for plan in plans:
             instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
-        if not plans and duration is None:
-            raise InvalidParameter(
-                "plans", "empty", "some, such as arm.plan.move_l(...), or go with a duration to wait"
-            )
-        end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         for plan in plans:
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
                 raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
-        own = {plan.robot: plan.stretches for plan in plans}
-        stretches = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
-        take = Take(self.config, self.state, stretches, end)
-        result = self.follow({robot: trajectory(motion) for robot, motion in stretches.items()}, end)
-        if result.ending in GOES_ON:
-            self.tape.keep(take)
-        return result
+        if any(plan.check == "collision" for plan in plans):  # each alone was, with the others as they stood then
+            self.check_collisions(*plans)
 
     def follow(self, references: Mapping[str, Reference], duration: float) -> SimulationResult:
         """Run references as :func:`simrob_drake.simulate` takes them, while the other robots hold their places.
@@ -172,15 +195,28 @@ class OngoingStation:
         seconds(duration)
         still = [robot for robot in self.config.robots if robot not in references]
         held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
+        return self._run({**held, **references}, duration)
+
+    def _run(
+        self,
+        references: Mapping[str, Reference],
+        duration: float,
+        stretches: Mapping[str, tuple[Stretch, ...]] | None = None,
+        move: ArmMove | None = None,
+    ) -> SimulationResult:
+        """Run references of all robots, and record that; ``move`` is what a program's file would say."""
+        config, start = self.config, self.state
         result = self._runner.run(
-            reference={**held, **references},
+            reference=references,
             duration=duration,
-            start=self.state,
+            start=start,
             progress=self.progress,
             on_step=self._window.on_step if self._window else None,
         )
+        result = replace(result, did="" if move is None else in_words(move, several=len(config.robots) > 1))
         if result.ending in GOES_ON:
             self.state = result.final_state
+            self.tape.keep(Take(config, start, references, duration, result, stretches, move))
         if self._window:
             self._window.add_paths(result)
         return result
@@ -210,9 +246,11 @@ class OngoingStation:
                 ``pose`` from more than 30 mm away: the tool's tool centre point, or the link, from its shapes.
         """
         if pose is None:
-            self.change(taken(self.model, piece, parent, frame=frame))
+            self._change(taken(self.model, piece, parent, frame=frame))
         else:
-            self.change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+            self._change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+        place = None if pose is None else told_pose(pose)
+        self.tape.note(AttachMove(attach=checked(Attach, piece=piece, parent=parent, frame=frame, pose=place)))
 
     def release(self, piece: str, parent: str = WORLD, *, frame: str | None = None, fixed: bool = False) -> None:
         """Let go of a piece, in the world or on another piece.
@@ -235,8 +273,24 @@ class OngoingStation:
         config = let_go(model, piece, parent, frame=frame, fixed=fixed)
         if state is not None and config.pieces[piece].free:
             state = replace(state, joints={**state.joints, free_joint(piece): model.motion(piece, state)})
-        self.change(config)
+        self._change(config)
         self.state = state
+        self.tape.note(ReleaseMove(release=checked(Release, piece=piece, parent=parent, frame=frame, fixed=fixed)))
+
+    def tool(self, robot: str, tool: str | PoseLike) -> None:
+        """Change the tool centre point of a robot; see :meth:`Arm.tool`."""
+        entry, own = self.config.robots[robot], self.model.robots[robot]
+        if isinstance(tool, str):
+            one_of(f"tool of {robot}", tool, own.tools)
+            changes: dict[str, object] = {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
+        else:
+            before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
+            changes = {"tcp_offset": tuple(pose_from_transform(before @ as_transform(tool)).tolist())}
+        robots = {**self.config.robots, robot: entry.model_copy(update=changes)}
+        self._change(self.config.model_copy(update={"robots": robots}))
+        said = {"name": tool} if isinstance(tool, str) else {"pose": told_pose(tool)}
+        whose = None if self.config.only_robot else robot
+        self.tape.note(ToolMove(tool=checked(Tool, robot=whose, **said)))
 
     def change(self, config: StationConfig) -> None:
         """Go on with a changed station, such as other gains, from the state that this one is in.
@@ -244,6 +298,10 @@ class OngoingStation:
         Raises:
             InvalidParameter: a station with other robots.
         """
+        self._change(config)
+        self.tape.note(None)
+
+    def _change(self, config: StationConfig) -> None:
         instance(config, "config", StationConfig, "what load_station() gives")
         if list(config.robots) != list(self.config.robots):
             raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
@@ -254,18 +312,20 @@ class OngoingStation:
         if self._window:
             self._window.draw(config, self._shown_state())
 
-    def check_collisions(self, plan: Plan) -> None:
-        """Check that a planned move runs into nothing, the other robots where they are.
+    def check_collisions(self, *plans: Plan) -> None:
+        """Check that planned moves, run at the same time, run into nothing; other robots stay where they are.
 
         Raises:
             PathCollision: names the first offending point.
         """
-        instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
-        model = self._collision_model
-        model.place_pieces(self.state)
-        model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
-        times = look_times(plan.duration, plan.points * len(plan.arrivals))
-        check_collisions(model, {plan.robot: plan.postures(times)}, times, plan.named)
+        check_moves(self.collision_model, plans)
+
+    @property
+    def collision_model(self) -> StationModel:
+        """The station's plant with the shapes that collide, robots where they should be now."""
+        self._collision_model.place_pieces(self.state)
+        self._collision_model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        return self._collision_model
 
     def show(self) -> str:
         """Open a browser window, in which everything from now on is shown at the pace of the clock.
@@ -325,74 +385,3 @@ def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple
     if begin >= end:
         return stretches
     return (*stretches, rest(stretches[-1].postures[-1] if stretches else posture, begin, end))
-
-
-class CellRobot:
-    """A robot of a station, as arms and legged robots share it; its methods are called, and not assigned to.
-
-    Attributes:
-        cell: the station and its state; several robots may share it.
-        name: of the robot in the station.
-    """
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if callable(getattr(type(self), name, None)):
-            raise AttributeError(f"{name} is a method of {type(self).__name__}: call {name}({value!r})")
-        super().__setattr__(name, value)
-
-    def __init__(self, cell: OngoingStation, robot: str | None = None) -> None:
-        """Take a robot of a station.
-
-        Args:
-            cell: the station.
-            robot: its name in the station; needed where there are several.
-
-        Raises:
-            UnknownName: no such robot.
-            InvalidParameter: a station without a robot, or no robot named where there are several.
-        """
-        self.cell = cell
-        robots, wanted = cell.config.robots, cell.config.only_robot if robot is None else robot
-        if not robots:
-            raise InvalidParameter("station", self.cell.config.name, "one with a robot; it has none")
-        if wanted is None:
-            raise InvalidParameter("robot", "not named", f"one of {', '.join(robots)}: robot='{next(iter(robots))}'")
-        self.name = one_of("robot", wanted, robots)
-
-    def __repr__(self) -> str:
-        """Say in one line which robot it is, and how it is."""
-        return f"<{type(self).__name__} {self.name}: {', '.join(self._described())}>"
-
-    def _described(self) -> list[str]:
-        return [f"{self.cell.robot(self.name).model.name} in {self.cell.config.name}", f"{len(self.axes)} axes"]
-
-    @property
-    def axes(self) -> list[str]:
-        """The names of the axes, in order."""
-        return self.cell.robot(self.name).axes
-
-    @property
-    def tools(self) -> list[str]:
-        """The names of the tool frames, and of the pieces that the robot carries."""
-        return list(self.cell.robot(self.name).tools)
-
-    @property
-    def position(self) -> Vector:
-        """Where the axes are, shape (n,) [rad or m]."""
-        return self.cell.position(self.name)
-
-    @property
-    def velocity(self) -> Vector:
-        """How fast they move, shape (n,) [rad/s or m/s]."""
-        return self.cell.velocity(self.name)
-
-    def _poses(self, chain: Chain, base: RigidTransform, q: npt.ArrayLike | None) -> Vector:
-        """Return where the tool of a chain is, its base being somewhere: pose (6,), or (k, 6) for rows of postures."""
-        rows = self.position if q is None else q
-        poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(rows))
-        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
-
-    @property
-    def reference(self) -> Vector:
-        """Where they should be, and the next move begins, shape (n,) [rad or m]."""
-        return self.cell.reference(self.name)

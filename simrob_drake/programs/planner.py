@@ -1,10 +1,10 @@
 """Plan the moves of one robot from where it is: RAPID's words, with everything checked before anything moves."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import Unpack, get_args
+from typing import Any, Unpack, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -18,52 +18,61 @@ from simrob_drake.interpolation import poses as poses_between
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
-from simrob_drake.programs.checks import check_limits, check_speeds, look_times, speed_ratio
-from simrob_drake.programs.plan import Check, How, Plan, arrivals, joined, target_name
-from simrob_drake.programs.segments import Segment, joint_segment, pose_segment
+from simrob_drake.programs.checks import check_limits, check_rates
+from simrob_drake.programs.plan import Check, Plan, target_name
+from simrob_drake.programs.segments import Segment, joint_segment, joint_way, pose_segment
 from simrob_drake.programs.targets import PoseTargets, WorkObject, places, world_poses
+from simrob_drake.programs.telling import told
+from simrob_drake.programs.timing import How, Limits, remedy, through_all, timed
+from simrob_drake.programs.zones import Way, through_zones, zone_size
 
 POINTS, ARC_POINTS = 10, 20
 """Points on the way to a target unless given, as in SimRob; of arcs."""
 
 _MOST_POINTS = 10_000
-_LESS_THAN_FULL = 0.98  # of the joints' speeds, where durations are left to us
-
-_Way = tuple[Callable[[Vector], Vector], float]  # the poses (k, 4, 4) at its parts (k,), and its length [m]
+_POINTS_A_ZONE, _ENOUGH = 4, 2000
 
 
 @dataclass(frozen=True)
 class Planner:
     """Plans moves of one robot; nothing moves.
 
-    All moves begin at rest where the robot's reference is, and rest at their end; of several targets they rest at each,
-    but for those of :meth:`move_abs_j` and :meth:`move_j`, which pass through smoothly unless ``stop`` is set.
+    All moves begin at rest where the robot's reference is, and rest at their end; of several targets they rest at each
+    unless they have a ``zone``, but for those of :meth:`move_abs_j` and :meth:`move_j`, which pass through smoothly
+    unless ``stop`` is set.
     """
 
     robot: str  # its name
     chain: Chain  # from the world to the tool
     start: Vector  # the posture from which the move begins, shape (n,) [rad or m]
     solver: SolverLike  # of moves that name none
-    speed_limits: Vector  # of the axes, shape (n,) [rad/s or m/s]
+    rate_limits: Limits  # of the axes
     frame: Callable[[WorkObject], RigidTransform]  # gives the pose of a work object in the world
     collide: Callable[[Plan], None]  # raises where a plan leads into something
+
+    def __repr__(self) -> str:
+        """Say in one line whose moves it plans."""
+        return f"<Planner of {self.robot}: {self.chain!r}>"
 
     def move_abs_j(self, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> Plan:
         """Plan a move to one posture (n,) or through many (k, n) [rad or m].
 
         Raises:
             InvalidParameter: targets of a wrong shape, or a duration that cannot be.
-            JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
+            JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
+                point.
         """
         rows = self.chain.postures(targets, "targets")
-        points, through = _points(how, POINTS), not truth(stop, "stop") and len(rows) > 1
-        names = [target_name(index, len(rows)) for index in range(len(rows))]
-        starts = [self.start, *rows[:-1]]
-        segments = [
-            joint_segment(self.chain, start, row, points=points, target=name)
-            for start, row, name in zip(starts, rows, names, strict=True)
-        ]
-        return self._checked(segments, how, points, through=through, hint=_hint(self.chain, rows))
+        points, zone = _points(how, POINTS), _zone(how, len(rows))
+        if truth(stop, "stop") and zone:
+            raise InvalidParameter("stop", stop, "left out with a zone")
+        through = not stop and len(rows) > 1 and "zone" not in how
+        if through and {"profile", "acceleration"} & {*how}:
+            raise InvalidParameter("profile", "given", "given with stop=True or a zone: else the joints do not cruise")
+        ways = [joint_way(self.chain, start, row) for start, row in pairwise([self.start, *rows])]
+        segments = [joint_segment(way, points=count) for way, count in _grouped(ways, zone, points)]
+        plan = self._checked(segments, how, points, rows, through=through, hint=_hint(self.chain, rows))
+        return replace(plan, told=told("move_abs_j", self.robot, targets, how, stop=stop))
 
     def move_j(
         self,
@@ -85,7 +94,8 @@ class Planner:
 
         Raises:
             Unreachable: names the target, why, and how near the best posture comes.
-            JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
+            JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
+                point.
         """
         inverse = self._inverse(solver)
         poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
@@ -93,7 +103,8 @@ class Planner:
         if not solutions.reached.all():
             row = solutions.first_missed
             raise solutions.unreachable(row, target_name(row, len(poses)))
-        return self.move_abs_j(solutions.positions, stop=stop, **how)
+        plan = self.move_abs_j(solutions.positions, stop=stop, **how)
+        return self._told(plan, "move_j", targets, how, wobj, solver, stop=stop)
 
     def move_l(
         self, targets: PoseTargets, *, wobj: WorkObject = None, solver: SolverLike | None = None, **how: Unpack[How]
@@ -108,15 +119,13 @@ class Planner:
 
         Raises:
             Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
-            JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
+            JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
+                point.
         """
         inverse, points = self._inverse(solver), _points(how, POINTS)
         poses = world_poses(targets, self.frame(wobj), self._pose()[:3, :3])
-        ways: list[_Way] = [
-            (partial(poses_between, begin, end), float(np.linalg.norm(end[:3, 3] - begin[:3, 3])))
-            for begin, end in pairwise([self._pose(), *poses])
-        ]
-        return self._along(ways, inverse, how, points)
+        ways = [_line(begin, end) for begin, end in pairwise([self._pose(), *poses])]
+        return self._told(self._along(ways, inverse, how, points), "move_l", targets, how, wobj, solver)
 
     def move_c(
         self,
@@ -139,7 +148,8 @@ class Planner:
         Raises:
             InvalidParameter: points that lie on one line, or another number of them than of targets.
             Unreachable, BrokenPath: names the point, why, and how near the best posture comes.
-            JointLimitExceeded, SpeedLimitExceeded, PathCollision: names the first offending point.
+            JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: names the first offending
+                point.
         """
         inverse, points, frame = self._inverse(solver), _points(how, ARC_POINTS), self.frame(wobj)
         middles = places(via, frame, "via")
@@ -150,14 +160,31 @@ class Planner:
             _arc_through(begin, middle, end, f"the arc to {target_name(index, len(poses))}")
             for index, (begin, middle, end) in enumerate(zip([self._pose(), *poses], middles, poses, strict=False))
         ]
-        return self._along(ways, inverse, how, points)
+        return self._told(self._along(ways, inverse, how, points), "move_c", targets, how, wobj, solver, via=via)
 
-    def _along(self, ways: Sequence[_Way], inverse: Solver, how: How, points: int) -> Plan:
+    def _told(
+        self,
+        plan: Plan,
+        name: str,
+        targets: PoseTargets,
+        how: How,
+        wobj: WorkObject,
+        solver: SolverLike | None,
+        **more: Any,
+    ) -> Plan:
+        """Return a plan with what a program's file would say in place of the call that made it."""
+        used = self.solver if solver is None else solver
+        move = told(name, self.robot, targets, how, wobj=wobj, solver=used, **more)
+        return replace(plan, told=move, frame=None if wobj is None else self.frame(wobj))
+
+    def _along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
         """Plan a move whose tool goes one way after the other."""
-        segments: list[Segment] = []
-        for index, (poses, length) in enumerate(ways):
-            start, name = segments[-1].end if segments else self.start, target_name(index, len(ways))
-            segments.append(pose_segment(inverse, poses, start, points=points, length=length, target=name))
+        zone = _zone(how, len(ways))
+        start, segments = self.start, list[Segment]()
+        for index, (way, count) in enumerate(_grouped(ways, zone, points)):
+            name = target_name(index, len(ways))
+            segments.append(pose_segment(inverse, way, start, points=count, target=name))
+            start = segments[-1].end
         return self._checked(segments, how, points)
 
     def _inverse(self, solver: SolverLike | None) -> Solver:
@@ -168,42 +195,62 @@ class Planner:
         return np.asarray(self.chain.forward(self.start)[0])
 
     def _checked(
-        self, segments: list[Segment], how: How, points: int, *, through: bool = False, hint: str = ""
+        self,
+        segments: list[Segment],
+        how: How,
+        points: int,
+        rows: Vector | None = None,
+        *,
+        through: bool = False,
+        hint: str = "",
     ) -> Plan:
         """Give segments their times, and look at the move: first at the targets, for which messages may have a hint."""
         check: Check = how.get("check", "limits")
         one_of("check", check, get_args(Check))
-        times, free = arrivals(segments, how, points)
-        plan = self._plan(segments, times, points, through)
-        if free:
-            ratio = speed_ratio(plan.trajectory, look_times(plan.duration, points * len(times)), self.speed_limits)
-            if ratio > _LESS_THAN_FULL:
-                plan = self._plan(segments, times * ratio / _LESS_THAN_FULL, points, through)
-        looks = look_times(plan.duration, points * len(times))
+        plan = (through_all if through else timed)(self.robot, segments, how, points, self.rate_limits)
         if check != "nothing":
-            names = [(points, target_name(index, len(times))) for index in range(len(times))]
-            ends = np.array([segment.end for segment in segments])
-            check_limits(
-                self.chain, plan.arrivals, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint
-            )
+            names = [(points, target_name(index, len(plan.arrivals))) for index in range(len(plan.arrivals))]
+            ends = np.array([segment.end for segment in segments]) if rows is None else rows
+            looks, times = plan.looks, plan.arrivals[-len(ends) :]
+            check_limits(self.chain, times, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint)
             check_limits(self.chain, looks, plan.postures(looks), plan.named)
-            check_speeds(self.chain, plan.trajectory, looks, self.speed_limits, plan.named)
+            for order, limits in enumerate(self.rate_limits, 1):
+                check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(remedy, how, order))
         if check == "collision":
             self.collide(plan)
-        return plan
-
-    def _plan(self, segments: list[Segment], times: Vector, points: int, through: bool) -> Plan:
-        if through:
-            rows = np.array([self.start, *(segment.end for segment in segments)])
-            whole = Segment(np.concatenate([[0.0], times / times[-1]]), rows, 0.0, "")
-            return Plan(self.robot, joined([whole], times[-1:]), times, points)
-        return Plan(self.robot, joined(segments, times), times, points)
+        return replace(plan, check=check)
 
 
-def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> _Way:
+def _zone(how: How, count: int) -> float:
+    """Return the zone of a move to so many targets [m]; 0 to rest at each."""
+    zone = zone_size(how.get("zone", "fine"))
+    if zone and count < 2:
+        told = "with several targets in one call, such as move_l([first, second]): a move rests at its last"
+        raise InvalidParameter("zone", how["zone"], told)
+    if zone and "times" in how:
+        raise InvalidParameter("times", how["times"], "left out with a zone: what is passed has no time of its own")
+    return zone
+
+
+def _grouped(ways: Sequence[Way], zone: float, points: int) -> list[tuple[Way, int]]:
+    """Return what is gone without a rest, and of how many points: each way, or with a zone [m] all as one."""
+    if not zone:
+        return [(way, points) for way in ways]
+    whole = through_zones(ways, zone)
+    enough = min(int(_POINTS_A_ZONE * whole.length / zone), _ENOUGH)  # for a spline that bends in the zones alone
+    return [(whole, max(points * len(ways), enough))]
+
+
+def _line(begin: Vector, end: Vector) -> Way:
+    """Return the straight way between two poses (4, 4)."""
+    length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
+    return Way(partial(poses_between, begin, end), length)
+
+
+def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> Way:
     """Return the way on an arc from a pose (4, 4) through a place (3,) to a pose."""
     arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
-    return lambda parts: stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts)), arc.length
+    return Way(lambda parts: stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts)), arc.length)
 
 
 def _hint(chain: Chain, rows: Vector) -> str:

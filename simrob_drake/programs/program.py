@@ -1,4 +1,4 @@
-"""A program of a legged robot: moves by name, of axes, gaits and pieces, that mean the same on every robot."""
+"""A program of a robot: moves by name, of axes, gaits, tools and pieces, that mean the same on every robot."""
 
 from __future__ import annotations
 
@@ -12,9 +12,14 @@ from pydantic import BeforeValidator, model_validator
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted, shortened
 from simrob_drake.folders import written_at_once
 from simrob_drake.given import instance, path
+from simrob_drake.programs.arm_moves import ARM_KINDS, ArmMove
 from simrob_drake.programs.automatic import Automatic, pace_of
-from simrob_drake.programs.moves import KINDS, AnyMove, JointMove, kind_of
+from simrob_drake.programs.moves import LEG_KINDS, JointMove, LegMove
 from simrob_drake.yaml_files import Strict, read_yaml, validated
+
+AnyMove = LegMove | ArmMove
+KINDS: dict[str, type[AnyMove]] = {**LEG_KINDS, **ARM_KINDS}
+"""By the key that tells them apart."""
 
 
 def _as_usual(given: Any) -> Any:
@@ -25,20 +30,23 @@ class Program(Strict):
     """What a robot is told: moves, and cells for a sequencer. Every change gives a new program.
 
     A move is ``{target_deg, duration}``, ``{walk: {steps, amplitude, gait, ...}}``, ``{act: bow}``, ``{attach: box}``
-    or ``{release: box}``; :mod:`simrob_drake.programs.moves` has all keys.
+    or ``{release: box}``; of an arm also ``{move_l: {targets, wobj, speed, ...}}``, likewise ``move_abs_j``, ``move_j``
+    and ``move_c``, ``{tool: pencil}``, ``{wait: 0.5}`` or ``{together: [...]}``. :mod:`simrob_drake.programs.moves` and
+    :mod:`simrob_drake.programs.arm_moves` have all keys.
     """
 
     description: str = ""
+    """What it is, in a line."""
+    station: str | None = None
+    """Where `simrob run` runs it: a station's name, or a file from where the program lies."""
+    robot: str | None = None
+    """Which robot of that station; needed where there are several. Moves of arms may name others."""
     moves: tuple[AnyMove, ...] = ()
     """One after the other, from where the robot stands at the start."""
     references: tuple[JointMove, ...] = ()
     """Cells (SimRob's ``joint{k}``) that a sequencer goes through, each for as long as it takes."""
     automatic: Annotated[Automatic | None, BeforeValidator(_as_usual)] = None
     """How references are run instead of moves, in the robot's own time: `{tolerance_deg: 3}`, or `true`."""
-    station: str | None = None
-    """Where `simrob run` runs it: a station's name, or a file from where the program lies."""
-    robot: str | None = None
-    """Which robot of that station; needed where there are several."""
 
     @model_validator(mode="after")
     def _something_automatic(self) -> Self:
@@ -102,6 +110,10 @@ class Program(Strict):
         """
         return self.model_copy(update={"automatic": None if given is False else pace_of(given)})
 
+    def on(self, station: str) -> Program:
+        """Return the program with another station that it is to run on."""
+        return self.model_copy(update={"station": station})
+
     def with_reference(self, cell: JointMove) -> Program:
         """Return the program with a cell behind the others."""
         instance(cell, "cell", JointMove, "a JointMove, such as JointMove(target_deg={'waist': 10})")
@@ -114,10 +126,13 @@ class Program(Strict):
             OutputError: it cannot be written; then what was there stays as it was.
         """
         target = path(file, "file")
-        content = {key: value for key, value in self.model_dump(mode="json").items() if value}
-        text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
-        written_at_once(target, text)
+        written_at_once(target, self.text())
         return target
+
+    def text(self) -> str:
+        """Return the program as YAML."""
+        content = {key: value for key, value in self.model_dump(mode="json").items() if value}
+        return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None))
 
     @classmethod
     def load(cls, file: Path | str) -> Program:
@@ -158,7 +173,8 @@ def _check_entry(entry: Any, key: str, where: str) -> None:
     """Check one move or cell of a file by itself, so that messages can name it."""
     if not isinstance(entry, dict):
         raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")
-    kind: type[Strict] | None = JointMove if key == "references" else kind_of(entry)
+    told = JointMove if key == "references" else next((kind for name, kind in KINDS.items() if name in entry), None)
+    kind: type[Strict] | None = told
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
         known = [*KINDS, *JointMove.model_fields]

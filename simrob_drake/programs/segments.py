@@ -1,22 +1,22 @@
-"""The parts of a move, each from rest to rest: postures at parts of its time, enough for a spline to keep the way.
+"""The parts of a move, each from rest to rest: postures at parts of its way, enough for a spline to keep to it.
 
 A Cartesian part is solved at a few points, joined by a spline, and looked at half-way between them; where the tool
 would leave its line or arc, points are put in between until it does not.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from simrob_drake.blocks.references import PEAK, smooth
+from simrob_drake.errors import angle
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import turned_by
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.incremental import IncrementalSolver
 from simrob_drake.kinematics.solver import Solutions, Solver
 from simrob_drake.programs.errors import BrokenPath
-from simrob_drake.programs.trajectories import spline
+from simrob_drake.programs.trajectories import free_spline
+from simrob_drake.programs.zones import Way
 
 PATH_TOLERANCE = 2e-5
 """How far the tool may be from its line or arc between two points [m]."""
@@ -30,12 +30,12 @@ _SHRINKS = 0.8  # a continuous motion between points halves when their number do
 
 @dataclass(frozen=True)
 class Segment:
-    """Postures on the way to one target."""
+    """Postures on the way to one target, or to several that are passed within zones."""
 
-    parts: Vector  # of its time, from 0 to 1, shape (k,)
+    parts: Vector  # of its way, from 0 to 1, shape (k,)
     postures: Vector  # there, shape (k, n) [rad or m]
     length: float  # of the tool's way [m]
-    target: str  # what it leads to, in words
+    passes: Vector  # the parts at which targets are
 
     @property
     def end(self) -> Vector:
@@ -43,40 +43,46 @@ class Segment:
         return np.asarray(self.postures[-1])
 
 
-def joint_segment(chain: Chain, start: Vector, end: Vector, *, points: int, target: str) -> Segment:
+def joint_way(chain: Chain, start: Vector, end: Vector) -> Way:
     """Return the straight way in the space of the joints between two postures (n,)."""
+
+    def course(parts: Vector) -> Vector:
+        return np.asarray(start + parts[:, np.newaxis] * (end - start))
+
+    return Way(course, tool_length(chain, course(np.linspace(0.0, 1.0, _LEAST_POINTS + 1))))
+
+
+def joint_segment(way: Way, *, points: int) -> Segment:
+    """Return the postures of a way in the space of the joints."""
     parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
-    postures = start + smooth(parts)[:, np.newaxis] * (end - start)
-    return Segment(parts, postures, tool_length(chain, postures), target)
+    return Segment(parts, way.course(parts), way.length, way.passes)
 
 
-def pose_segment(
-    solver: Solver, poses: Callable[[Vector], Vector], start: Vector, *, points: int, length: float, target: str
-) -> Segment:
+def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str) -> Segment:
     """Return postures that lead the tool along poses.
 
     Args:
         solver: of the inverse kinematics.
-        poses: the poses (k, 4, 4) of the tool at parts (k,) of the way.
+        way: gives the poses (k, 4, 4) of the tool.
         start: the posture at its beginning, shape (n,).
         points: how many points are solved at least.
-        length: of the way [m].
         target: what it leads to, for messages.
 
     Raises:
-        Unreachable: a point that no posture reaches; the incremental solver may stray on the way, past singular
-            postures, if it comes to the end.
+        Unreachable: a point that no posture reaches; the incremental solver may ``stray`` on the way, past singular
+            postures, as far as it says, if it comes to the end.
         BrokenPath: points that no continuous motion joins.
     """
-    chain, strays = solver.chain, isinstance(solver, IncrementalSolver)
+    chain, poses = solver.chain, way.course
+    stray = solver.stray if isinstance(solver, IncrementalSolver) else 0.0
     count = max(points, _LEAST_POINTS)
-    if strays:  # it follows small turns only
+    if isinstance(solver, IncrementalSolver):  # it follows small turns only
         first, last = poses(np.array([0.0, 1.0]))
-        count = max(count, int(np.ceil(PEAK * turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
+        count = max(count, int(np.ceil(turned_by(first[:3, :3], last[:3, :3]) / _SMALL_TURN)))
     parts = np.linspace(0.0, 1.0, count + 1)
-    targets = poses(smooth(parts))
+    targets = poses(parts)
     solutions = solver.solve(targets[1:], start)
-    if not strays or not solutions.reached[-1]:
+    if not (solutions.reached[-1] and (solutions.position_error <= stray).all()):
         _require(solutions, parts[1:], targets[1:], points, target)
     postures = np.vstack([start, solutions.positions])
     exact = _away(chain, postures, targets) < PATH_TOLERANCE  # else the solver was asked for something else
@@ -86,15 +92,15 @@ def pose_segment(
         if (jump > _JUMP and jump > _SHRINKS * last_jump) or len(parts) > _MOST_POINTS:
             raise _broken(chain, postures, parts, points, target)
         between = (parts[1:] + parts[:-1]) / 2
-        guesses = np.clip(spline(parts, postures)(between), chain.lower, chain.upper)
-        wanted = poses(smooth(between))
+        guesses = np.clip(free_spline(parts, postures)(between), chain.lower, chain.upper)
+        wanted = poses(between)
         if _away(chain, guesses, wanted) < PATH_TOLERANCE:
             break
         solutions = solver.solve(wanted, guesses)
         _require(solutions, between, wanted, points, target)
         order = np.argsort(np.concatenate([parts, between]), kind="stable")
         parts, postures = np.concatenate([parts, between])[order], np.vstack([postures, solutions.positions])[order]
-    return Segment(parts, postures, length, target)
+    return Segment(parts, postures, way.length, way.passes)
 
 
 def tool_length(chain: Chain, postures: Vector) -> float:
@@ -128,4 +134,6 @@ def _broken(chain: Chain, postures: Vector, parts: Vector, points: int, target: 
     jumps = np.abs(np.diff(postures, axis=0))
     row, axis = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
     number, name = named_point(float(parts[row]), points, target)
-    return BrokenPath(name, chain.names[axis], point=number, jump=float(jumps[row, axis]))
+    jump = float(jumps[row, axis])
+    shown = angle(jump) if chain.revolute[axis] else f"{jump:.3g} m"
+    return BrokenPath(name, chain.names[axis], point=number, jump=jump, shown=shown)

@@ -4,14 +4,18 @@ import csv
 import json
 from datetime import datetime
 from pathlib import Path
+from typing import Literal, TypedDict
 
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.beside import done_beside
 from simrob_drake.blocks.references import Samples, hermite_samples
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
+from simrob_drake.results.plots.formats import PlotFormat, plot_format
+from simrob_drake.results.record.events import all_events
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.stations.config import StationConfig
@@ -20,8 +24,19 @@ from simrob_drake.stations.load import station_yaml
 RUNS = Path("runs")
 SUMMARY = "summary.json"
 START = "start.json"
+EVENTS, PROGRAM = "events.csv", "program.yaml"
 _TRAJECTORY_RATE = 1000.0
 """Samples a second [Hz] of a Drake trajectory that is not made of smooth cubics."""
+
+
+class Saved(TypedDict, total=False):
+    """How a result is saved, see :func:`save_result`."""
+
+    force: bool
+    recording: bool
+    video: bool
+    frames: int | Literal["events"] | None
+    plots: PlotFormat
 
 
 def default_folder(station: str) -> Path:
@@ -32,9 +47,19 @@ def default_folder(station: str) -> Path:
 
 
 def save_result(
-    result: RecordedRun, folder: Path, *, force: bool = False, recording: bool = True, video: bool = False
+    result: RecordedRun,
+    folder: Path,
+    *,
+    force: bool = False,
+    recording: bool = True,
+    video: bool = False,
+    frames: int | Literal["events"] | None = None,
+    plots: PlotFormat = "png",
 ) -> Path:
     """Write summary, signals, plots, film strip, recording and the resolved station.
+
+    Of a program that is the station in which it began; ``events.csv`` tells what happened when, and ``program.yaml``,
+    where one can say it, does it all again on that station.
 
     Args:
         result: the run.
@@ -42,37 +67,57 @@ def save_result(
         force: replace a result that is there.
         recording: write ``recording.html`` and ``film_strip.png``.
         video: write ``video.mp4``; needs the extra ``video``.
+        frames: of the strip, as :func:`film_strip` takes them; seven unless given, and of a program one an event.
+        plots: as ``png``, ``svg`` or ``pdf``.
 
     Returns:
         the folder.
 
     Raises:
+        InvalidParameter: fewer than two frames.
         OutputError: the folder cannot be written, or exists.
+        UnknownName: plots of another kind.
     """
-    # matplotlib and Meshcat are loaded where they are needed: most commands do without
-    from simrob_drake.results.animation.pictures import frame_writer, save_film_strip, save_video
+    # what draws is loaded where it is needed: most commands do without
+    from simrob_drake.results.animation.pictures import check_frames, frame_writer, save_film_strip, save_video
     from simrob_drake.results.animation.recording import save_recording
-    from simrob_drake.results.plots.files import save_plots
 
+    shown: int | Literal["events"] = ("events" if result.runs else 7) if frames is None else frames
+    check_frames(shown)
+    plot_format(plots)
     if video:
         frame_writer()
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
         summary = json.dumps(summary_of(result), indent=2, ensure_ascii=False)
         (work / SUMMARY).write_text(summary + "\n", encoding="utf-8")
         write_table(work / "signals.csv", result.names, result.times, result.values)
+        if result.runs:
+            _write_program(result, work)
         config = with_tables(result, work)
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
             config = config.model_copy(update={"start": Path(START)})
         (work / "station.yaml").write_text(station_yaml(config), encoding="utf-8")
-        (work / "plots").mkdir()
-        save_plots(result, work / "plots")
-        if recording:
-            save_recording(result, work / "recording.html")
-            save_film_strip(result, work / "film_strip.png")
-        if video:
-            save_video(result, work / "video.mp4")
+        with done_beside(lambda: _save_plots(result, work / "plots", plots)):
+            if recording:
+                save_recording(result, work / "recording.html")
+                save_film_strip(result, work / "film_strip.png", frames=shown)
+            if video:
+                save_video(result, work / "video.mp4")
     return folder
+
+
+def _save_plots(result: RecordedRun, folder: Path, kind: PlotFormat) -> None:
+    from simrob_drake.results.plots.files import save_plots  # which loads matplotlib
+
+    save_plots(result, folder, kind)
+
+
+def _write_program(result: RecordedRun, folder: Path) -> None:
+    with (folder / EVENTS).open("w", newline="", encoding="utf-8") as lines:
+        csv.writer(lines).writerows([(TIME_COLUMN, "event"), *all_events(result)])
+    if result.program:
+        (folder / PROGRAM).write_text(result.program, encoding="utf-8")
 
 
 def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> None:
@@ -85,11 +130,11 @@ def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> 
 
 def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     """Write the references that are no part of the configuration as tables, and return one that names them."""
-    config = result.config
+    config = (result.begun or result.config).model_copy(update={"duration": result.config.duration})
     for robot in config.robots:
         reference, given = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes
-        way = _way_through_samples(config)
+        way: Interpolation = "cubic" if config.follows_speed(robot) else "linear"  # as simulate() joins samples
         if isinstance(given, Trajectory):
             way, samples = "hermite", _rows_of(given, config.duration)
         elif given is not None:
@@ -104,11 +149,6 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
         write_table(folder / file, columns, times, values)
         config = _with_reference(config, robot, Table(kind="table", file=file, interpolation=way))
     return config
-
-
-def _way_through_samples(config: StationConfig) -> Interpolation:
-    """Return how samples that simulate() is given are joined: smoothly where their derivatives are needed."""
-    return "linear" if config.mode == "dynamic" and "reference_velocity" not in config.inputs else "cubic"
 
 
 def _rows_of(reference: Trajectory, duration: float) -> Samples:

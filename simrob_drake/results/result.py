@@ -5,13 +5,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from simrob_drake.errors import shortened
+from simrob_drake.errors import InvalidParameter, shortened
 from simrob_drake.given import path, truth
 from simrob_drake.results.files import default_folder, save_result
+from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
 
@@ -27,13 +28,12 @@ def table_of(result: RecordedRun) -> list[list[str]]:
     for robot in result.plant.robots.values():
         for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
             reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))
-            ends = [f"{values[-1] / robot.model.user_units[index]:.3f}" for values in (reference, position)]
+            ends = [f"{values[-1] / robot.model.user_units[index]:z.3f}" for values in (reference, position)]
             unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
             peak = torque[np.argmax(np.abs(torque))]
             shown_limit = "–" if kinematic else f"{limit:g}"
-            table.append(
-                [f"{robot.prefix}{axis}", *ends, unit, f"{torque[-1]:.3f}", f"{peak:.3f}", shown_limit, effort]
-            )
+            efforts = f"{torque[-1]:z.3f}", f"{peak:z.3f}", shown_limit, effort
+            table.append([f"{robot.prefix}{axis}", *ends, unit, *efforts])
     return table
 
 
@@ -65,7 +65,7 @@ class SimulationResult(RecordedRun):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: these lines, a film strip and where all ended."""
-        from simrob_drake.results.animation.pictures import film_strip  # which loads matplotlib
+        from simrob_drake.results.animation.pictures import film_strip  # which takes its time to load
 
         strip = b64encode(film_strip(self)).decode()
         head, *rows = table_of(self)
@@ -76,7 +76,14 @@ class SimulationResult(RecordedRun):
         )
 
     def save(
-        self, folder: Path | str | None = None, *, force: bool = False, recording: bool = True, video: bool = False
+        self,
+        folder: Path | str | None = None,
+        *,
+        force: bool = False,
+        recording: bool = True,
+        video: bool = False,
+        frames: int | Literal["events"] | None = None,
+        plots: PlotFormat = "png",
     ) -> Path:
         """Write the result to a folder, ``runs/<station>-<time>`` unless given, and return it.
 
@@ -84,7 +91,29 @@ class SimulationResult(RecordedRun):
         """
         target = default_folder(self.config.name) if folder is None else path(folder, "folder")
         kinds = {"force": force, "recording": recording, "video": video}
-        return save_result(self, target, **{name: truth(value, name) for name, value in kinds.items()})
+        kept = {name: truth(value, name) for name, value in kinds.items()}
+        return save_result(self, target, frames=frames, plots=plots, **kept)
+
+    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
+        """Write the motion as a film, and return its file.
+
+        Args:
+            file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
+            frames: of a strip: how many, or one for each of its ``events``.
+
+        Raises:
+            InvalidParameter: another kind of file, or fewer than two frames.
+            OutputError: the file cannot be written.
+        """
+        from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which take long to load
+        from simrob_drake.results.animation.recording import save_recording
+
+        target = path(file, "file")
+        if target.suffix == ".png":
+            return save_film_strip(self, target, frames=frames)
+        if target.suffix not in (".html", ".mp4"):
+            raise InvalidParameter("file", target.name, "one that ends in .html, .png, .mp4")
+        return (save_recording if target.suffix == ".html" else save_video)(self, target)
 
     def summary(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds."""

@@ -108,10 +108,15 @@ class AxisMap:
         return matrix
 
     def actuation_matrix(self, plant: MultibodyPlant, instance: ModelInstanceIndex) -> Vector:
-        """Return the matrix (nu, n) from efforts of the axes to the actuators of a model instance of the plant."""
+        """Return the matrix (nu, n) from efforts of the axes to the actuators of a model instance of the plant.
+
+        A joint's first actuator is its motor; others, such as its friction, take nothing.
+        """
         actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)]
-        columns = [actuator.input_start() for actuator in actuators]
-        return np.asarray((self.velocity_matrix @ plant.MakeActuationMatrix()[:, columns]).T)
+        matrix = (self.velocity_matrix @ plant.MakeActuationMatrix()[:, [a.input_start() for a in actuators]]).T
+        joints = [actuator.joint().index() for actuator in actuators]
+        matrix[[row for row, joint in enumerate(joints) if joint in joints[:row]]] = 0.0
+        return np.asarray(matrix)
 
     def _matrix(self, places: np.ndarray[tuple[int], np.dtype[np.intp]], columns: int) -> Vector:
         matrix = np.zeros((len(places), columns))

@@ -15,19 +15,27 @@ from pydantic import BeforeValidator, Field, model_validator
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.paths import models_root
+from simrob_drake.robots.axis_values import AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table
 from simrob_drake.robots.dh_urdf import dh_robot
+from simrob_drake.robots.drives import Drives, joint_friction, set_drives
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.units import PRISMATIC, REVOLUTE, AxisUnit
-from simrob_drake.robots.urdf import joint_effort, joint_limits, movable_joints, name_of, read_urdf, root_link
+from simrob_drake.robots.urdf import (
+    joint_acceleration,
+    joint_effort,
+    joint_limits,
+    joint_speed,
+    movable_joints,
+    name_of,
+    read_urdf,
+    root_link,
+)
 from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.yaml_files import FileName, Number, Strict, is_file_name, read_yaml, validated
+from simrob_drake.yaml_files import FileName, Strict, is_file_name, read_yaml, validated
 
 ROBOT_FILE = "robot.yaml"
-
-AxisValues = Number | list[Number] | dict[str, Number]
-"""One number for all axes, a list in axis order, or a mapping by axis name or alias."""
 
 
 class Axis(Strict):
@@ -94,6 +102,11 @@ class RobotModel(Strict):
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
     """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
+    drives: Drives = Drives()
+    """Its motors, gears and friction, which a station may change."""
+    acceleration_deg: PositiveAxisValues | None = None
+    """Largest acceleration of its axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
+    unless given, and without these none."""
     servo: Gains = Gains()
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
@@ -110,6 +123,12 @@ class RobotModel(Strict):
             raise ValueError("a robot has either a urdf or a dh table")
         return self
 
+    def __repr__(self) -> str:
+        """Say in one line which robot it is."""
+        return f"<RobotModel {self.name}: {len(self.axes)} axes, {self.base} base; {self.description}>"
+
+    __str__ = __repr__
+
     @property
     def urdf_path(self) -> Path:
         """The URDF file, or the description where that holds a table."""
@@ -124,7 +143,29 @@ class RobotModel(Strict):
         """
         root = read_urdf(self.urdf_path) if self.dh is None else dh_robot(self.name, self.dh)
         check_urdf(root, self.urdf_path)
+        joints = [axis.joint for axis in self.axes.values()]
+        for key in ("rotor_inertia", "gear_ratio", "damping", "friction"):
+            if (values := getattr(self.drives, key)) is not None:
+                set_drives(root, key, self._by_joint(joints, values, f"drives.{key}"))
         return root
+
+    def _by_joint(self, joints: list[str], values: AxisValues, key: str) -> dict[str, float]:
+        """Return values by joint, of those axes for which they are given."""
+        vector = self.axis_vector(values, key, np.nan)
+        return {joint: value for joint, value in zip(joints, vector.tolist(), strict=True) if np.isfinite(value)}
+
+    def with_drives(self, drives: Drives) -> RobotModel:
+        """Return the robot with other figures of its drives, as far as they are given."""
+        changes = drives.model_dump(exclude_unset=True)
+        for key, values in changes.items():
+            own = getattr(self.drives, key)
+            if isinstance(values, dict) and own is not None:
+                before = self.axis_vector(own, f"drives.{key}", np.nan)
+                vector = self.axis_vector(values, f"drives.{key}", before)
+                changes[key] = {
+                    axis: value for axis, value in zip(self.axes, vector.tolist(), strict=True) if np.isfinite(value)
+                }
+        return RobotModel.model_validate({**dict(self), "drives": self.drives.model_copy(update=changes)})
 
     @property
     def links(self) -> list[str]:
@@ -165,6 +206,29 @@ class RobotModel(Strict):
     def efforts(self) -> Vector:
         """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
         return np.array([joint_effort(joint) for joint in self.joints])
+
+    @property
+    def friction(self) -> Vector:
+        """Coulomb friction of every axis, shape (n,) [N·m or N]."""
+        return np.array([joint_friction(joint) for joint in self.joints])
+
+    @property
+    def play(self) -> Vector:
+        """How far every axis' link is free against its motor, shape (n,) [rad or m]."""
+        return self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
+
+    @property
+    def speed_limits(self) -> Vector:
+        """Largest speed of every axis in the URDF, shape (n,) [rad/s or m/s]; infinite where none is told."""
+        return np.array([joint_speed(joint) for joint in self.joints])
+
+    @property
+    def accelerations(self) -> Vector:
+        """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite where none is told."""
+        own = np.array([joint_acceleration(joint) for joint in self.joints])
+        if self.acceleration_deg is None:
+            return own
+        return self.user_units * self.axis_vector(self.acceleration_deg, "acceleration_deg", own / self.user_units)
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:

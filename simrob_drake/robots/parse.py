@@ -13,9 +13,10 @@ import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, Frame, Joint, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import AxisMap
@@ -45,6 +46,8 @@ def add_urdf(
     for actuator in reduced.iterfind("transmission/actuator"):
         for gear in actuator.findall("mechanicalReduction"):  # Drake does not heed it, and says so of each
             actuator.remove(gear)
+    for dynamics in reduced.iterfind("joint/dynamics"):
+        dynamics.attrib.pop("friction", None)  # nor this, which RobotModel.friction tells
     merge_fixed_links(reduced)
     parser = Parser(plant, model_name_prefix=name)
     try:
@@ -52,6 +55,24 @@ def add_urdf(
     except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
         said = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
         raise InvalidModel(where, "", f"Drake cannot read it: {said}") from problem
+
+
+def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[MultibodyPlant, Frame]:
+    """Return a plant of a robot alone, and its root, which stands at the world's origin.
+
+    It has no shapes, so no mesh is looked for. ``element`` is its URDF with what it carries; its own unless given.
+
+    Raises:
+        InvalidModel: a URDF that Drake cannot read.
+    """
+    plant = MultibodyPlant(0.0)
+    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+    robot = model.element if element is None else element
+    add_urdf(plant, robot, name=model.name, where=model.urdf_path, collision=False)
+    root = plant.GetFrameByName(model.root)
+    plant.WeldFrames(plant.world_frame(), root)
+    plant.Finalize()
+    return plant, root
 
 
 @dataclass(frozen=True)

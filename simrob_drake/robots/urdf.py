@@ -74,6 +74,21 @@ def joint_effort(joint: ET.Element) -> float:
     return 0.0 if limit is None else float(limit.get("effort", 0.0))
 
 
+def joint_speed(joint: ET.Element) -> float:
+    """Return the largest speed of a joint [rad/s or m/s]; infinite where the URDF gives none, or zero."""
+    return _motion_limit(joint, "velocity")
+
+
+def joint_acceleration(joint: ET.Element) -> float:
+    """Return the largest acceleration of a joint [rad/s² or m/s²], which Drake's URDFs tell; else infinite."""
+    return _motion_limit(joint, f"{DRAKE}acceleration")
+
+
+def _motion_limit(joint: ET.Element, key: str) -> float:
+    limit = joint.find("limit")
+    return float(limit.get(key, 0.0) if limit is not None else 0.0) or math.inf
+
+
 def root_link(root: ET.Element) -> str:
     """Return the link that is no joint's child."""
     children = {link_of(j, "child") for j in root.iterfind("joint")}

@@ -91,6 +91,10 @@ class Runner:
         self._station = resolve(self.config.model_copy(update={"inputs": (*self.config.inputs, *needed)}))
         self._diagrams: dict[Any, StationDiagrams] = {}
 
+    def __repr__(self) -> str:
+        """Say in one line what it runs."""
+        return f"<Runner of {self.config!r}>"
+
     @drake_asserts()
     def run(
         self,

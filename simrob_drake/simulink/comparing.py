@@ -21,7 +21,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 TIMES = ("time", "tout", "t")
 """What the column of times may be called."""
@@ -154,20 +154,18 @@ def save_differences(differences: list[Difference], folder: Path, *, force: bool
         rows = [f"{found.signal},{found.largest:.9g},{found.at:.9g},{found.rms:.9g}\n" for found in differences]
         (work / NUMBERS).write_text("".join(["signal,largest,at,rms\n", *rows]), encoding="utf-8")
         for found in differences:
-            _picture(found).savefig(work / f"{found.signal}.png", dpi=110)
+            _save_picture(found, work / f"{found.signal}.png")
 
 
-def _picture(found: Difference) -> Figure:
-    from matplotlib.figure import Figure
+def _save_picture(found: Difference, file: Path) -> None:
+    from simrob_drake.results.plots.grid import RED  # which loads matplotlib
+    from simrob_drake.results.plots.own import panels, save_figure
 
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    figure, ((upper,), (lower,)) = panels(found.signal, 2, size=(8, 5), sharex=True, height_ratios=(2, 1))
     upper.plot(found.times, found.logged, label="logged")
     upper.plot(found.times, found.ours, "--", label="ours")
-    upper.set_title(found.signal)
-    upper.legend()
-    lower.plot(found.times, found.ours - found.logged, color="tab:red")
+    lower.plot(found.times, found.ours - found.logged, color=RED)
     upper.set_ylabel(f"{found.signal} [{found.unit}]")
     lower.set_ylabel(f"ours - logged [{found.unit}]")
     lower.set_xlabel("time [s]")
-    return figure
+    save_figure(figure, file)

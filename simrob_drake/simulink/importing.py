@@ -39,7 +39,7 @@ def import_simulink(path: Path, folder: Path, *, force: bool = False, **options:
     """Write the robots, pieces and station of a model into a folder, with a report.
 
     Args:
-        path: `.slx` or `.mdl`.
+        path: `.slx` or `.mdl`, or the `.xml` of a CAD assembly.
         folder: where to; it appears at once, when everything is in it.
         force: replace an import that is there.
         options: of :func:`~simrob_drake.simulink.simulink_model.read_simulink`.

@@ -9,8 +9,9 @@ import numpy as np
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
 from simrob_drake.importer.report import ImportReport
+from simrob_drake.simulink.cad.model import read_cad_model
 from simrob_drake.simulink.mechanics.bodies import Bodies, Body, read_bodies
-from simrob_drake.simulink.mechanics.closures import can_close, close
+from simrob_drake.simulink.mechanics.closures import can_close, close, cuttable
 from simrob_drake.simulink.mechanics.contacts import Contact, read_contacts
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
@@ -82,7 +83,7 @@ def read_simulink(
     """Read a model.
 
     Args:
-        path: `.slx` or `.mdl`.
+        path: `.slx` or `.mdl`, or the `.xml` of a CAD assembly.
         libraries: folders where libraries and referenced subsystems lie, beside the model's own.
         meshes: likewise for mesh files.
         variables: of the MATLAB workspace, by name.
@@ -94,12 +95,14 @@ def read_simulink(
     """
     report = ImportReport(path)
     findings = Findings(report, assume=assume)
-    model = read_model(path)
+    model = read_cad_model(path) if path.suffix.lower() == ".xml" else read_model(path)
+    for note in model.notes:
+        report.add(*note)
     runner = find_octave() if octave else None
     expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings, runner)
     network = Network(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
-    world, trees = grow(bodies)
+    world, trees = grow(bodies, cuttable)
     _close_loops(trees)
     contacts = read_contacts(network)
     joints = [link.joint for link in bodies.links]
@@ -184,9 +187,7 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     for node in expanded.nodes:
         if node.block.commented != "off":
             continue
-        if node.kind == "Transform Sensor":
-            report.add("read", node.path, "Transform Sensor: see base.*, tcp.* and the tool frames of the signals")
-        elif node.kind == "External Force and Torque":
+        if node.kind == "External Force and Torque":
             report.add(
                 "read",
                 node.path,

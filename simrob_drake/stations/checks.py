@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 
 from simrob_drake.blocks.references import Course
+from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.signals import Signal
@@ -22,6 +23,9 @@ _TOUCH = 1e-4
 _DROP = 2e-3
 """A robot that starts higher over the floor than this drops on it [m]."""
 
+_FASTER = 1.001
+"""A speed by straight lines between looks counts as beyond a limit from this part of it on."""
+
 _DEEP = 1e-3  # m: things that rest on each other are less deep in each other
 
 
@@ -36,6 +40,8 @@ def check_station(config: StationConfig) -> list[Finding]:
     for name, course in closed.courses.items():
         check_course(ports.plant.robots[name], course, config.duration)
     findings = [Finding("ok", "references", "all within the joint limits")]
+    for name, course in closed.courses.items():
+        findings += _speed_findings(ports.plant.robots[name], course, config.duration)
     for robot in ports.plant.robots.values():
         findings += _import_findings(config, robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
@@ -73,14 +79,33 @@ def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding
     return [Finding("ok", f"import of {urdf.name}", text)]
 
 
+def _speed_findings(robot: StationRobot, course: Course, duration: float) -> list[Finding]:
+    """Name the axes that a reference asks for more speed than they have."""
+    times, positions = course_samples(course, duration)
+    speeds, limits = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1], robot.model.speed_limits
+    findings = []
+    for axis in np.flatnonzero(speeds > _FASTER * limits):
+        unit, name = robot.model.user_units[axis], f"{robot.model.unit_names[axis]}/s"
+        text = f"{robot.prefix}{robot.axes[axis]} is asked for {speeds[axis] / unit:.4g} {name}"
+        text += f", its limit is {limits[axis] / unit:.4g} {name}; give it more time"
+        findings.append(Finding("warning", "references", text))
+    return findings
+
+
 def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course | None) -> list[Finding]:
     if course is None:
         return [Finding("ok", f"torque of {robot.prefix}", "not known: a controller says where the robot goes")]
-    _, positions = course_samples(course, ports.config.duration)
-    torques = np.array(
-        [holding_torque(ports.plant, robot, position) for position in positions[:: len(positions) // 50]]
+    positions = course_samples(course, ports.config.duration)[1]
+    positions = positions[:: len(positions) // 50]
+    dynamics = Dynamics(
+        robot.model,
+        ports.plant.plant,
+        robot.joints,
+        tool=robot.tools.get(robot.tcp),
+        torque_limit=robot.gains.torque_limit,
     )
-    findings = []
+    torques = dynamics.gravity(positions)
+    findings, servo = [], ports.config.servo_of(robot.name)
     for axis, name in enumerate(robot.axes):
         torque, limit, kp = torques[:, axis], robot.gains.torque_limit[axis], robot.gains.kp[axis]
         unit = robot.model.units[axis]
@@ -95,8 +120,17 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course |
             text += f", at most {worst:.2f} {effort}, and the limit is {limit:g} {effort}: the joint will not hold; "
             findings.append(Finding("warning", subject, f"{text}raise servo.torque_limit or lighten the load"))
             continue
+        modelled = servo.feedforward != "none" or servo.law == "computed_torque"
         sag = f"; it sags by {abs(torque[-1]) / kp / unit.size:.3g} {unit.name} there" if kp > 0 else ""
+        sag = "; the servo's model holds it without sagging" if modelled else sag
         findings.append(Finding("ok", subject, f"{text}; the limit is {limit:g} {effort}{sag}"))
+    masses = dynamics.payload(positions).min(axis=0) if robot.tcp else np.array([np.inf])
+    if np.isfinite(masses.min()):
+        weakest = robot.axes[int(np.argmin(masses))]
+        text = (
+            f"at rest along the reference it holds {masses.min():.3g} kg more at {robot.tcp}, by the motor of {weakest}"
+        )
+        findings.append(Finding("ok", f"payload of {robot.name}", text))
     return findings
 
 

@@ -144,7 +144,7 @@ def station_courses(
         if wanted is None:
             course: Course = station.config.reference_of(robot.name).course(robot, start)
         else:
-            linear = station.mode == "dynamic" and "reference_velocity" not in station.config.inputs
+            linear = not station.config.follows_speed(robot.name)
             course = _through(wanted, robot, linear=linear) if isinstance(wanted, tuple) else wanted
         if isinstance(course, Trajectory) and course.rows() != len(robot.axes):
             expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"

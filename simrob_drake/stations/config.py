@@ -6,11 +6,11 @@ slides. A value "per axis" is one number for all axes, a list in axis order, or 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from simrob_drake.blocks.servo import LARGEST_GAIN
 from simrob_drake.constants import STANDARD_GRAVITY
@@ -23,7 +23,8 @@ from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.quantities import FASTEST_RATE, ORIGIN, Colour, Duration, Inertia, NotNegative, Pose, Positive, Triple
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.axis_values import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
+from simrob_drake.robots.drives import Drives
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
@@ -31,26 +32,19 @@ from simrob_drake.yaml_files import FileName, Number, Strict
 
 Input = Literal["feedforward", "reference_velocity", "external_force", "external_torque"]
 Realization = Literal["per_joint", "vector", "implicit"]
+Law = Literal["pid", "cascade", "computed_torque"]
+Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
 MOST_STEPS = 10_000_000
 """Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 
 
-def _every(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
-    """Check every number of values per axis."""
-
-    def checked(values: AxisValues) -> AxisValues:
-        listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
-        if not all(map(accepts, listed)):
-            raise ValueError(meaning)
-        return values
-
-    return AfterValidator(checked)
-
-
-_Gain = Annotated[AxisValues, _every(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")]
-_Limit = Annotated[AxisValues, _every(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
+_Gain = Annotated[
+    AxisValues, every_axis(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")
+]
+_Limit = Annotated[AxisValues, every_axis(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
+_Speed = Annotated[AxisValues, every_axis(lambda value: value > 0, "a speed limit must be positive [rad/s or m/s]")]
 
 
 class _Section(Strict):
@@ -74,24 +68,60 @@ class ServoConfig(_Section):
 
     realization: Realization = "per_joint"
     """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
+    law: Law = "pid"
+    """PID; a cascade, whose position loop asks a velocity loop within it for at most speed_limit; or computed torque:
+    by the arm's model kp and kd are the same for every joint and in every posture."""
+    feedforward: Feedforward = "none"
+    """What the model of the robot and all that it carries adds for the motion that is asked for: the torque against
+    gravity, or all that it takes; then the derivative acts on the error of the speed, too."""
     kp: _Gain | None = None
-    """Proportional gain, per axis [N·m/rad, or N/m where it slides]."""
+    """Proportional gain, per axis [N·m/rad, or N/m where it slides; 1/s² of a computed torque]."""
     ki: _Gain | None = None
     """Integral gain, per axis [N·m/(rad·s) or N/(m·s)]; 0 leaves the integrators out."""
     kd: _Gain | None = None
-    """Derivative gain, per axis [N·m·s/rad or N·s/m]."""
+    """Derivative gain, per axis [N·m·s/rad or N·s/m; 1/s of a computed torque]."""
     torque_limit: _Limit | None = None
     """Saturation, per axis [N·m or N]; the URDF's effort unless given."""
     integral_limit: _Limit | None = None
     """What the integral part may reach, per axis [N·m or N]; torque_limit unless given."""
+    speed_limit: _Speed | None = None
+    """What the position loop of a cascade may ask for, per axis [rad/s or m/s]; the URDF's speed unless given."""
     admittance_gain: Annotated[NotNegative, Field(le=LARGEST_GAIN)] = 0.0
     """How fast the servo gives in to forces that the arm's model does not explain [1/s]: hand guiding. 0: never."""
 
+    @property
+    def follows_motion(self) -> bool:
+        """Whether speed and acceleration that are asked for count, too."""
+        return self.law == "computed_torque" or self.feedforward == "inverse_dynamics"
+
     @model_validator(mode="after")
-    def _torque_is_known(self) -> ServoConfig:
+    def _fits_together(self) -> ServoConfig:
         if self.admittance_gain > 0 and self.realization == "implicit":
             raise ValueError("admittance_gain needs realization per_joint or vector: implicit hides the servo's torque")
+        if self.law != "pid" and self.realization == "implicit":
+            raise ValueError(f"law {self.law} needs realization per_joint or vector: actuators know the law pid alone")
+        if self.law != "pid" and self.admittance_gain > 0:
+            raise ValueError("admittance_gain goes with law pid")
+        if self.speed_limit is not None and self.law != "cascade":
+            raise ValueError("speed_limit goes with law cascade")
+        if self.law == "computed_torque":
+            if self.feedforward != "none":
+                raise ValueError("law computed_torque is the whole torque of the model: leave feedforward out")
+            if self.kp is None or self.kd is None:
+                raise ValueError("law computed_torque needs kp [1/s²] and kd [1/s], such as 400 and 40")
         return self
+
+
+class JointStops(Strict):
+    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints.
+
+    Axes that slide have stops of the same figures, in N/m and N·s/m, unless they are given their own.
+    """
+
+    stiffness: PositiveAxisValues = 5.73e5
+    """Spring of a stop, per axis [N·m/rad or N/m]; 1e4 N·m/deg."""
+    damping: NotNegativeAxisValues = 573.0
+    """Damper of a stop, per axis [N·m·s/rad or N·s/m]; 10 N·m·s/deg."""
 
 
 class RobotConfig(_Section):
@@ -118,10 +148,14 @@ class RobotConfig(_Section):
     """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
     feet: str | None = None
     """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
+    drives: Drives | None = None
+    """Motors, gears and friction; what is not given is as the robot's own file says."""
     servo: ServoConfig | None = None
     """This robot's servos, in place of the station's."""
     reference: ReferenceConfig | None = None
     """This robot's reference, in place of the station's."""
+    joint_stops: JointStops | None = None
+    """This robot's end stops, in place of the station's."""
 
     @model_validator(mode="after")
     def _one_origin(self) -> RobotConfig:
@@ -197,18 +231,6 @@ class FloorConfig(Strict):
     """A field of uneven ground on it; it is even unless given."""
 
 
-class JointStops(Strict):
-    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints.
-
-    Axes that slide have stops of the same figures, in N/m and N·s/m.
-    """
-
-    stiffness: Positive = 5.73e5
-    """Spring of a stop [N·m/rad or N/m]; 1e4 N·m/deg."""
-    damping: NotNegative = 573.0
-    """Damper of a stop [N·m·s/rad or N·s/m]; 10 N·m·s/deg."""
-
-
 class StationConfig(_Section):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
 
@@ -258,6 +280,14 @@ class StationConfig(_Section):
     sample_rate: Positive = Field(default=100.0, le=FASTEST_RATE)
     """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
 
+    def __repr__(self) -> str:
+        """Say in one line what stands in it; :func:`~simrob_drake.stations.load.station_yaml` tells all."""
+        robots = ", ".join(f"{name} ({robot.model or robot.urdf})" for name, robot in self.robots.items())
+        pieces = f", pieces {', '.join(self.pieces)}" if self.pieces else ""
+        return f"<StationConfig {self.name}, {self.mode}, {self.duration:g} s: {robots or 'no robot'}{pieces}>"
+
+    __str__ = __repr__
+
     @model_validator(mode="after")
     def _can_be_computed(self) -> StationConfig:
         check_effort(self)
@@ -289,9 +319,18 @@ class StationConfig(_Section):
         """Return a robot's own servo section, or the station's."""
         return self.robots[robot].servo or self.servo
 
+    def follows_speed(self, robot: str) -> bool:
+        """Tell whether a robot is given the speed that it is asked for, so that samples are joined smoothly."""
+        given = self.mode == "kinematic" or "reference_velocity" in self.inputs
+        return given or self.servo_of(robot).follows_motion
+
     def reference_of(self, robot: str) -> ReferenceConfig:
         """Return a robot's own reference section, or the station's."""
         return self.robots[robot].reference or self.reference
+
+    def stops_of(self, robot: str) -> JointStops:
+        """Return a robot's own joint stops, or the station's."""
+        return self.robots[robot].joint_stops or self.joint_stops
 
 
 def check_effort(config: StationConfig) -> None:

@@ -1,8 +1,13 @@
 """What the blocks of robots say in a station's picture: plant, servos, joint stops."""
 
+import numpy as np
+
 from simrob_drake.parts.captions import MANY, figures, limits_told, short, wrapped
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.ports import StationPorts
+
+_PARTS = "pd", "position_loop", "speed_limit", "velocity_loop", "saturation", "integrator", "integral_clip"
+"""What a servo may be made of."""
 
 
 def draw_plant(ports: StationPorts) -> None:
@@ -17,16 +22,16 @@ def draw_plant(ports: StationPorts) -> None:
         servos = [line for robot in robots for line in _actuators_text(ports, robot)]
         inside = ["", "PD in its actuators:", *servos] if servos else []
         ports.draw("plant", "robot", "\n".join(["Plant", *told, *pieces, *inside]))
-        if not config.solver.holds_joint_limits:
+        if robots and not config.solver.holds_joint_limits:
             _draw_stops(ports, robots)
     ports.draw("scene_graph", "scene", "Scene graph\nall geometry")
 
 
 def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
     """Draw servos as they are made: a row for each joint, or one for all; of many the middle ones share a block."""
-    axes, prefix, efforts = robot.axes, robot.prefix, robot.model.effort_units
+    axes, prefix = robot.axes, robot.prefix
     if ports.config.solver.scheme == "cenic":  # one block saturates for all
-        ports.draw(f"{prefix}torque", "servo", f"Saturation\n{limits_told(robot.gains.torque_limit, efforts)}", robot)
+        _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
     if not per_joint:
         _draw_servo(ports, robot, "servo", list(range(len(axes))), f"{len(axes)} joints")
         return
@@ -34,10 +39,24 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
     for index, axis in enumerate(axes):
         if axis in between:
             label = f"⋮\n{len(between)} joints,\n{between[0]} to {between[-1]}"
-            for part in ("pd", "saturation", "integrator", "integral_clip"):
+            for part in _PARTS:
                 ports.draw(f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more")
         else:
             _draw_servo(ports, robot, axis, [index], axis)
+
+
+def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
+    """Draw what the model foretells of the motion that robots are asked for: one block for all of them."""
+    kinds = dict.fromkeys(ports.config.servo_of(robot).feedforward.replace("_", " ") for robot in robots)
+    whose = wrapped(f"of {', '.join(robots)}") if len(ports.plant.robots) > 1 else "of what is asked for"
+    ports.draw("model_feedforward", "servo", "\n".join([f"Feedforward: {', '.join(kinds)}", whose]))
+
+
+def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
+    """Draw the law that goes through the model, and what saturates its torques."""
+    gains, name = robot.gains, f"{robot.prefix}computed_torque"
+    ports.draw(name, "servo", f"Computed torque\nkp {figures(gains.kp)} 1/s²\nkd {figures(gains.kd)} 1/s", robot)
+    _draw_saturation(ports, f"{robot.prefix}torque", list(range(len(robot.axes))), robot)
 
 
 def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
@@ -49,20 +68,31 @@ def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: lis
 
 
 def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
-    gains, units = robot.gains, [robot.model.effort_units[index] for index in group]
-    name = f"{robot.prefix}{row}"
-    ports.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {figures(gains.kp[group])}, kd {figures(gains.kd[group])}", robot)
-    ports.draw(f"{name}.saturation", "servo", f"Saturation\n{limits_told(gains.torque_limit[group], units)}", robot)
+    gains, name, units = robot.gains, f"{robot.prefix}{row}", [robot.model.units[index].si for index in group]
+    kp, kd = gains.kp[group], gains.kd[group]
+    if gains.speed_limit is not None:
+        limit = limits_told(gains.speed_limit[group], [f"{unit}/s" for unit in units])
+        ports.draw(f"{name}.position_loop", "servo", f"{who}: P\n{figures(kp / kd)} 1/s", robot)
+        ports.draw(f"{name}.speed_limit", "servo", f"Speed\n{limit}", robot)
+        ports.draw(f"{name}.velocity_loop", "servo", f"{who}: velocity\n{figures(kd)}", robot)
+        ports.draw_nothing(f"{name}.speed")
+    ports.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {figures(kp)}, kd {figures(kd)}", robot)
+    _draw_saturation(ports, f"{name}.saturation", group, robot)
     if (gains.ki[group] > 0).any():
         draw_integral(ports, robot, row, group, who)
 
 
+def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+    limit = limits_told(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
+    ports.draw(name, "servo", f"Saturation\n{limit}", robot)
+
+
 def _draw_stops(ports: StationPorts, robots: list[StationRobot]) -> None:
-    stops = ports.config.joint_stops
+    stiffness, damping = (figures(np.concatenate(values)) for values in zip(*(r.stops for r in robots), strict=True))
     units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
     springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
     dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
-    ports.draw("stops", "robot", f"Joint stops\n{stops.stiffness:g} {springs}\n{stops.damping:g} {dampers}")
+    ports.draw("stops", "robot", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
 
 
 def _robot_text(robot: StationRobot) -> str:

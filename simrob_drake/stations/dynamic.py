@@ -1,40 +1,67 @@
 """Wire a dynamic station: every robot is moved by the torques of its servos."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Demultiplexer
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
-from simrob_drake.blocks.admittance import add_admittance, add_model_torque
+from simrob_drake.blocks.admittance import add_admittance
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.joint_stops import add_joint_stops
+from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforward, add_model_torque
 from simrob_drake.blocks.servo import ServoSignals, add_saturation, add_servos
-from simrob_drake.blocks.wiring import joined, mapped, summed
+from simrob_drake.blocks.wiring import fed, joined, mapped, summed
+from simrob_drake.frames import Vector
 from simrob_drake.parts.site import FromState, Site, StationRobot
-from simrob_drake.signals import Role, Signal
-from simrob_drake.stations.drawing import draw_integral, draw_servos
+from simrob_drake.signals import Role, Signal, applied_signal
+from simrob_drake.stations.config import JointStops
+from simrob_drake.stations.drawing import draw_computed_torque, draw_feedforward, draw_integral, draw_servos
+from simrob_drake.stations.friction import wire_friction, with_friction
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.solver_config import DiscreteSolver
+
+_DERIVATIVES = "reference_velocity", "reference_acceleration"
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add inputs, state, servos and joint stops for every robot of a plant that stands in the diagram."""
-    config = ports.config
-    for robot in ports.plant.robots.values():
-        signals = _add_signals(builder, ports, robot)
-        _add_servos(builder, ports, robot, signals)
+    """Add inputs, state, servos, friction and joint stops for every robot of a plant that stands in the diagram."""
+    config, robots = ports.config, ports.plant.robots
+    asked = _with_feedforward(builder, ports, {name: _add_signals(builder, ports, robots[name]) for name in robots})
+    for robot in robots.values():
+        _add_servos(builder, ports, robot, asked[robot.name])
         for external in ("external_force", "external_torque"):
             if external not in config.inputs:
                 continue
             name, tool, turns = f"{robot.prefix}{external}", robot.tools[robot.tcp], external == "external_torque"
             block = add_external_force(builder, ports.plant.plant, tool, name=name, turns=turns)
-            ports.inputs[name] = block.get_command_input_port()
+            given = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
+            builder.Connect(given.get_output_port(), block.get_command_input_port())
+            ports.inputs[name] = given.get_input_port()
+            output, unit = name.replace("external", "applied"), "N·m" if turns else "N"
+            title = f"{external.replace('_', ' ')} at {robot.prefix}{robot.tcp}, in its axes"
+            ports.add(output, given.get_output_port(), applied_signal(output, unit, title))
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
             ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
+    wire_friction(builder, ports)
     if not config.solver.holds_joint_limits:
-        stops = config.joint_stops
-        add_joint_stops(builder, ports.plant.plant, stiffness=stops.stiffness, damping=stops.damping)
+        stiffness, damping = _stops(ports)
+        add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
+
+
+def _stops(ports: StationPorts) -> Vector:
+    """Return stiffness and damping of the stop at each of the plant's velocities, shape (2, nv).
+
+    Joints that are no axes have what the station says of all.
+    """
+    given, usual = ports.config.joint_stops.model_dump(), JointStops().model_dump()
+    of_all = [usual[key] if isinstance(value, list | dict) else value for key, value in given.items()]
+    stops = np.tile(np.array(of_all)[:, np.newaxis], ports.plant.plant.num_velocities())
+    for robot in ports.plant.robots.values():
+        stops[:, robot.axis_map.velocity_places] = robot.stops
+    return stops
 
 
 def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> Signal:
@@ -65,9 +92,29 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
     builder.Connect(state, split.get_input_port())
     reference = ports.add_input(builder, robot, "reference")
     add_motion(ports, robot, reference, split.get_output_port(0), split.get_output_port(1))
-    velocity = ports.add_input(builder, robot, "reference_velocity") if "reference_velocity" in listed else None
-    feedforward = ports.add_input(builder, robot, "feedforward") if "feedforward" in listed else None
-    return ServoSignals(reference, state, velocity, feedforward)
+    wanted = {*listed, *(_DERIVATIVES if ports.config.servo_of(robot.name).follows_motion else ())}
+    optional = {
+        name: ports.add_input(builder, robot, name) for name in (*_DERIVATIVES, "feedforward") if name in wanted
+    }
+    return ServoSignals(reference, state, **optional)
+
+
+def _with_feedforward(
+    builder: DiagramBuilder, ports: StationPorts, signals: Mapping[str, ServoSignals]
+) -> dict[str, ServoSignals]:
+    """Add the torques that the model foretells, and return what the servos read, by robot, with them in it."""
+    given, servo_of = dict(signals), ports.config.servo_of
+    asked = {name: own for name, own in signals.items() if servo_of(name).feedforward != "none"}
+    if not asked:
+        return given
+    robots = [(ports.plant.robots[name].axis_map, own) for name, own in asked.items()]
+    torques = add_feedforward(builder, ports.plant.plant, robots, name="model_feedforward")
+    for (name, own), torque in zip(asked.items(), torques, strict=True):
+        prefix = ports.plant.robots[name].prefix
+        parts = [port for port in (own.feedforward,) if port is not None]
+        given[name] = replace(own, feedforward=summed(builder, f"{prefix}whole_feedforward", torque, *parts))
+    draw_feedforward(ports, list(asked))
+    return given
 
 
 def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
@@ -83,6 +130,8 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         torque = add_actuator_servos(
             builder, plant, robot.instance, signals, robot.gains, actuation_map=actuation, prefix=robot.prefix
         )
+        if isinstance(ports.config.solver, DiscreteSolver):  # which tells each actuator the sum of its joint's
+            torque = with_friction(builder, ports, robot, torque)
         declare_torque(ports, robot, torque)
         ports.draw_nothing(f"{robot.prefix}desired_state", f"{robot.prefix}actuation")
         if (robot.gains.ki > 0).any():
@@ -97,22 +146,22 @@ def _add_servo_blocks(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> OutputPort:
     """Add servos as blocks; return their torques. Under ``cenic`` the actuators are what saturates."""
-    plant, cenic = ports.plant.plant, ports.config.solver.scheme == "cenic"
-    command = add_servos(
-        builder,
-        signals,
-        robot.gains,
-        names=robot.axes,
-        prefix=robot.prefix,
-        per_joint=ports.config.servo_of(robot.name).realization == "per_joint",
-        saturated=not cenic,
-    )
-    draw_servos(ports, robot, per_joint=ports.config.servo_of(robot.name).realization == "per_joint")
+    plant, servo, limit = ports.plant.plant, ports.config.servo_of(robot.name), robot.gains.torque_limit
+    cenic, prefix, per_joint = ports.config.solver.scheme == "cenic", robot.prefix, servo.realization == "per_joint"
+    if servo.law == "computed_torque":
+        name = f"{prefix}computed_torque"
+        command = add_computed_torque(builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name)
+        command = command if cenic else add_saturation(builder, command, limit, f"{prefix}torque")
+        draw_computed_torque(ports, robot)
+    else:
+        command = add_servos(
+            builder, signals, robot.gains, names=robot.axes, prefix=prefix, per_joint=per_joint, saturated=not cenic
+        )
+        draw_servos(ports, robot, per_joint=per_joint)
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
-    actuation = mapped(builder, f"{robot.prefix}actuators", matrix, command)
+    actuation = mapped(builder, f"{prefix}actuators", matrix, command)
     builder.Connect(actuation, plant.get_actuation_input_port(robot.instance))
-    limit = robot.gains.torque_limit
-    return add_saturation(builder, command, limit, f"{robot.prefix}torque") if cenic else command
+    return add_saturation(builder, command, limit, f"{prefix}torque") if cenic else command
 
 
 def _add_admittance_servos(
@@ -120,8 +169,10 @@ def _add_admittance_servos(
 ) -> None:
     """Add servos that give in to what the arm's model does not explain, and the output that tells that torque."""
     prefix, gain = robot.prefix, ports.config.servo_of(robot.name).admittance_gain
-    pick = robot.axis_map.velocity_matrix
-    model = add_model_torque(builder, ports.plant.plant, ports.state, pick=pick, prefix=prefix)
+    plant, name = ports.plant.plant, f"{prefix}model_torque"
+    steady = fed(builder, f"{name}.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
+    force = add_model_torque(builder, plant, ports.state, steady, name=name)
+    model = mapped(builder, f"{name}.axes", robot.axis_map.velocity_matrix, force)
     extra = add_admittance(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
     given = [port for port in (signals.feedforward,) if port is not None]
     total = summed(builder, f"{prefix}feedforward_sum", *given, extra)

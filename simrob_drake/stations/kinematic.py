@@ -9,6 +9,7 @@ from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.wiring import joined, mapped
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.dynamic import add_motion, declare_torque
+from simrob_drake.stations.friction import with_friction
 from simrob_drake.stations.ports import StationPorts
 
 STEP = 0.01
@@ -46,7 +47,7 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     force = _generalized_forces(builder, ports)
     for robot in ports.plant.robots.values():
         torque = mapped(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
-        declare_torque(ports, robot, torque)
+        declare_torque(ports, robot, with_friction(builder, ports, robot, torque))
     builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
     builder.AddNamedSystem("steady_steps", SteadySteps(STEP))
 

@@ -50,9 +50,9 @@ def load_station(
 
     Args:
         name_or_path: a name of :func:`station_names`, or a YAML file.
-        overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. Changing
-            a ``kind`` keeps those keys of the file that the new kind knows, and None takes out a piece, sensor,
-            monitor, force or controller.
+        overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. A mapping
+            of another ``kind`` takes the place of the section; a dotted ``.kind`` alone keeps those keys of the file
+            that the new kind knows. None takes out a piece, sensor, monitor, force or controller.
         called: what errors call an override by its key; ``override KEY`` unless given.
         allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` are.
 
@@ -166,10 +166,11 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
             node.pop(other, None)
     if key[-1] == "kind" and section in _KINDS and isinstance(value, str) and node.get("kind") != value:
         _change_kind(node, _KINDS[section], value)
-    if isinstance(value, Mapping) and value and isinstance(node.get(key[-1]), dict):
+    old, kind = node.get(key[-1]), value.get("kind") if isinstance(value, Mapping) else None
+    if isinstance(value, Mapping) and value and isinstance(old, dict) and kind in (None, old.get("kind", key[-1])):
         for inner in value:
             instance(inner, ".".join(key), str, "a section whose keys are texts")
-        for inner in sorted(value, key=lambda name: name != "kind"):  # what else is set belongs to the new kind
+        for inner in value:
             _override(content, [*key, inner], value[inner], where)
     else:
         node[key[-1]] = _copied(value, key, where)

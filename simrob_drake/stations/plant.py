@@ -16,14 +16,16 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import FixedOffsetFrame, ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import FixedOffsetFrame, Joint, JointActuatorIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.actuator_servo import set_actuators
-from simrob_drake.errors import InvalidModel
+from simrob_drake.blocks.joint_friction import set_friction
+from simrob_drake.errors import InvalidModel, InvalidParameter
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR
+from simrob_drake.robots.drives import add_play
 from simrob_drake.robots.feet import put_on_feet
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, add_piece, piece_robot
@@ -169,6 +171,8 @@ def add_robot(
         where = station.config.robots[robot.name].urdf or model.urdf_path
         raise InvalidModel(where, "", f"the moving links {listed} have no inertia; {remedy}")
     urdf = urdf_with_pieces(station, robot)
+    if station.mode == "dynamic":
+        add_play(urdf, dict(zip([axis.joint for axis in model.axes.values()], model.play.tolist(), strict=True)))
     instance = add_urdf(plant, urdf, name=robot.name, where=model.urdf_path, collision=collision)
     root = plant.GetFrameByName(model.root, instance)
     if robot.floats:
@@ -183,11 +187,24 @@ def add_robot(
         tcp, tools[TCP] = TCP, plant.AddFrame(offset)
     joints = [plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()]
     if station.mode == "dynamic":
+        _check_rotors(plant, robot, joints)
         implicit = station.config.servo_of(robot.name).realization == "implicit"
         if implicit or station.scheme == "cenic":
             set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)
+        if station.scheme != "cenic":
+            set_friction(plant, joints, model.friction, model.drives.friction_speed)
     own = {**vars(robot), "tcp": tcp}
     return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)
+
+
+def _check_rotors(plant: MultibodyPlant, robot: ResolvedRobot, joints: list[Joint]) -> None:
+    """Check that a motor with play has an inertia of its own: it moves alone there."""
+    motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
+    turning = {motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0}
+    for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):
+        if play > 0 and joint.index() not in turning:
+            expected = f"0, or {axis} have a rotor_inertia, which its motor moves alone in the play"
+            raise InvalidParameter(f"robots.{robot.name}.drives.backlash_deg", f"given for {axis}", expected)
 
 
 def urdf_with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:

@@ -9,7 +9,7 @@ from simrob_drake.parts.site import Site, StationRobot
 from simrob_drake.stations.config import StationConfig
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class StationPorts(Site):
     """The ports of a station; names carry the prefix ``<robot>.`` where there are several robots.
 

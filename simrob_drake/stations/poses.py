@@ -1,5 +1,7 @@
 """Add the pose outputs of a station: bases, tools and free pieces, and how these move."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -59,11 +61,20 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
             ("velocity", mapped(builder, f"piece_velocity.{piece}", pick, ports.state), VELOCITY_NAMES,
              _VELOCITY_UNITS, FromState(pick), "velocity [m/s]"),
         ):  # fmt: skip
-            names, name = tuple(f"piece.{piece}.{part}" for part in parts), f"piece_{output}.{piece}"
-            heading = f"the piece '{piece}' in the world"
-            panel = Panel(f"piece_{piece}", heading, quantity.partition(" ")[0], quantity, names[:3])
-            role: Role = "pose" if output == "pose" else "motion"
-            ports.add(name, port, Signal(names, units, role, name, part=piece, panel=panel), of_state=of_state)
+            name = f"piece_{output}.{piece}"
+            ports.add(name, port, _piece_signal(piece, name, parts, units, quantity), of_state=of_state)
+
+
+def piece_pose_signal(piece: str) -> Signal:
+    """Return what the pose of a piece is that moves."""
+    return _piece_signal(piece, f"piece_pose.{piece}", XYZ_QUATERNION_NAMES, _POSE_UNITS, "position [m]")
+
+
+def _piece_signal(piece: str, output: str, parts: Sequence[str], units: tuple[str, ...], quantity: str) -> Signal:
+    names, title = tuple(f"piece.{piece}.{part}" for part in parts), quantity.partition(" ")[0]
+    panel = Panel(f"piece_{piece}", f"the piece '{piece}' in the world", title, quantity, names[:3])
+    role: Role = "pose" if title == "position" else "motion"
+    return Signal(names, units, role, output, part=piece, panel=panel)
 
 
 def unit_poses(poses: Vector) -> Vector:

@@ -16,9 +16,10 @@ from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.sensors import SensorConfig
 from simrob_drake.parts.sensors.sampled import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
-from simrob_drake.robots.catalog import AxisValues, RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.pieces import TCP, PieceModel
-from simrob_drake.stations.config import FloorConfig, RobotConfig, ServoConfig, StationConfig
+from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.piece_sources import piece_of
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
@@ -35,6 +36,7 @@ class ResolvedStation(Surroundings):
     config: StationConfig
 
 
+_SERVO_KEYS = "kp", "ki", "kd", "torque_limit", "integral_limit", "speed_limit"
 _FOOT = "foot"  # how tools on feet are called, after their side
 
 
@@ -101,6 +103,11 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _robot_model(entry: RobotConfig) -> RobotModel:
+    robot = _robot_as_described(entry)
+    return robot if entry.drives is None else robot.with_drives(entry.drives)
+
+
+def _robot_as_described(entry: RobotConfig) -> RobotModel:
     if entry.urdf is not None:
         from simrob_drake.importer.cache import robot_from_file  # few stations need the importer
 
@@ -140,6 +147,11 @@ def _robot(
 ) -> ResolvedRobot:
     entry = config.robots[name]
     _check_axes(config, name, model)
+    servo = config.servo_of(name)
+    if config.mode == "dynamic" and model.base == "floating" and (servo.follows_motion or servo.feedforward != "none"):
+        told = "left out: a robot on its own feet does not know what carries it"
+        key = "law" if servo.law == "computed_torque" else "feedforward"
+        raise InvalidParameter(f"servo.{key}", getattr(servo, key), told)
     if model.feet is None and entry.feet is not None:
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
@@ -159,7 +171,8 @@ def _robot(
         model=model,
         base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
         floats=config.mode == "dynamic" and model.base == "floating",
-        gains=servo_gains(model, config.servo_of(name)),
+        gains=servo_gains(model, servo),
+        stops=_stops(config, name, model),
         initial=_initial_position(entry, name, model),
         carried=carried,
         held=held,
@@ -171,7 +184,7 @@ def _robot(
 
 
 def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
-    """Return the figures of a robot's servos: the station's, else the robot's own, else the URDF's efforts."""
+    """Return the figures of a robot's servos: the station's, else the robot's own, else the URDF's."""
     efforts = robot.efforts
 
     def figures(key: str) -> Vector:
@@ -180,11 +193,24 @@ def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
         given = getattr(servo, key)
         return base if given is None else robot.axis_vector(given, f"servo.{key}", base)
 
-    limit = efforts if servo.torque_limit is None else robot.axis_vector(servo.torque_limit, "torque_limit", efforts)
-    integral = (
-        limit if servo.integral_limit is None else robot.axis_vector(servo.integral_limit, "integral_limit", limit)
+    def limits(key: str, otherwise: Vector) -> Vector:
+        given = getattr(servo, key)
+        return otherwise if given is None else robot.axis_vector(given, f"servo.{key}", otherwise)
+
+    limit = limits("torque_limit", efforts)
+    speed = limits("speed_limit", robot.speed_limits) if servo.law == "cascade" else None
+    if servo.law == "computed_torque" and (figures("ki") > 0).any():
+        raise InvalidParameter("servo.ki", servo.ki, "0 with law computed_torque, whose model takes its place")
+    return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, limits("integral_limit", limit), speed)
+
+
+def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:
+    """Return stiffness and damping of the stops of a robot's axes, each shape (n,)."""
+    stops, usual = config.stops_of(robot), JointStops().model_dump()
+    stiffness, damping = (
+        model.axis_vector(value, f"joint_stops.{key}", usual[key]) for key, value in stops.model_dump().items()
     )
-    return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, integral)
+    return stiffness, damping
 
 
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
@@ -207,7 +233,7 @@ def _check_axes(config: StationConfig, robot: str, model: RobotModel) -> None:
     """Check that the axes exist that servos and reference of a robot name."""
     servo, reference = config.servo_of(robot), config.reference_of(robot)
     values: dict[str, AxisValues | None] = {
-        **{f"servo.{key}": getattr(servo, key) for key in ("kp", "ki", "kd", "torque_limit", "integral_limit")},
+        **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
         **{f"reference.{key}": value for key, value in reference.axis_values().items()},
     }
     for key, value in values.items():

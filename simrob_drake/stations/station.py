@@ -102,7 +102,7 @@ def compose(
     for name, force in config.forces.items() if forces else ():
         add_force(builder, ports, name, force, force.source(), force.caption())
         ports.edges.extend(force.edges)
-    _gather_forces(builder, ports)
+    gather_forces(builder, ports)
     add_flows(builder, ports, flows_of(config.controllers), monitors=monitors)
     add_loops(builder, ports, loops_of(config.controllers))
     made = own_blocks(config.controllers)
@@ -120,7 +120,8 @@ def _sort_by_robot(ports: StationPorts) -> None:
         ports.signals.sort(key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."])
 
 
-def _gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
+def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
+    """Connect what acts on a station's plant from outside."""
     found = ports.spatial_forces
     if found:
         forces = fed(builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found)
@@ -150,6 +151,10 @@ class Station(Diagram):
         builder.BuildInto(self)
         release(builder, self)
         self.set_name(self.config.name)
+
+    def __repr__(self) -> str:
+        """Say in one line what stands in it; its ports are told by ``ports``."""
+        return f"<Station of {self.config!r}>"
 
 
 def build_station(config: StationConfig | str | Path) -> Station:

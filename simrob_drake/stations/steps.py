@@ -49,7 +49,7 @@ def step_findings(
     for robot in plant.robots.values():
         if config.servo_of(robot.name).realization == "implicit":
             continue
-        steps = largest_explicit_steps(plant, robot)
+        steps = largest_explicit_steps(config, robot)
         worst = int(np.argmin(steps))
         joint, largest, unit = f"{robot.prefix}{robot.axes[worst]}", steps[worst], robot.model.units[worst]
         damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
@@ -68,10 +68,10 @@ def step_findings(
     return findings
 
 
-def largest_explicit_steps(plant: StationPlant, robot: StationRobot) -> Vector:
+def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector:
     """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
     with np.errstate(divide="ignore"):
-        return np.asarray(_STABLE * _free_inertias(plant, robot) / robot.gains.kd)
+        return np.asarray(_STABLE * _servo_inertias(config, robot) / robot.gains.kd)
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
@@ -85,10 +85,10 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
 
 
-def _free_inertias(plant: StationPlant, robot: StationRobot) -> Vector:
-    """Return the inertia (n,) [kg m² or kg] that each axis feels while all others are free."""
-    mass = plant.plant.CalcMassMatrix(plant.plant.CreateDefaultContext())
-    return np.asarray(1 / np.diag(np.linalg.inv(mass))[robot.axis_map.velocity_places])
+def _servo_inertias(config: StationConfig, robot: StationRobot) -> Vector:
+    """Return what the gains of a robot's servos are to be compared with, (n,): 1 where they are by inertia already."""
+    by_inertia = config.servo_of(robot.name).law == "computed_torque"
+    return np.ones(len(robot.axes)) if by_inertia else robot.free_inertias()
 
 
 def _creeping_findings(config: StationConfig, plant: StationPlant, courses: Mapping[str, Course]) -> list[Finding]:
@@ -98,17 +98,17 @@ def _creeping_findings(config: StationConfig, plant: StationPlant, courses: Mapp
         return []
     findings = []
     for robot in plant.robots.values():
-        inertia = np.abs(_free_inertias(plant, robot))
+        inertia = np.abs(robot.free_inertias())
         limits, course = np.array(robot.model.axis_limits), courses.get(robot.name)
         postures = robot.initial[np.newaxis] if course is None else course_samples(course, config.duration)[1]
         room = np.minimum(postures - limits[0], limits[1] - postures).min(axis=0)
         leans = room < np.where(robot.model.prismatic, _NEAR[1], _NEAR[0])
-        for what, stiffness, most in (
-            ("its stop (joint_stops.stiffness)", np.where(leans, config.joint_stops.stiffness, 0.0), _STIFF_STOPS),
-            ("its servo (kp)", robot.gains.kp, _STIFF_SERVO),
+        for what, stiffness, felt, most in (
+            ("its stop (joint_stops.stiffness)", np.where(leans, robot.stops[0], 0.0), inertia, _STIFF_STOPS),
+            ("its servo (kp)", robot.gains.kp, _servo_inertias(config, robot), _STIFF_SERVO),
         ):
-            worst = int(np.argmax(stiffness / inertia))
-            if stiffness[worst] / inertia[worst] > most:
+            worst = int(np.argmax(stiffness / felt))
+            if stiffness[worst] / felt[worst] > most:
                 joint, unit = f"{robot.prefix}{robot.axes[worst]}", robot.model.units[worst]
                 mass = "kg" if robot.model.prismatic[worst] else "kg m²"
                 text = f"{joint} moves {inertia[worst]:.2g} {mass}, for which {what} of {stiffness[worst]:.2g} "

@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from simrob_drake import load_station, simulate
+from tests.benchmarks.branches import every_branch
 from tests.benchmarks.costs import costs, runner
 from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
 from tests.benchmarks.importing import imports
@@ -94,11 +95,13 @@ def whole_commands() -> Table:
     """Import time, and the command from start to finished recording, with its peak memory."""
     table = Table("whole processes", "median", "worst")
     with tempfile.TemporaryDirectory() as folder:
-        run = [sys.executable, "-m", "simrob_drake.cli", "run", "irb120_dynamic", "--force", "--out"]
+        run = [sys.executable, "-m", "simrob_drake.cli", "run", "--force", "--out"]
+        program = Path(__file__).parents[2] / "examples" / "belt_pick.yaml"
         commands = {
             "python -c pass": [sys.executable, "-c", "pass"],
             "import of simulate": [sys.executable, "-c", "from simrob_drake import simulate"],
-            "simrob run irb120_dynamic": [*run, str(Path(folder) / "result")],
+            "simrob run irb120_dynamic": [*run, str(Path(folder) / "result"), "irb120_dynamic"],
+            "simrob run belt_pick.yaml": [*run, str(Path(folder) / "program"), str(program)],
         }
         times = in_turn({name: lambda command=command: _wall_time(command) for name, command in commands.items()}, 5)
     for name, values in times.items():
@@ -126,6 +129,7 @@ def main() -> None:
         runner,
         contact,
         inverse_kinematics,
+        every_branch,
         planning,
         attaching,
         beside_mujoco,

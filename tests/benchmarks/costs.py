@@ -31,16 +31,26 @@ LOOPS = {
     "objective": {"controllers": {"height": OBJECTIVE}},
     "both": {"controllers": {"height": OBJECTIVE, "guard": GUARD}},
 }
+SERVOS = {
+    "feedforward: gravity": {"servo.feedforward": "gravity"},
+    "feedforward: inverse_dynamics": {"servo.feedforward": "inverse_dynamics"},
+    "law: cascade": {"servo.law": "cascade"},
+    "law: computed_torque": {"servo.law": "computed_torque", "servo.kp": 400, "servo.kd": 40},
+}
+ARM = {"solver.scheme": "radau3", "reference.kind": "move"}, {"solver.scheme": "cenic", "solver.max_step": 0.01}
 RUNS, SHORT = 100, 0.5  # s
 
 
-def costs(parts: dict[str, dict], title: str, **common: float) -> Table:
+def costs(
+    parts: dict[str, dict] = PARTS,
+    title: str = "what parts cost, standing",
+    station: str = "humanoid_dynamic",
+    **common: object,
+) -> Table:
     """Stepping time with each part against that without."""
-    table = Table("part of humanoid_dynamic", "ratio of stepping time", title=f"{title}, standing for 3 s")
+    table = Table(f"part of {station}", "ratio of stepping time", title=f"{title}, for 3 s")
     common = {"duration": 3.0, **common}
-    runners = {
-        name: Runner(load_station("humanoid_dynamic", common | part)) for name, part in {"": {}, **parts}.items()
-    }
+    runners = {name: Runner(load_station(station, common | part)) for name, part in {"": {}, **parts}.items()}
     times = in_turn({name: lambda runner=runner: runner.run().stepping_time for name, runner in runners.items()}, 25)
     for name in parts:
         table.add_row(name, f"{np.median(times[name] / times['']):.3f}")
@@ -65,6 +75,9 @@ def runner() -> Table:
 
 if __name__ == "__main__":
     console = Console(markup=False)
-    console.print(costs(PARTS, "what parts cost"))
-    console.print(costs(LOOPS, "what loops cost, against steps of 10 ms", **{"solver.max_step": 0.01}))
+    console.print(costs())
+    console.print(costs(LOOPS, "what loops cost, standing, against steps of 10 ms", **{"solver.max_step": 0.01}))
+    for solver in ARM:
+        told = f"what servos cost that know the arm's model, under {solver['solver.scheme']}"
+        console.print(costs(SERVOS, told, "irb120_dynamic", **{**ARM[0], **solver}))
     console.print(runner())

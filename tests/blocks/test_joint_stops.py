@@ -68,6 +68,17 @@ def test_outside_the_force_is_that_of_the_equation(arm: tuple[MultibodyPlant, Di
     assert 50 < pushed < 250  # of 300: both free and pushed joints were met
 
 
+def test_each_joint_may_have_figures_of_its_own(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> None:
+    builder = DiagramBuilder()
+    plant = add_irb120(builder)
+    plant.Finalize()
+    stiffness, damping = np.geomspace(1e2, 1e5, 6), np.linspace(50.0, 0.0, 6)
+    add_joint_stops(builder, plant, stiffness=stiffness, damping=damping)
+    diagram = builder.Build()
+    q, v = plant.GetPositionUpperLimits() + 0.1, np.full(6, 0.2)
+    np.testing.assert_allclose(stop_force(plant, diagram, q, v), -stiffness * 0.1 - damping * 0.2)
+
+
 def test_a_stop_only_pushes_and_never_pulls(arm: tuple[MultibodyPlant, Diagram]) -> None:
     plant, diagram = arm
     upper = plant.GetPositionUpperLimits()

@@ -7,6 +7,7 @@ from simrob_drake.blocks.sampled import RunEnds, SampledBlock
 from simrob_drake.parts.controllers.fall_guard import ProtectivePosture
 from simrob_drake.parts.controllers.limbs import Limb
 from simrob_drake.parts.controllers.objective import WeightedObjective
+from simrob_drake.parts.controllers.pi_law import PiLaw
 from simrob_drake.parts.controllers.sequencer import CellSequence
 from simrob_drake.parts.controllers.touchdown import UnknownGround
 
@@ -103,6 +104,12 @@ def test_a_guard_acts_at_the_first_sample_beyond_its_threshold_and_stays():
     assert Driven(guard()).sample(base_pose=leaning(0.51), reference=asked)["active"] == 1
 
 
+def test_a_guard_of_one_side_leaves_a_fall_to_the_other_side_alone():
+    one_side = {"toward": np.array([-1.0, 0.0, 0.0]), "height": -np.inf}
+    for angle, acts in ((0.51, 0), (0.49, 0), (-0.49, 0), (-0.51, 1)):  # about y: a positive angle leans along x
+        assert Driven(guard(**one_side)).sample(base_pose=leaning(angle), reference=np.zeros(2))["active"] == acts
+
+
 def test_a_guard_lets_go_once_all_was_well_for_long_enough():
     driven, asked = Driven(guard(reset_after=0.3)), np.zeros(2)
     seen = [
@@ -113,8 +120,33 @@ def test_a_guard_lets_go_once_all_was_well_for_long_enough():
 
 
 def objective(**changed):
-    figures = {"period": 0.1, "targets": [1.0], "weights": np.array([0.5, -1.0, 0.0]), "gains": (2.0, 0.4)}
-    return WeightedObjective(**{**figures, "limit": 10.0, "fastest": 100.0, **changed})
+    posture = {name: changed.pop(name) for name in ("posture", "near", "duration") if name in changed}
+    return WeightedObjective(law=law(**changed), weights=np.array([0.5, -1.0, 0.0]), **posture)
+
+
+def law(**changed):
+    figures = {"period": 0.1, "targets": [1.0], "gains": (2.0, 0.4), "limit": 10.0, "fastest": 100.0}
+    return PiLaw(**{**figures, **changed})
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {},
+        {"gains": (0.0, 5.0), "limit": 0.3, "fastest": 1.0},
+        {"targets": [1.0, 0.5, 0.8], "speed": 2.0, "hold": 0.3},
+        {"targets": [1.0, 0.2], "hold": 0.3, "fastest": 2.0},
+    ],
+)
+def test_an_objective_of_expressions_is_the_one_of_numbers(changed):
+    system, numbers = law(**changed).system(), Driven(objective(**changed))
+    context = system.CreateDefaultContext()
+    for value in np.random.default_rng(3).uniform(0, 1.5, 60):
+        system.get_input_port().FixValue(context, [value])
+        context.get_mutable_discrete_state().SetFrom(system.EvalUniquePeriodicDiscreteUpdate(context))
+        effort, error = system.get_output_port().Eval(context)
+        told = numbers.sample(measured=value)
+        assert (-effort, error) == pytest.approx((told["offset"][1], told["error"][0]), abs=1e-12)
 
 
 def test_an_objective_is_a_pi_controller_spread_over_the_axes_by_their_weights():

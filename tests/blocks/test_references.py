@@ -51,6 +51,17 @@ def test_a_hold_stays_where_it_is_and_has_no_corner() -> None:
     assert corner_times(trajectory) == []
 
 
+def test_a_ramp_with_a_blend_gathers_speed_evenly_goes_on_and_slows_down() -> None:
+    trajectory, times = ramp(START, TARGET, duration=2.0, start_time=0.5, blend=0.4), np.linspace(0.5, 2.5, 101)
+    speed = (TARGET - START) / 1.6
+    share = np.clip(np.minimum(times - 0.5, 2.5 - times) / 0.4, 0, 1)  # of the full speed
+    for time, part in zip(times, share, strict=True):
+        np.testing.assert_allclose(value(trajectory, time, order=1), part * speed, atol=1e-12)
+    np.testing.assert_allclose(value(trajectory, 0.5), START, atol=1e-15)
+    np.testing.assert_allclose(value(trajectory, 1.5), (START + TARGET) / 2, atol=1e-12)
+    np.testing.assert_allclose(value(trajectory, 3.0), TARGET, atol=1e-12)
+
+
 @pytest.mark.parametrize("start_time", [0.0, 0.5])
 def test_a_ramp_is_a_straight_line_with_two_corners(start_time: float) -> None:
     trajectory = ramp(START, TARGET, duration=2.0, start_time=start_time)

@@ -106,6 +106,57 @@ def test_no_python_runs_in_a_servo(per_joint: bool) -> None:
     assert not [system for system in systems if type(system).__module__.startswith("simrob_drake")]
 
 
+CASCADE = replace(
+    GAINS,
+    kd=np.array([5.0, 2.0, 1.0]),
+    torque_limit=np.full(COUNT, np.inf),
+    speed_limit=np.array([0.5, 9.0, np.inf]),
+)
+
+
+def cascade_law(values: dict[str, np.ndarray], integral: np.ndarray, optional: tuple[str, ...]) -> np.ndarray:
+    q, v = np.hsplit(values["state"], 2)
+    ahead = values["reference_velocity"] if "reference_velocity" in optional else 0.0
+    wanted = CASCADE.kp / CASCADE.kd * (values["reference"] - q) + ahead
+    speed = np.clip(wanted, -CASCADE.speed_limit, CASCADE.speed_limit)
+    torque = CASCADE.kd * (speed - v) + np.clip(integral, -CASCADE.integral_limit, CASCADE.integral_limit)
+    return torque + (values["feedforward"] if "feedforward" in optional else 0.0)
+
+
+@pytest.mark.parametrize("per_joint", [True, False])
+@pytest.mark.parametrize("optional", [(), ("feedforward",), ("reference_velocity", "feedforward")])
+def test_a_cascade_asks_for_a_speed_and_limits_it(per_joint: bool, optional: tuple[str, ...]) -> None:
+    random = np.random.default_rng(6)
+    diagram = servo_diagram(CASCADE, per_joint=per_joint, optional=optional)
+    places = CASCADE.ki > 0 if per_joint else np.full(COUNT, True)
+    limited = 0
+    for _ in range(20):
+        values = {name: random.normal(size=size) for name, size in INPUTS.items()}
+        context = fixed(diagram, values)
+        integral = np.where(CASCADE.ki > 0, random.normal(scale=5.0, size=COUNT), 0.0)
+        context.SetContinuousState(integral[places])
+        expected = cascade_law(values, integral, optional)
+        np.testing.assert_allclose(diagram.GetOutputPort("torque").Eval(context), expected, atol=1e-12)
+        rate = diagram.EvalTimeDerivatives(context).CopyToVector()
+        driven = cascade_law(values, 0 * integral, [name for name in optional if name != "feedforward"]) / CASCADE.kp
+        leak = (np.clip(integral, -CASCADE.integral_limit, CASCADE.integral_limit) - integral) / CLAMP_TIME
+        np.testing.assert_allclose(rate, (CASCADE.ki * driven + leak)[places], atol=1e-10)
+        limited += abs(100.0 / 5.0 * (values["reference"] - values["state"][:COUNT])[0]) > 0.5
+    assert limited > 5
+
+
+def test_a_cascade_without_limit_and_integral_is_the_single_loop() -> None:
+    plain = replace(CASCADE, ki=np.zeros(COUNT), speed_limit=None)
+    cascade = replace(plain, speed_limit=np.full(COUNT, np.inf))
+    random = np.random.default_rng(7)
+    values = {name: random.normal(size=size) for name, size in INPUTS.items()}
+    torques = []
+    for gains in (plain, cascade):
+        diagram = servo_diagram(gains, per_joint=True, optional=("reference_velocity", "feedforward"))
+        torques.append(diagram.GetOutputPort("torque").Eval(fixed(diagram, values)))
+    np.testing.assert_allclose(*torques, atol=1e-12)
+
+
 def integral_simulator(gains: ServoGains, source: LeafSystem, *, events: list[float]) -> Simulator:
     """Simulate one pure integral servo that holds at zero, with its reference from a source."""
     builder = DiagramBuilder()
@@ -166,8 +217,14 @@ def test_a_gain_is_finite_and_not_negative(name: str, value: float) -> None:
         replace(GAINS, **{name: np.array([1.0, value, 1.0])})
 
 
-@pytest.mark.parametrize("name", ["torque_limit", "integral_limit"])
+@pytest.mark.parametrize("name", ["torque_limit", "integral_limit", "speed_limit"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 def test_a_limit_is_positive(name: str, value: float) -> None:
     with pytest.raises(InvalidParameter, match=f"^{name} is "):
         replace(GAINS, **{name: np.array([1.0, value, 1.0])})
+
+
+@pytest.mark.parametrize("name", ["kp", "kd"])
+def test_a_cascade_needs_both_gains(name: str) -> None:
+    with pytest.raises(InvalidParameter, match=f"^the smallest {name} is 0"):
+        replace(CASCADE, **{name: np.array([1.0, 0.0, 1.0])})

@@ -39,6 +39,19 @@ moves:
 references:
   - {target_deg: {left_elbow: 10}}
 """
+ARM_PROGRAM = """station: two_arms
+robot: left
+moves:
+  - {target_deg: {joint_1: -10}, duration: 0.5}
+  - {move_j: {targets_deg: [0, 0, 0.1, 0, 0, 180], wobj: bar, solver: auto, check: limits}}
+  - {move_l: {targets: [0, 0, -0.02], wobj: bar, speed: 0.3, points: 9}}
+  - {attach: {piece: bar, tool: left_gripper}}
+  - {tool: {pose: [0, 0, 0.01, 0, 0, 0]}}
+  - {move_l: {targets: [[0, 0, -0.1], [0, 0, -0.02]], wobj: left, times: [0.5, 1.2]}}
+  - {together: [{move_abs_j: [0, 0, 0, 0, 1.5, 0]}, {move_abs_j: {targets: [0, 0, 0, 0, 1.5, 0], robot: right}}]}
+  - {wait: 0.1}
+  - {release: {piece: bar, parent: world, fixed: true}}
+"""
 START = """{"positions": {"robot": [0.1, 0.2]}, "velocities": {"robot": [0.0, 0.0]},
 "references": {"robot": [0.1, 0.2]}, "joints": {}, "blocks": {}}"""
 TABLE = "time,joint_1,joint_2\n" + "".join(f"{step / 10},{step / 50},{-step / 50}\n" for step in range(20))
@@ -52,7 +65,7 @@ class Case:
 
     Attributes:
         kind: what is hostile.
-        arguments: of ``simrob``; ``program FILE`` loads a program, which no command does.
+        arguments: of ``simrob``; ``program FILE`` loads a program of legs and does no more.
         files: that lie in the folder; beside them there are a named pipe, ``pipe``, and a link to itself, ``circle``.
     """
 
@@ -180,10 +193,11 @@ def _table(chance: random.Random) -> Case:
 
 
 def _program(chance: random.Random) -> Case:
-    content = PROGRAM.replace(chance.choice(re.findall(r"[-\w.]+|\{.*\}", PROGRAM)), chance.choice(VALUES), 1)
-    slight = [damaged(PROGRAM.encode(), chance)] * 4
+    command, program = chance.choice([("program", PROGRAM), ("check", ARM_PROGRAM)])
+    content = program.replace(chance.choice(re.findall(r"[-\w.]+|\{.*\}", program)), chance.choice(VALUES), 1)
+    slight = [damaged(program.encode(), chance)] * 4
     choices = [content.encode("utf-8", "surrogatepass"), *slight, multiplied(chance)]
-    return Case("program", ["program", "p.yaml"], {"p.yaml": chance.choice(choices)})
+    return Case("program", [command, "p.yaml"], {"p.yaml": chance.choice(choices)})
 
 
 def multiplied(chance: random.Random) -> bytes:

@@ -24,7 +24,7 @@ def run(case: Case) -> int:
             return run_command(case.arguments)
         Program.load(Path(case.arguments[1]))
         return ExitCode.DONE
-    except SimrobError as problem:  # of a program, which has no command
+    except SimrobError as problem:  # of a program of legs
         print(f"simrob: {problem}", file=sys.stderr)
         return ExitCode.BAD_INPUT
     except BaseException:  # Drake's SystemExit, too

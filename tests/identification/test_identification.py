@@ -59,7 +59,7 @@ def csv_text(times, heights, header="time,height"):
 def test_a_file_gives_the_trace(trace, tmp_path):
     file = tmp_path / "trace.csv"
     file.write_text(csv_text(trace.times, trace.heights))
-    again = read_bounces(file)
+    again = read_bounces(str(file))
     np.testing.assert_array_equal(again.times, trace.times)
     np.testing.assert_array_equal(again.heights, trace.heights)
     assert again.bounces == trace.bounces >= 3
@@ -92,3 +92,19 @@ def test_traces_that_teach_nothing_are_refused(text, message, tmp_path):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(InvalidConfig, match="cannot be read"):
         read_bounces(tmp_path / "none.csv")
+    with pytest.raises(InvalidConfig, match=r"^none\.csv: cannot be read"):
+        read_bounces("none.csv")
+    for nothing in (None, 3):
+        with pytest.raises(InvalidParameter, match=r"file is .*; it must be a path"):
+            read_bounces(nothing)
+
+
+def test_a_ball_that_is_let_go_at_rest_is_identified_without_any_noise():
+    """The speed at the start is zero to rounding, and the Jacobian must not be."""
+    times = np.arange(0.0, 1.2, 0.004)
+    law = BounceLaw(mass=0.9, stiffness=4000.0, dissipation=0.08)
+    found = identify_bounces(BounceTrace(times, law.heights(times, 0.1, 0.0)), mass=0.9)
+    assert found.stiffness == pytest.approx(4000, rel=1e-4)
+    assert found.dissipation == pytest.approx(0.08, rel=1e-3)
+    assert found.stiffness_interval[0] <= found.stiffness <= found.stiffness_interval[1]
+    assert len(repr(found)) < 300

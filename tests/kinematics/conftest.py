@@ -45,6 +45,31 @@ UR5: tuple[Row, ...] = (
     (0, 0.09475, 0, -RIGHT),
     (0, 0.0825, 0, 0),
 )
+KR6: tuple[Row, ...] = (  # KR 6 R900 sixx, by its data sheet
+    (0, 0.400, 0.025, -RIGHT),
+    (0, 0, 0.455, 0),
+    (-RIGHT, 0, 0.035, -RIGHT),
+    (0, 0.420, 0, RIGHT),
+    (0, 0, 0, -RIGHT),
+    (0, 0.080, 0, 0),
+)
+IIWA: tuple[Row, ...] = (  # LBR iiwa 7 R800, likewise
+    (0, 0.340, 0, -RIGHT),
+    (0, 0, 0, RIGHT),
+    (0, 0.400, 0, RIGHT),
+    (0, 0, 0, -RIGHT),
+    (0, 0.400, 0, -RIGHT),
+    (0, 0, 0, RIGHT),
+    (0, 0.126, 0, 0),
+)
+ODD: tuple[Row, ...] = (  # no two axes parallel, none that meet
+    (0, 0.3, 0.1, 1.4),
+    (0, 0.05, 0.4, 0.2),
+    (0, 0.02, 0.05, -1.3),
+    (0, 0.35, 0.12, 1.2),
+    (0, 0.1, 0.03, -1.1),
+    (0, 0.08, 0, 0.3),
+)
 BELT: Row = (0.4, 0.1, 0.3, -0.7)  # the pose of an arm's foot on a slide along z, nowhere at right angles
 
 
@@ -129,7 +154,7 @@ def drake_poses() -> Callable[..., np.ndarray]:
 
 @pytest.fixture
 def tables() -> dict[str, tuple[Row, ...]]:
-    return {"irb120": IRB120, "puma560": PUMA560, "tx40": TX40, "ur5": UR5}
+    return {"irb120": IRB120, "puma560": PUMA560, "tx40": TX40, "ur5": UR5, "kr6": KR6, "iiwa": IIWA, "odd": ODD}
 
 
 @pytest.fixture

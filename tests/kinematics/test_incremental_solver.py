@@ -61,7 +61,7 @@ def test_rotation_limit(irb120_chain, home, limit, angle, turns):
 
 
 def test_rotation_limit_is_the_reason(irb120_chain, home):
-    with pytest.raises(Unreachable, match=r"rotation limit: the tool would turn by 0\.5 rad at once"):
+    with pytest.raises(Unreachable, match=r"rotation limit: the tool would turn by 0\.5 rad \(28\.6 deg\) at once"):
         require(IncrementalSolver(irb120_chain).solve(_with_turn(irb120_chain, home, 0.5), home))
 
 

@@ -8,7 +8,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics import Chain, UnsupportedChain
-from simrob_drake.kinematics.spherical_arm import SphericalArm
+from simrob_drake.kinematics.six_axis_arm import SixAxisArm
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
@@ -25,16 +25,16 @@ def test_urdf_dh_table_and_analytic_model_agree(irb120_chain, random_postures, t
     postures = random_postures(irb120_chain, 10_000)
     of_urdf = irb120_chain.forward(postures)
     np.testing.assert_allclose(of_urdf, textbook_poses(tables["irb120"], postures), atol=1e-9)
-    np.testing.assert_allclose(of_urdf, SphericalArm.of(irb120_chain).forward(postures), atol=1e-9)
+    np.testing.assert_allclose(of_urdf, SixAxisArm.of(irb120_chain).forward(postures), atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["puma560", "tx40"])
+@pytest.mark.parametrize("name", ["puma560", "tx40", "ur5"])
 def test_analytic_model_of_offset_shoulders(name, dh_chain, random_postures, tables, textbook_poses):
     chain = dh_chain(tables[name])
     postures = random_postures(chain, 1000)
     truth = textbook_poses(tables[name], postures)
     np.testing.assert_allclose(chain.forward(postures), truth, atol=EXACT)
-    np.testing.assert_allclose(SphericalArm.of(chain).forward(postures), truth, atol=EXACT)
+    np.testing.assert_allclose(SixAxisArm.of(chain).forward(postures), truth, atol=EXACT)
 
 
 def test_arm_on_a_belt_has_seven_axes(dh_chain, random_postures, drake_poses, tables, belt):

@@ -67,7 +67,9 @@ def test_unreachable_names_point_reason_and_nearness(name, irb120_chain, home, n
     near[2, 0, 3] += 3.0
     solutions = make_solver(name, irb120_chain, **options).solve(near, home)
     assert solutions.reached.tolist() == [True, True, False]
-    with pytest.raises(Unreachable, match=r"^points\[2\] cannot be reached: .+; the best .* m and .* rad$") as caught:
+    with pytest.raises(
+        Unreachable, match=r"^points\[2\] cannot be reached: .+; the best .* m and .* rad \(.* deg\)$"
+    ) as caught:
         require(solutions, "points")
     assert caught.value.index == 2
     assert 2.0 < caught.value.position_error < 4.0

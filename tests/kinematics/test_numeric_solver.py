@@ -75,7 +75,7 @@ def test_limits_hold_joints_back(irb120_chain, home):
     target = irb120_chain.forward(home + np.array([3.2, 0, 0, 0, 0, 0]))  # joint 1 ends at 2.88
     solutions = NumericSolver(irb120_chain, restarts=0).solve(target, home + np.array([2.5, 0, 0, 0, 0, 0]))
     assert solutions.positions[0, 0] == irb120_chain.upper[0]
-    with pytest.raises(Unreachable, match=r"joint limit: joint_1 stands at its upper limit 2\.88"):
+    with pytest.raises(Unreachable, match=r"joint limit: joint_1 stands at its upper limit of 2\.88 rad \(165 deg\)"):
         require(solutions)
 
 

@@ -76,15 +76,27 @@ def test_what_lies_above_drives_its_own_axes_and_a_weight_shows_what_is_below():
     assert mixed["q_ref.joint_5"][-1] == pytest.approx(0.75 * below + 0.25 * above)
 
 
+def test_motor_protection_lies_above_all_other_loops_whatever_their_priorities():
+    wave = {"kind": "fall_guard", "height": 2.0, "duration": 0, "posture_deg": {"joint_2": 40}, "priority": 7}
+    protection = {"kind": "motor_protection", "limit": {"joint_2": 5}, "hold": 0, "patience": 0.05}
+    result = simulate(arm(protection=protection, wave=wave), duration=0.5)
+    assert result["protection.stage"][-1] == 3
+    assert result["wave.target.joint_2"][-1] == pytest.approx(np.deg2rad(40))
+    assert result["q_ref.joint_2"][-1] == pytest.approx(result["protection.target.joint_2"][-1], abs=1e-12)
+    assert abs(result["q_ref.joint_2"][-1] - np.deg2rad(40)) > 0.1
+    with pytest.raises(SimrobError, match=r"controllers\.other is driving joint_1"):
+        simulate(arm(protection=protection, other=protection), duration=0.1)
+
+
 def test_a_run_goes_on_in_the_middle_of_a_cell_to_the_last_bit():
-    config = arm(
-        sequence=sequence(), guard={"kind": "fall_guard", "height": 0.1, "posture_deg": {"joint_6": 5}, "priority": 1}
-    )
+    guard = {"kind": "fall_guard", "height": 0.1, "posture_deg": {"joint_6": 5}, "priority": 1}
+    config = arm(sequence=sequence(), guard=guard, lift=objective(ki=20, speed=0.05, priority=2))
     first = simulate(config, duration=0.5)
     second = simulate(config, duration=0.5, start=first.final_state)
     whole = simulate(config, duration=1.0)
     assert (second.values[-1] == whole.values[-1]).all()
     assert second["sequence.cell"][-1] == 1
+    assert abs(whole["lift.offset.joint_2"][-1]) > 1e-3
 
 
 def test_a_saved_station_runs_again_as_it_ran(tmp_path):

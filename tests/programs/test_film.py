@@ -6,8 +6,8 @@ from PIL import Image
 
 from simrob_drake import LeggedRobot, Program, load_station
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.programs.film import joined
 from simrob_drake.results.record.events import events_of
+from simrob_drake.results.whole import joined
 
 PARCEL = {"parent": "world", "pose": [0.2, -0.3, 0.3, 0, 0, 0]}
 
@@ -53,14 +53,14 @@ def test_what_is_no_film_is_told(robot, tmp_path):
         LeggedRobot("humanoid_fixed").film(tmp_path / "walk.html")
 
 
-def test_pieces_that_change_hands_are_shown_run_by_run(tmp_path):
+def test_pieces_that_change_hands_are_where_the_robot_has_them(tmp_path):
     held = LeggedRobot(load_station("humanoid_fixed", {"pieces.parcel": PARCEL}))
     move = {"target_deg": {"HomDF": 40}, "duration": 0.1}
     taken = {"attach": {"piece": "parcel", "pose": [0.0, 0.0, -0.05, 0.0, 0.0, 0.0]}}
     held.run(Program.model_validate({"moves": [move, taken, move]}))
-    with pytest.raises(InvalidParameter, match=r"changes hands; it must be shown one by one: robot\.runs"):
-        held.film(tmp_path / "hands.html")
-    events = [text for _, text in events_of(held.runs)]
-    assert events == ["start", "parcel to robot", "end"]
+    whole = held.result()
+    assert [text for _, text in events_of(whole)] == ["start", "parcel to robot", "end"]
     narrow, wide = (Image.open(held.film(tmp_path / "hands.png", frames=n)).width for n in ("events", 4))
     assert 1.3 < wide / narrow < 1.35  # three frames against four
+    np.testing.assert_allclose(whole.piece_pose("parcel")[0, :3], PARCEL["pose"][:3], atol=1e-12)
+    np.testing.assert_allclose(whole.piece_pose("parcel")[-1, :3], held.cell.frame("parcel").translation(), atol=1e-12)

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.interpolation import Arc, turned_by
-from simrob_drake.kinematics import NoClosedForm, Unreachable
+from simrob_drake.kinematics import IncrementalSolver, NoClosedForm, Unreachable
 from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.programs.errors import BrokenPath, JointLimitExceeded, PathCollision, SpeedLimitExceeded
 from tests.programs.conftest import DOWN, HOME, positions_between
@@ -175,7 +175,8 @@ def test_what_is_printed_fits_a_line():
     cell = Workcell("two_arms")
     assert re.fullmatch(r"<Workcell two_arms, \w+: left \(irb120\), right \(irb120\), pieces .*>", repr(cell))
     assert re.fullmatch(
-        r"<Arm left: irb120 in two_arms, 6 axes, tool left_gripper at \S+ \S+ \S+ m>", str(cell.arm("left"))
+        r"<Arm left: irb120 in two_arms, 6 axes, tool left_gripper at \S+ \S+ \S+ m, Rz Ry Rx \S+ \S+ \S+ deg>",
+        str(cell.arm("left")),
     )
     robot = LeggedRobot("humanoid_dynamic")
     robot.insert(0, {"HomDF": 3})
@@ -353,6 +354,22 @@ def test_the_closed_form_is_refused_for_seven_axes_and_the_numeric_one_found():
     assert far["q.belt"][-1] > 0.5
 
 
+def test_the_incremental_solver_passes_a_singular_posture_only_where_it_may_stray(kinematic):
+    kinematic.move_abs_j([0, 0.1, 0.2, 0, -0.15, 0])
+    start = kinematic.pose()[:3]
+    end = start + np.array([0, 0.005, 0.12])  # past the straight wrist, not through it
+    with pytest.raises(Unreachable, match=r"point \d+ of 10 .* the best solution comes within 0\.00"):
+        kinematic.move_l(end, solver="incremental")
+    with pytest.raises(Unreachable, match=r"point \d+ of 10"):
+        kinematic.move_l(end, solver=IncrementalSolver(kinematic.chain, stray=2e-4))
+    points = kinematic.chain.forward(
+        positions_between(kinematic.move_l(end, solver=IncrementalSolver(kinematic.chain, stray=5e-3), check="nothing"))
+    )[:, :3, 3]
+    assert 2e-4 < off_line(points, start, end).max() < 5e-3
+    with pytest.raises(SimrobError, match=r"stray is -1; it must be a distance"):
+        IncrementalSolver(kinematic.chain, stray=-1)
+
+
 class TestCollisions:
     def test_a_move_into_the_table_names_the_first_point(self, kinematic):
         kinematic.move_j([0.1, 0.15, 0.05, *DOWN], wobj="table")
@@ -366,6 +383,43 @@ class TestCollisions:
         kinematic.move_j([0.1, 0.15, 0.05, *DOWN], wobj="table")
         kinematic.move_l([0.1, 0.15, -0.01], wobj="table")
         kinematic.move_l([0.1, 0.15, 0.05], wobj="table", check="collision")
+
+    @pytest.fixture
+    def into_the_middle(self):
+        """Two arms that face each other, and how each goes to the middle between them and back."""
+        cell = Workcell("two_arms")
+
+        def to_middle(name, **how):
+            arm = cell.arm(name)
+            home = arm.pose()
+            return arm.plan.move_l([[0.0, 0.0, 0.35, *home[3:]], home], check="collision", **how)
+
+        return cell, to_middle
+
+    def test_moves_at_once_are_checked_against_each_other(self, into_the_middle):
+        cell, to_middle = into_the_middle
+        plans = to_middle("left"), to_middle("right")
+        with pytest.raises(
+            PathCollision, match=r"point \d+ of 10 .*: (left|right).* would run into (left|right).*"
+        ) as hit:
+            cell.run(*plans)
+        assert {body.split(".")[0].split("_")[0] for body in hit.value.bodies} == {"left", "right"}
+        assert cell.state is None or np.array_equal(cell.position("left"), plans[0].start)  # nothing moved
+
+    def test_the_same_moves_do_one_after_the_other(self, into_the_middle):
+        cell, to_middle = into_the_middle
+        assert cell.run(to_middle("left")).ending == "completed"
+        assert cell.run(to_middle("right"), to_middle("left", duration=20.0), duration=0.2).ending == "completed"
+
+    def test_an_arm_that_came_after_the_plan_was_made_is_seen(self, into_the_middle):
+        cell, to_middle = into_the_middle
+        plan, right = to_middle("left"), cell.arm("right")
+        right.move_l([0.0, 0.0, 0.35])
+        for _ in range(2):
+            with pytest.raises(PathCollision, match=r"left.* would run into right"):
+                cell.run(plan)
+            with pytest.raises(PathCollision, match=r"left.* would run into right"):
+                to_middle("left")
 
 
 def test_a_method_is_no_attribute_to_assign_to():

@@ -201,8 +201,10 @@ class TestRecording:
         for again, move in zip(replayed, moves, strict=True):
             np.testing.assert_array_equal(again.values, move.values)
         assert dynamic.cell.state is state  # the arm stays where it is
-        with pytest.raises(SimrobError, match="a piece changes hands"):
-            dynamic.simulate()
+        again = dynamic.simulate()
+        assert [run.config.pieces["weight"].parent for run in again.runs] == ["world", "robot"]
+        np.testing.assert_allclose(again.axes("q")[-1], dynamic.position, atol=1e-2)  # without what was not recorded
+        assert dynamic.cell.state is state
         dynamic.record()
         assert dynamic.replay() == []
         with pytest.raises(SimrobError, match="begun with record"):

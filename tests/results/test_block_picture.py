@@ -40,6 +40,9 @@ VARIANTS = [
     ("irb120_dynamic", EVERYTHING),
     ("irb120_dynamic", {**EVERYTHING, "servo.realization": "vector"}),
     ("irb120_dynamic", {**EVERYTHING, "servo.realization": "implicit"}),
+    ("irb120_dynamic", {"servo.feedforward": "gravity", "servo.law": "cascade"}),
+    ("irb120_dynamic", {"servo.law": "computed_torque"}),
+    ("two_irb120", {"robots.left.servo": {"feedforward": "inverse_dynamics"}}),
     ("irb120_dynamic", {"reference": {"kind": "sine", "amplitude_deg": 5}}),
     ("two_irb120", {"servo.realization": "per_joint", "solver": {"kind": "discrete"}}),
     ("two_irb120", {"mode": "kinematic"}),
@@ -254,7 +257,7 @@ def test_axes_that_slide_have_their_own_units() -> None:
 def test_texts_are_written_without_graphviz(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     config = load_station("double_pendulum")
-    file = save_block_picture(config, tmp_path / f"picture{suffix}")
+    file = save_block_picture(config, str(tmp_path / f"picture{suffix}"))
     text = station_dot(config) if suffix == ".dot" else station_mermaid(config)
     assert file.read_text(encoding="utf-8") == text
 

@@ -7,8 +7,8 @@ import subprocess
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.image import imread
+from PIL import ImageDraw
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
@@ -65,7 +65,7 @@ def test_the_camera_goes_with_the_robot_but_does_not_sway(walked):
 
 
 def test_a_walking_robot_is_equally_large_in_all_frames(walked):
-    images = list(Studio([walked], height=200).images(np.array([0.0, walked.stop_time / 2, walked.stop_time])))
+    images = list(Studio(walked, height=200).images(np.array([0.0, walked.stop_time / 2, walked.stop_time])))
     for image in images:
         colours = image.astype(int)
         blue = np.flatnonzero((colours[:, :, 2] > colours[:, :, 0] + 60).any(axis=1))
@@ -88,7 +88,9 @@ def test_the_floor_has_lines_for_a_walk_only(walked):
 
 def test_the_strip_of_a_walk_tells_how_far_it_went(walked, tmp_path, monkeypatch):
     shown = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: shown.extend(t.get_text() for t in figure.texts))
+    write = ImageDraw.ImageDraw.multiline_text
+    told = lambda pen, place, text, *how, **more: (shown.append(text), write(pen, place, text, *how, **more))  # noqa: E731
+    monkeypatch.setattr(ImageDraw.ImageDraw, "multiline_text", told)
     save_film_strip(walked, tmp_path / "strip.png", frames=3, height=40)
     base = walked.pose("base")[:, :2]
     assert shown[0] == "0.00 s, 0.00 m"

@@ -8,6 +8,7 @@ import pytest
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.results.record.events import events_of
+from simrob_drake.results.whole import joined
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,7 @@ def test_contacts_of_several_times_are_each_of_its_own(ball):
 
 
 def test_a_ball_touches_when_it_has_fallen(ball):
-    events = events_of([ball])
+    events = events_of(ball)
     assert [text for _, text in events] == ["start", "ball touches", "ball touches", "ball touches", "end"]
     fall = np.sqrt(2 * 0.1 / 9.81)
     step = np.diff(ball.step_times).max()
@@ -35,7 +36,7 @@ def test_a_ball_touches_when_it_has_fallen(ball):
 
 
 def test_runs_that_follow_each_other_end_moves(ball):
-    events = events_of([ball, ball])
+    events = events_of(joined([ball, ball]))
     assert (1.0, "move ends") in events
     assert events[-1] == (2.0, "end")
     assert len(events) == 9
@@ -43,11 +44,11 @@ def test_runs_that_follow_each_other_end_moves(ball):
 
 def test_a_monitor_s_stop_is_named():
     stopped = simulate(load_station("irb120_force_stop"), progress=False)
-    assert events_of([stopped])[-1] == (stopped.stop_time, "stopped: stop")
+    assert events_of(stopped)[-1] == (stopped.stop_time, "stopped: stop")
 
 
 def test_the_feet_of_a_walk_touch_in_turn():
     walk = LeggedRobot("roid1_dynamic").walk(4)
-    feet = [text.split("_")[0] for time, text in events_of([walk])[1:-1] if time > 1]
+    feet = [text.split("_")[0] for time, text in events_of(walk)[1:-1] if time > 1]
     assert len(feet) >= 4
     assert all(one != other for one, other in pairwise(feet))

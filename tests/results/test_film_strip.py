@@ -35,7 +35,7 @@ def test_the_strip_shows_the_motion_from_left_to_right(result, tmp_path):
 
 def test_wide_frames_stand_in_two_rows(tmp_path):
     result = simulate(load_station("two_irb120"), duration=0.3, progress=False)
-    studio = Studio([result], height=60, oversampling=2)
+    studio = Studio(result, height=60, oversampling=2)
     frames = list(studio.images(np.linspace(0, 0.3, 7)))
     wide = frames[0].shape[1]
     picture = imread(save_film_strip(result, tmp_path / "strip.png", height=60)) * 255
@@ -46,7 +46,7 @@ def test_wide_frames_stand_in_two_rows(tmp_path):
 
 
 def test_images_are_of_their_times(result):
-    studio = Studio([result], height=90)
+    studio = Studio(result, height=90)
     start, end, again = studio.images(np.array([0.0, result.stop_time, 0.0]))
     np.testing.assert_array_equal(start, again)
     assert changed(start, end) > 0.05
@@ -55,7 +55,7 @@ def test_images_are_of_their_times(result):
 @pytest.mark.parametrize("width", [None, 100, 300])
 def test_nothing_that_moves_leaves_the_picture(width):
     result = simulate(load_station("double_pendulum"), progress=False)  # it has no floor
-    for image in Studio([result], height=150, width=width).images(np.linspace(0, result.stop_time, 4)):
+    for image in Studio(result, height=150, width=width).images(np.linspace(0, result.stop_time, 4)):
         background = image[0, 0]
         edge = np.vstack([image[0], image[-1], image[:, 0], image[:, -1]])
         assert (edge == background).all()
@@ -63,7 +63,7 @@ def test_nothing_that_moves_leaves_the_picture(width):
 
 
 def test_oversampling_smooths_edges_and_keeps_the_size(result):
-    plain, smooth = (next(Studio([result], height=90, oversampling=n).images(np.zeros(1))) for n in (1, 3))
+    plain, smooth = (next(Studio(result, height=90, oversampling=n).images(np.zeros(1))) for n in (1, 3))
     assert plain.shape == smooth.shape
     assert len(np.unique(smooth.reshape(-1, 3), axis=0)) > len(np.unique(plain.reshape(-1, 3), axis=0))
     assert changed(plain, smooth) < 0.2

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from simrob_drake import load_station, simulate
+from simrob_drake import Arm, Runner, build_station, load_station, simulate
 from simrob_drake.results.result import table_of
+from simrob_drake.robots.catalog import load_robot
 
 
 @pytest.fixture(scope="module")
@@ -51,3 +52,18 @@ def test_without_robots_the_pieces_are_told():
     assert row[0] == "ball"
     assert float(row[3]) == pytest.approx(ball["piece.ball.z"][-1], abs=5e-5)
     assert float(row[4]) == pytest.approx(abs(ball["piece.ball.vz"][-1]), abs=5e-5)
+
+
+def test_whatever_a_user_prints_takes_a_line_or_three(result):
+    arm, plant = Arm("irb120_kinematic"), result.plant
+    station = build_station("two_arms")
+    things = [arm, arm.cell, arm.chain, arm.plan, arm.plan.move_abs_j([0.2] * 6), arm.move_abs_j([0.2] * 6)]
+    things += [result.config, result.final_state, plant, plant.robots["robot"], plant.robots["robot"].model]
+    things += [station, station.ports, Runner("two_arms"), load_station("three_humanoids"), load_robot("humanoid")]
+    for thing in things:
+        for told in (repr(thing), str(thing), f"{thing}"):
+            assert len(told.splitlines()) <= 3
+            assert len(told) < 600, type(thing)
+            assert " at 0x" not in told
+    assert "tool load at 0.592 0 0.63 m, Rz Ry Rx 90 0 90 deg" in repr(Arm("irb120_kinematic"))
+    assert repr(load_station("irb120_dynamic").robots["robot"]) == "RobotConfig(model='irb120')"  # no defaults

@@ -8,10 +8,13 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.text import Text
+from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
-from simrob_drake import load_station, simulate
-from simrob_drake.errors import OutputError
+from simrob_drake import build_station, load_station, simulate, simulate_diagram
+from simrob_drake.errors import OutputError, UnknownName
+from simrob_drake.frames import transform_from_xyz_quaternion
 from simrob_drake.results.plots.files import save_plots
 from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure
 from simrob_drake.results.plots.joint_plots import side_groups
@@ -73,6 +76,53 @@ def test_a_robot_with_a_tool_has_three_pictures(result, tmp_path):
         assert 0.01 < (picture[:, :, :3].min(axis=2) < 0.9).mean() < 0.5  # neither blank nor black
 
 
+@pytest.mark.parametrize("kind", ["svg", "pdf"])
+def test_plots_are_lines_where_that_is_asked_for_and_the_same_twice(kind, result, tmp_path):
+    first, second = (save_plots(result, tmp_path / folder, kind) for folder in "ab")
+    assert [file.name for file in first] == [f"position.{kind}", f"torque.{kind}", f"tcp.{kind}"]
+    for file, again in zip(first, second, strict=True):
+        assert file.read_bytes() == again.read_bytes()
+        assert file.read_bytes()[:5] == {"svg": b"<?xml", "pdf": b"%PDF-"}[kind]
+
+
+def test_plots_of_another_kind_are_refused_before_anything_is_written(result, tmp_path):
+    with pytest.raises(UnknownName, match="no format of plots 'jpg'; did you mean 'png'"):
+        result.save(tmp_path / "r", plots="jpg")
+    assert not (tmp_path / "r").exists()
+
+
+def test_what_is_applied_and_what_is_felt_are_plotted_together(drawn):
+    """A sine of 5 N that a station's section gives, and 3 N that stand at its input."""
+    station = build_station(load_station("irb120_cobot", {"inputs": ["external_force"]}))
+    builder = DiagramBuilder()
+    builder.AddSystem(station)
+    source = builder.AddSystem(ConstantVectorSource([0.0, 0.0, 3.0]))
+    builder.Connect(source.get_output_port(), station.GetInputPort("external_force"))
+    hold = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
+    builder.Connect(hold.get_output_port(), station.GetInputPort("reference"))
+    result = simulate_diagram(builder.Build(), station.ports, duration=0.4, progress=False)
+    np.testing.assert_allclose(result.vector("applied_force"), np.tile([0.0, 0.0, 3.0], (len(result.times), 1)))
+    figure = drawn(result)["sensors"]
+    assert "irb120_cobot: applied forces" in texts(figure)
+    titles = [panel.get_title(loc="left") for panel in figure.axes]
+    assert titles == ["external force at load, in its axes", "applied force 'hand' at load, in its axes"]
+    assert np.abs(curve(figure.axes[1], "z").get_ydata()).max() == pytest.approx(5.0, rel=0.01)
+
+
+def test_angles_of_panels_are_in_degrees(result, drawn):
+    panel = Panel("own", "a block", "lean", "lean [rad]", ("q.joint_1",))
+    (panel,) = drawn(replace(result, signals=(Signal(panel.columns, ("rad",), "own", panel=panel),)))["own"].axes
+    assert panel.get_ylabel() == "lean [deg]"
+    np.testing.assert_allclose(curve(panel, "joint_1").get_ydata(), np.rad2deg(result["q.joint_1"]))
+
+
+@pytest.mark.filterwarnings("error")
+def test_any_name_is_drawn_as_it_is(result, tmp_path):
+    for number, name in enumerate(("a$b_{$", "机器人")):
+        named = replace(result, config=result.config.model_copy(update={"name": name}))
+        assert len(save_plots(named, tmp_path / str(number))) == 3
+
+
 def test_several_robots_have_their_own_pictures(tmp_path):
     result = simulate(load_station("two_irb120"), duration=0.05, progress=False)
     names = [f"{robot}_{what}.png" for robot in ("left", "right") for what in ("position", "torque", "tcp")]
@@ -86,6 +136,38 @@ def test_positions_are_in_degrees_with_reference_and_error(result, drawn):
     np.testing.assert_allclose(curve(position, "reference").get_ydata(), wanted)
     assert curve(position, "reference").get_linestyle() == "--"
     np.testing.assert_allclose(curve(error, "error: reference - position").get_ydata(), wanted - reached)
+
+
+def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
+    """Against the pose that the plant tells for the reference, and the angle between the two orientations."""
+    figure = drawn(result)["tcp"]
+    panels = figure.axes[::2]
+    assert [panel.get_title(loc="left") for panel in panels] == ["x", "y", "z", "Rz", "Ry", "Rx"]
+    row = len(result.times) // 2
+    robot = result.plant.robots["robot"]
+    context = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositions(context, result.axes("q_ref")[row])
+    wanted = robot.tools[robot.tcp].CalcPoseInWorld(context)
+    reached = transform_from_xyz_quaternion(result.pose("tcp")[row])
+    for of, pose in (("reference", wanted), ("tool centre point", reached)):
+        shown = [curve(panel, of).get_ydata()[row] for panel in panels]
+        np.testing.assert_allclose(shown[:3], pose.translation(), atol=1e-12)
+        turn = RollPitchYaw(*np.deg2rad(shown[:2:-1])).ToRotationMatrix()
+        np.testing.assert_allclose(turn.matrix(), pose.rotation().matrix(), atol=1e-9)
+    errors = [panel.get_lines()[0].get_ydata()[row] for panel in figure.axes[1::2]]
+    np.testing.assert_allclose(errors[:3], 1e3 * (wanted.translation() - reached.translation()), atol=1e-9)
+    turned = (wanted.rotation() @ reached.rotation().inverse()).ToAngleAxis()
+    assert abs(turned.angle()) > np.deg2rad(0.1)
+    np.testing.assert_allclose(errors[:2:-1], np.rad2deg(turned.angle()) * turned.axis(), atol=1e-9)
+
+
+def test_angles_that_go_on_turning_do_not_jump(result, drawn):
+    half = np.linspace(np.deg2rad(85), np.deg2rad(100), len(result.times))  # of Rz, through 180 degrees
+    nothing = np.zeros_like(half)
+    turning = changed(result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=nothing, tcp__qz=np.sin(half))
+    np.testing.assert_allclose(
+        curve(drawn(turning)["tcp"].axes[6], "tool centre point").get_ydata(), np.rad2deg(2 * half)
+    )
 
 
 def test_a_kinematic_run_has_no_error(drawn):
@@ -213,14 +295,21 @@ def test_numbers_and_labels_keep_clear_of_each_other_and_of_the_edge(standing, n
 
 def test_a_long_run_that_moves_all_the_time_is_shown_in_detail_too(result, drawn):
     times = np.linspace(0.0, 30.0, len(result.times))
-    busy = changed(replace(result, times=times), tau__joint_2=(-1.0) ** np.arange(len(times)))
+    slow = replace(result, times=times, positions_at=lambda at: result.positions_at(at / 50))
+    busy = changed(slow, tau__joint_2=(-1.0) ** np.arange(len(times)))
     figures = drawn(busy)
     assert set(figures) == {"position", "torque", "torque_detail", "tcp"}
     detail = curve(figures["torque_detail"].axes[1], "torque")
     assert detail.get_xdata()[[0, -1]] == pytest.approx([13.5, 16.5], abs=0.51)
     whole = curve(figures["torque"].axes[1], "torque")
     assert whole.get_linewidth() < detail.get_linewidth()
-    assert set(drawn(replace(result, times=times))) == {"position", "torque", "tcp"}  # long, but calm
+    assert set(drawn(slow)) == {"position", "torque", "tcp"}  # long, but calm
+
+
+def test_noise_makes_no_thin_lines(result, drawn):
+    noisy = changed(result, tau__joint_2=1e-9 * (-1.0) ** np.arange(len(result.times)))
+    calm, loud = (drawn(run)["torque"].axes[0].get_lines()[0].get_linewidth() for run in (noisy, result))
+    assert calm == loud
 
 
 def test_a_free_piece_is_shown_where_it_is_and_how_fast(drawn):

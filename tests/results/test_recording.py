@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
+from simrob_drake.blocks.contacts import Contacts
+from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter, OutputError
-from simrob_drake.results.animation import recording
+from simrob_drake.results.animation import contact_arrows, recording
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, WINDOW_ASPECT, camera_on, frame_times
 from simrob_drake.results.animation.drawn import open_meshcat
 from simrob_drake.results.animation.live import LiveView
@@ -76,6 +78,28 @@ def test_contact_spheres_that_touched_are_shown_where_they_are(tmp_path):
             feet[foot] += sum(foot in one for one in drawn)
         assert station == "roid1_dynamic" or not drawn
     assert feet == {b"l_foot": 4, b"r_foot": 4}
+
+
+def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_path):
+    """The feet carry the weight, and what presses has no moment about the point."""
+    run = simulate(load_station("humanoid_dynamic"), duration=1.0, progress=False)
+    (now,) = (Contacts.of(results) for results in run.contacts_at(np.array([run.stop_time])))
+    inspector = run.plant.scene_graph.model_inspector()
+    sums = contact_arrows._sums(inspector, now)
+    assert len(sums) == 2
+    weight = run.plant.plant.CalcTotalMass(run.plant.plant.CreateDefaultContext()) * STANDARD_GRAVITY
+    assert sum(force[2] for _, force in sums.values()) == pytest.approx(weight, rel=0.02)  # it stands almost still
+    middles = np.sort([point[0] for point, _ in sums.values()])
+    assert np.abs(np.abs(middles) - 0.0444).max() < 0.028  # in the seen foot, half as wide: x of the ankle
+    names = [[inspector.GetName(inspector.GetFrameId(shape)) for shape in pair] for pair in now.pairs]
+    for (foot, _), (centre, force) in sums.items():
+        sense = np.array([[(first == foot) - (second == foot)] for first, second in names], dtype=float)
+        np.testing.assert_allclose(force, (sense * now.forces).sum(axis=0))
+        np.testing.assert_allclose((sense * np.cross(now.points - centre, now.normal_forces)).sum(axis=0), 0, atol=1e-9)
+    page = save_recording(run, tmp_path / "stands.html").read_text(encoding="utf-8")
+    told = [one for one in messages(page) if b"contact_forces/sum_" in one and b"set_object" in one]
+    assert len(told) == 4  # shaft and head of each
+    assert '"touches": true' in page
 
 
 def test_the_page_needs_no_other_file(page):

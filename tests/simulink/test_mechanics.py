@@ -341,11 +341,42 @@ def test_a_loop_of_hinges_is_closed_and_stays_so(tmp_path):
 )
 def test_other_loops_are_refused_by_name(tmp_path, kind, parameters, told):
     level = four_bar()
-    extra = level.block(kind, "Extra", **parameters)
-    level.connect("2#lconn:1", f"{extra}#lconn:1")
-    level.connect("12#rconn:1", f"{extra}#rconn:1")
+    for name in ("Extra", "Extra too"):
+        extra = level.block(kind, name, **parameters)
+        level.connect("2#lconn:1", f"{extra}#lconn:1")
+        level.connect("12#rconn:1", f"{extra}#rconn:1")
     with pytest.raises(InvalidModel, match=f"Extra.*{told}"):
         import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+
+
+def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):
+    """A crank of 0.3 m that turns moves a slider by a rod of 1 m: s = 0.3 cos a + sqrt(1 - 0.09 sin² a)."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    before = f"{world}#rconn:1"
+    spin = {"VelocityTargetSpecify": "on", "VelocityTargetValue": "3", "VelocityTargetValueUnits": "rad/s"}
+    for name, length, given in (("Crank", "0.3", spin), ("Rod", "1", {}), ("Pin", "0", {})):
+        joint = level.block(REVOLUTE, name, **given)
+        body = level.block(INERTIA, f"{name} body", Mass="1", MomentsOfInertia="[0.1 0.1 0.1]")
+        end = level.block(TRANSFORM, f"{name} end", TranslationMethod="Cartesian",
+                          TranslationCartesianOffset=f"[{length} 0 0]")  # fmt: skip
+        level.connect(before, f"{joint}#lconn:1")
+        level.connect(f"{joint}#rconn:1", f"{body}#rconn:1", f"{end}#lconn:1")
+        before = f"{end}#rconn:1"
+    along = {"RotationMethod": "StandardAxis", "RotationStandardAxis": "+Y", "RotationAngle": "pi/2"}
+    turned = [level.block(TRANSFORM, name, **along) for name in ("Rail", "Carriage")]
+    slider = level.block("sm_lib/Joints/Prismatic Joint", "Slider")
+    level.connect(f"{world}#rconn:1", f"{turned[0]}#lconn:1")
+    level.connect(f"{turned[0]}#rconn:1", f"{slider}#lconn:1")
+    level.connect(before, f"{turned[1]}#lconn:1")
+    level.connect(f"{turned[1]}#rconn:1", f"{slider}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(load_station(imported.station, {"solver.time_step": 5e-4}), duration=1.0, progress=False)
+    angle = result["q.Crank"]
+    assert np.ptp(angle) > 2
+    np.testing.assert_allclose(result["v.Crank"][0], 3, rtol=1e-4)
+    place = 0.3 * np.cos(angle) + np.sqrt(1 - (0.3 * np.sin(angle)) ** 2)
+    np.testing.assert_allclose(result["q.Slider"], place, atol=1e-3)
 
 
 def test_loops_that_cannot_close_are_told(tmp_path):
@@ -395,6 +426,65 @@ def test_a_ball_on_a_floor(tmp_path):
     np.testing.assert_allclose(result["distance.Touch"][-1], -sink, atol=2e-5)
 
 
+TOUCH = "sm_lib/Forces and\nTorques/Spatial\nContact Force"
+FIGURES = {"NormalStiffness": "1e4", "NormalDamping": "50", "SenseSeparationDistance": "on"}
+
+
+def test_planes_and_disks_carry_where_they_are(tmp_path):
+    """One ball rests on a plane at 0.3 m, one on a disk above it, and one falls past the disk's edge."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    places = {"Plane": "[0 0 0.3]", "Disk": "[0 0 0.6]"}
+    grounds = {"Plane": "Infinite Plane", "Disk": "Disk"}
+    made = {}
+    for name, place in places.items():
+        high = level.block(TRANSFORM, f"{name} high", TranslationMethod="Cartesian", TranslationCartesianOffset=place)
+        made[name] = level.block(f"sm_lib/Curves and Surfaces/{grounds[name]}", name, Radius="0.2")
+        level.connect(f"{world}#rconn:1", f"{high}#lconn:1")
+        level.connect(f"{high}#rconn:1", f"{made[name]}#lconn:1")
+    for name, start, touched in (("On plane", "[1 0 0.36]", "Plane"), ("On disk", "[0.1 0 0.66]", "Disk"),
+                                 ("Beside", "[0.5 0 0.66]", "Disk")):  # fmt: skip
+        joint = level.block("sm_lib/Joints/6-DOF Joint", f"{name} free")
+        put = level.block(TRANSFORM, f"{name} put", TranslationMethod="Cartesian", TranslationCartesianOffset=start)
+        ball = level.block("sm_lib/Body Elements/Spherical Solid", name, SphereRadius="0.05", Density="1000",
+                           ExportEntireGeometry="on")  # fmt: skip
+        touch = level.block(TOUCH, f"{name} touches", **FIGURES)
+        level.connect(f"{world}#rconn:1", f"{put}#lconn:1")
+        level.connect(f"{put}#rconn:1", f"{joint}#lconn:1")
+        level.connect(f"{joint}#rconn:1", f"{ball}#rconn:1")
+        level.connect(f"{ball}#lconn:1", f"{touch}#lconn:1")
+        level.connect(f"{made[touched]}#rconn:1", f"{touch}#rconn:1")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    result = simulate(station, duration=1.0, progress=False)
+    sink = 4 / 3 * np.pi * 0.05**3 * 1000 * 9.80665 / 1e4
+    for name, height in (("On_plane", 0.35), ("On_disk", 0.65), ("Beside", 0.35)):
+        assert result.piece_pose(name)[-1, 2] == pytest.approx(height - sink, abs=2e-4)
+    assert result["distance.On_disk_touches"][-1] == pytest.approx(-sink, abs=1e-4)
+
+
+def test_a_robot_may_stand_on_a_box(tmp_path):
+    """Four of the spheres in its corners carry it, with the spring of the model between them."""
+    level = Level()
+    world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/6-DOF Joint", "Free",
+        PzPositionTargetSpecify="on", PzPositionTargetValue="0.055")  # fmt: skip
+    foot = level.block(BRICK, "Foot", BrickDimensions="[0.2 0.3 0.1]", BasedOnType="Mass", Mass="2",
+                       ExportEntireGeometry="on")  # fmt: skip
+    hinge, arm = level.block(REVOLUTE, "Hinge"), level.block(INERTIA, "Arm", Mass="1", MomentsOfInertia="[1 1 1]")
+    ground = level.block("sm_lib/Curves and Surfaces/Infinite Plane", "Ground")
+    touch = level.block(TOUCH, "Touch", **FIGURES)
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1", f"{ground}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{foot}#rconn:1", f"{hinge}#lconn:1")
+    level.connect(f"{hinge}#rconn:1", f"{arm}#rconn:1")
+    level.connect(f"{foot}#lconn:1", f"{touch}#lconn:1")
+    level.connect(f"{ground}#rconn:1", f"{touch}#rconn:1")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(imported.station, duration=1.0, progress=False)
+    sink = 3 * 9.80665 / 1e4
+    assert result.pose("base")[-1, 2] == pytest.approx(0.05 - sink, abs=1e-4)
+    assert result["distance.Touch"][-1] == pytest.approx(-sink, abs=1e-4)
+    assert any("in its corners" in entry.text for entry in imported.report.of("repaired"))
+
+
 def test_gravity_to_the_side_turns_the_world(tmp_path):
     level = Level()
     world = level.block(WORLD, "World")
@@ -419,6 +509,18 @@ def test_a_joint_of_three_freedoms_is_three_joints(tmp_path):
     (robot,) = imported.files.robots.values()
     assert list(robot.axes.values()) == ["Plane_Px", "Plane_Py", "Plane_Rz"]
     assert [freedom.turns for freedom in robot.axes] == [False, False, True]
+
+
+def test_a_ball_joint_is_damped_about_each_axis_and_tells_what_it_lost(tmp_path):
+    level = Level()
+    given = {"DampingCoefficient": "2", "DampingCoefficientUnits": "N*m/(rad/s)", "SpringStiffness": "3"}
+    world, joint = level.block(WORLD, "World"), level.block("sm_lib/Joints/Spherical Joint", "Ball", **given)
+    rod = level.block(INERTIA, "Rod", Mass="1", MomentsOfInertia="[1 1 1]")
+    level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+    model = read_simulink(write_model(tmp_path / "a.slx", level))
+    assert [freedom.damping for freedom in model.trees[0].freedoms] == [2.0, 2.0, 2.0]
+    assert [entry.text for entry in model.report.of("dropped")] == ["the spring and limits of a ball joint"]
 
 
 @pytest.mark.parametrize(

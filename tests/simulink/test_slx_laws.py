@@ -95,6 +95,63 @@ def test_state_space_products_and_a_limited_integral_in_a_loop(tmp_path):
     np.testing.assert_allclose(result["q.B"], exact.y[2], atol=1e-4)
 
 
+def test_derivatives_of_what_is_not_measured_are_filtered(tmp_path):
+    """A brakes by a Derivative, B is held by a PID with a filter; both see their angle through a saturation."""
+    plant = Plant()
+    seen = [plant.chain("Saturate", f"S{k}", q, UpperLimit="9", LowerLimit="-9") for k, q in enumerate(plant.positions)]
+    push = plant.chain("Constant", "Push", Value="1")
+    brake = plant.chain("Derivative", "Speed", seen[0])
+    wanted = plant.chain("Constant", "Wanted", Value="0.3")
+    error = plant.chain("Sum", "e", wanted, seen[1], Inputs="+-")
+    held = plant.chain("slpidlib/PID Controller", "PID", error, P="9", I="0", D="4", N="50", Controller="PD")
+    plant.drive(plant.chain("Sum", "T", push, brake, Inputs="+-"), held)
+    result, content, report = run(plant, tmp_path)
+
+    def motion(_, y):
+        qa, wa, xa, qb, wb, xb = y
+        return (
+            wa, 1 - (qa - xa) / 1e-3, (qa - xa) / 1e-3,
+            wb, 9 * (0.3 - qb) + 4 * 50 * (0.3 - qb - xb), 50 * (0.3 - qb - xb),
+        )  # fmt: skip
+
+    exact = solve_ivp(motion, (0, 2), np.zeros(6), method="Radau", rtol=1e-8, atol=1e-8, t_eval=result.times)
+    np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
+    np.testing.assert_allclose(result["q.B"], exact.y[3], atol=2e-4)
+    assert content["controllers"]["law"]["blocks"]["PID"]["kind"] == "transfer_function"
+    assert [entry.text for entry in report.of("repaired")] == [
+        f"its derivative is filtered, by {lag} s" for lag in ("0.001", "0.02")
+    ]
+
+
+def test_springs_and_torques_that_no_position_commands_drive_joints(tmp_path):
+    """A has a spring beside its servo, B a torque of time beside a damper: of inertias of 1 kg m²."""
+    plant = Plant()
+    spring = {"SpringStiffness": "5", "EquilibriumPosition": "0.2", "EquilibriumPositionUnits": "rad"}
+    given = "".join(f'<P Name="{name}">{text}</P>' for name, text in spring.items())
+    place = next(place for place, text in enumerate(plant.blocks) if 'Name="A"' in text)
+    plant.blocks[place] = plant.blocks[place].replace("<InstanceData>", f"<InstanceData>{given}")
+    held = plant.chain("Gain", "kp", plant.positions[0], Gain="4")
+    push = plant.chain("Sum", "Push", plant.chain("Sin", "Wave", Amplitude="2", Frequency="3", Bias="1"),
+                       plant.chain("DiscretePulseGenerator", "Knocks", Period="0.5", PulseWidth="20", PhaseDelay="0.4",
+                                   Amplitude="3"))  # fmt: skip
+    plant.drive(
+        plant.chain("Sum", "TA", held, plant.speeds[0], Inputs="--"),
+        plant.chain("Sum", "TB", push, plant.speeds[1], Inputs="+-"),
+    )
+    result, content, report = run(plant, tmp_path)
+
+    def motion(t, y):
+        qa, wa, _, wb = y
+        knock = 3 * (t >= 0.4 and (t - 0.4) % 0.5 < 0.1)
+        return wa, -4 * qa - wa - 5 * (qa - 0.2), wb, 1 + 2 * np.sin(3 * t) + knock - wb
+
+    exact = solve_ivp(motion, (0, 2), np.zeros(4), rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times)
+    np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
+    np.testing.assert_allclose(result["q.B"], exact.y[2], atol=1e-3)
+    assert content["servo"]["kp"] == {"A": 4.0, "B": 0.0}
+    assert not report.of("dropped")
+
+
 def test_an_input_is_the_reference_of_the_joint_whose_error_it_makes(tmp_path):
     plant = Plant()
     asked = plant.chain("Inport", "q_ref")

@@ -21,7 +21,7 @@ def text_of(found, subject):
 
 
 def test_a_sound_station_has_no_warnings():
-    for station in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120"):
+    for station in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120", "roid1_balance"):
         assert [finding for finding in findings(station=station) if finding.level != "ok"] == []
 
 
@@ -31,6 +31,13 @@ def test_too_weak_a_motor_is_foretold_with_its_figures():
     assert "-20.79 N·m at the end" in finding.text  # facts of the arm
     assert "the limit is 10 N·m" in finding.text
     assert text_of(findings({"servo.torque_limit": 10}), "torque of joint_1").level == "ok"
+
+
+def test_too_fast_a_reference_is_foretold():
+    found = [finding for finding in findings({"reference.duration": 0.1}) if finding.subject == "references"]
+    told = {finding.text.split()[0]: finding.text for finding in found if finding.level == "warning"}
+    assert list(told) == ["joint_1", "joint_2", "joint_3"]  # 300 deg/s; the wrist has 320 and 420
+    assert told["joint_1"] == "joint_1 is asked for 300 deg/s, its limit is 250 deg/s; give it more time"
 
 
 def test_too_heavy_a_load_is_foretold():

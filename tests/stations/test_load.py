@@ -32,6 +32,23 @@ def test_a_new_kind_keeps_the_keys_that_it_knows():
     assert config.solver.model_dump() == {"kind": "discrete", "scheme": "sap", "time_step": 0.002}
 
 
+def test_a_section_of_another_kind_takes_the_place_of_the_old_one():
+    held = load_station("irb120_dynamic", {"reference": {"kind": "hold"}})  # and not at the ramp's 30 degrees
+    assert held.reference == Hold(kind="hold")
+    of_robot = load_station("two_irb120", {"robots": {"left": {"reference": {"kind": "hold"}}}})
+    assert of_robot.robots["left"].reference == Hold(kind="hold")
+    assert of_robot.robots["right"].reference.target_deg is not None
+    sine = {"kind": "sine", "amplitude": [0, 0, 1], "frequency": 1}
+    push = {"kind": "push", "start": 1, "force": [0, 0, 1]}
+    assert load_station("irb120_cobot", {"forces": {"hand": push}}).forces["hand"].kind == "push"
+    both = load_station("irb120_cobot", {"forces": {"hand": {**sine, "frequency": 2}}}).forces["hand"]
+    assert (both.kind, both.frequency) == ("sine", 2)
+    same = load_station("irb120_dynamic", {"reference": {"kind": "ramp", "duration": 2}}).reference
+    assert (same.target_deg, same.duration) == (30, 2)
+    named = load_station("irb120_dynamic", {"monitors": {"settled": {"hold": 1}}, "monitors.settled.kind": "settled"})
+    assert named.monitors["settled"].hold == 1
+
+
 def test_gains_may_be_given_by_axis():
     config = load_station("irb120_dynamic", {"servo": {"kd": None}})
     assert config.servo.kd is None
@@ -126,7 +143,7 @@ BLAMED = [
     ({"servo": {"kp": 1, "kpp": 1}}, "override servo: servo.kpp: unknown key"),
     ({"robot.base": [0, 0]}, "override robot.base: needs 6 values"),
     ({"contact": {}, "contact.friction": 0.01}, "override contact.friction: must be .* keys of: static, dynamic"),
-    ({"servo": 3}, "override servo: must be a section with keys of: realization, kp, .*it is 3"),
+    ({"servo": 3}, "override servo: must be a section with keys of: realization, law, .*it is 3"),
     ({"pieces": 3}, "override pieces: must be a section of names and their entries"),
     ({"monitors.fal": {}}, "override monitors.fal: .*fal.kind: this key is needed; known: joint_limit, .*, fall"),
     (

@@ -82,7 +82,26 @@ def test_faces_that_look_inwards_are_turned(tmp_path: Path) -> None:
 
 def test_a_mesh_that_is_only_seen_weighs_nothing(tmp_path: Path) -> None:
     box_file(tmp_path, "box.stl")
-    assert part(tmp_path, "{mesh: box.stl}").mass == 0
+    assert part(tmp_path, "{mesh: box.stl, parent: world}").mass == 0
+    assert part(tmp_path, "{mesh: box.stl, mass: 0}").mass == 0
+
+
+@pytest.mark.parametrize("entry", ["{mesh: box.stl}", "{mesh: box.stl, parent: robot}", "{mesh: box.stl, free: true}"])
+def test_what_a_robot_carries_or_falls_says_what_it_weighs(tmp_path: Path, entry: str) -> None:
+    box_file(tmp_path, "box.stl")
+    with pytest.raises(SimrobError, match=r"pieces\.part\.mass is None; .* a mass \[kg\], 0 if it is only seen"):
+        station(tmp_path, entry)
+
+
+def test_a_mesh_without_unit_and_scale_is_no_mountain(tmp_path: Path) -> None:
+    for name in ("box.stl", "box.obj"):
+        box_file(tmp_path, name, scale=150)
+        with pytest.raises(SimrobError, match=r"pieces\.part\.scale is None; .* 0\.001 for millimetres, or 1 if it is"):
+            station(tmp_path, f"{{mesh: {name}, density: 2700}}")
+    assert part(tmp_path, "{mesh: box.stl, scale: 0.001, density: 2700}").mass < 0.1
+    assert part(tmp_path, "{mesh: box.stl, scale: 1, density: 2700}").mass > 1e6
+    box_file(tmp_path, "box.glb", scale=10)  # glTF is in metres
+    assert part(tmp_path, "{mesh: box.glb, density: 1}").mass == pytest.approx(1000 * SIDES.prod(), rel=1e-5)
 
 
 def test_figures_of_the_station_replace_those_of_the_mesh(tmp_path: Path) -> None:
@@ -180,11 +199,14 @@ WRONG = [
     ("{mesh: box.stl, model: rook}", r"pieces\.part: .*either a model or a mesh"),
     ("{model: rook, scale: 2}", r"pieces\.part: .*a scale goes with a mesh"),
     ("{mesh: box.stl, density: -1}", r"pieces\.part\.density: .*greater than 0"),
-    ("{mesh: box.stl, frames: {tcp: [0, 0, 0, 0, 0, 0]}}", r"pieces\.part: .*'tcp' stands twice"),
+    ("{mesh: box.stl, mass: 1, frames: {tcp: [0, 0, 0, 0, 0, 0]}}", r"pieces\.part: .*'tcp' stands twice"),
     ("{model: rok}", r"there is no piece 'rok'; did you mean 'rook'"),
     ("{model: none/piece.yaml}", r"none/piece\.yaml: cannot be read"),
     ("{model: bad.yaml}", r"bad\.yaml: mas: unknown key; did you mean 'mass'"),
-    ("{mesh: box.stl, frame: tp}", r"no tool or link of robot for pieces\.part\.frame 'tp'; did you mean 'tip'"),
+    (
+        "{mesh: box.stl, mass: 1, frame: q}",
+        r"no tool or link of robot for pieces\.part\.frame 'q'",
+    ),
     ("{mesh: box.stl, parent: world, frame: tip}", r"pieces\.part\.frame is tip; .* left out: it hangs on the world"),
 ]
 

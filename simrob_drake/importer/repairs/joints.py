@@ -131,9 +131,8 @@ def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, repo
         dynamics.set("damping", written(damping + friction))
         report.add("repaired", where, f"damping {damping:g} plus friction {friction:g}: damping {damping + friction:g}")
     else:
-        report.add(
-            "dropped", where, f"friction {friction:g}, which Drake does not simulate; --friction-as-damping adds it"
-        )
+        back = "drives.friction of a robot brings it back, --friction-as-damping adds it"
+        report.add("dropped", where, f"friction {friction:g}, seldom measured; {back}")
 
 
 def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:

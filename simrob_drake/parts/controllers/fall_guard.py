@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -11,7 +12,7 @@ from pydantic import Field, model_validator
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.frames import Vector, lean
+from simrob_drake.frames import Vector, lean, vertical
 from simrob_drake.parts.controllers.capture_point import CapturePoint
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.ground import Ground
@@ -23,7 +24,7 @@ from simrob_drake.yaml_files import Number
 class FallGuard(LoopSection):
     """Move axes to a posture, such as arms forward, once the base is too low or leans too far; it stays until reset.
 
-    It drives the axes of its posture alone.
+    It drives the axes of its posture alone. Several, each `toward` another side, take another posture for each.
     """
 
     kind: Literal["fall_guard"]
@@ -31,6 +32,9 @@ class FallGuard(LoopSection):
     """Height of the base over the ground beneath, below which it acts [m]."""
     tilt_deg: Positive | None = None
     """Angle from how the base stood at the start beyond which it acts."""
+    toward_deg: Number | None = None
+    """Where to the base must lean, within 90° to either side: 0 along the world's x axis at the start, 90 along y; it
+    turns with the base. Anywhere unless given."""
     capture_point: NotNegative | None = None
     """How far outside of the area between its feet the capture point may come [m]: where it would have to step to stop.
     It is that of the true state."""
@@ -70,8 +74,14 @@ class FallGuard(LoopSection):
             ground=site.plant.ground,
             must_step=step,
             up=robot.base.rotation().inverse() @ np.array([0.0, 0.0, 1.0]),
+            toward=None if self.toward_deg is None else robot.base.rotation().inverse() @ _level(self.toward_deg),
             reset_after=math.inf if self.reset_after is None else self.reset_after,
         )
+
+
+def _level(angle_deg: float) -> Vector:
+    angle = math.radians(angle_deg)
+    return np.array([math.cos(angle), math.sin(angle), 0.0])
 
 
 class ProtectivePosture(SampledBlock):
@@ -92,6 +102,7 @@ class ProtectivePosture(SampledBlock):
         height: float,
         tilt: float,
         up: Vector,
+        toward: Vector | None = None,
         ground: Ground | None = None,
         must_step: tuple[int, Callable[[Vector], bool]] | None = None,
         reset_after: float = math.inf,
@@ -105,6 +116,7 @@ class ProtectivePosture(SampledBlock):
             height: of the base over the ground below which it acts [m].
             tilt: angle from upright beyond which it acts [rad].
             up: what of the base points up while it stands upright, shape (3,).
+            toward: where to the base must lean, in its axes, shape (3,); anywhere unless given.
             ground: beneath it; the plane z = 0 unless given.
             must_step: size of the state, and what tells by it that standing will not do; None for nothing.
             reset_after: how long all must be well before it lets go [s].
@@ -112,7 +124,7 @@ class ProtectivePosture(SampledBlock):
         self.units = {"target": "rad"}
         self._posture, self._duration = posture, duration
         self._height, self._tilt, self._up, self._reset_after = height, tilt, up.tolist(), reset_after
-        self._ground = ground or Ground()
+        self._ground, self._toward = ground or Ground(), None if toward is None else toward.tolist()
         zero = np.zeros(len(posture))
         memory = {"target": zero, "active": np.zeros(1), "elapsed": np.zeros(1), "origin": zero, "well": np.zeros(1)}
         reads = {"base_pose": 7, "reference": len(posture)}
@@ -122,10 +134,14 @@ class ProtectivePosture(SampledBlock):
         super().__init__(period=period, reads=reads, memory=memory, gives=("target", "active"))
 
     def falls(self, read: Named) -> bool:
-        """Tell whether what is read is beyond a threshold."""
+        """Tell whether what is read is beyond a threshold, and leans where to it must."""
         pose = read["base_pose"]
-        leans = lean(self._up, *pose[3:].tolist()) > self._tilt or self._ground.height(pose) < self._height
-        return bool(leans or (self._must_step is not None and self._must_step(read["state"])))
+        if self._toward is not None and sum(map(operator.mul, vertical(*pose[3:].tolist()), self._toward)) >= 0:
+            return False  # its upward direction, seen from the base, goes the other way
+        if not math.isinf(self._tilt) and lean(self._up, *pose[3:].tolist()) > self._tilt:
+            return True
+        low = not math.isinf(self._height) and self._ground.height(pose) < self._height
+        return low or (self._must_step is not None and self._must_step(read["state"]))
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next point of the way to the posture, if the robot falls or has fallen."""

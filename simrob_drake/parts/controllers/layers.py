@@ -3,15 +3,14 @@
 from collections.abc import Mapping
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import AffineSystem, PassThrough, Saturation
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturation
 
-from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.blocks.wiring import fed, joined, mapped, summed
+from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.controllers.loop import ASKED, LoopSection
+from simrob_drake.parts.controllers.loop import ASKED, LoopSection, Wired
 from simrob_drake.parts.controllers.outputs import add_to, declare_output
 from simrob_drake.parts.site import Site, StationRobot
 
@@ -25,31 +24,29 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
     Raises:
         SimrobError: an input that reads nothing, or a section that does not fit its robot.
     """
-    blocks = {}
+    wired = {}
     for name, section in loops.items():
         robot = site.robot(section.robot)
-        block = blocks[name] = section.block(f"controllers.{name}", robot, site)
-        builder.AddNamedSystem(f"controller.{name}", block)
+        wired[name] = section.wire(builder, name, robot, site)
         site.notes[name] = {"kind": section.kind}
         _draw(site, f"controller.{name}", name, section, robot)
-        for port in _outputs(block):
-            driven = {"offset": section.axes, "target": section.layered}.get(port.get_name())
+        for output, port in wired[name].outputs.items():
+            driven = {"offset": section.axes, "target": section.layered}.get(output)
             axes = robot.axes if driven is None else driven(robot)
-            declare_output(site, name, port, block.units.get(port.get_name(), "1"), robot, axes)
+            declare_output(site, name, port, wired[name].units.get(output, "1"), robot, axes, called=output)
     for name, section in loops.items():
-        _connect(builder, site, name, section, blocks[name])
+        _connect(builder, site, name, section, wired[name])
     for robot in site.plant.robots.values():
         own = {name: loop for name, loop in loops.items() if site.robot(loop.robot) is robot}
-        layers = sorted(own, key=lambda name: own[name].priority or 0)
+        layers = sorted(own, key=lambda name: own[name].layer)
         if layers:
-            _drive(builder, site, robot, {name: (own[name], blocks[name]) for name in layers})
+            _drive(builder, site, robot, {name: (own[name], wired[name]) for name in layers})
 
 
-def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, block: SampledBlock) -> None:
+def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSection, wired: Wired) -> None:
     """Connect the inputs of a loop to what they read."""
     key, robot = f"controllers.{name}", site.robot(section.robot)
-    ports = [block.get_input_port(index) for index in range(block.num_input_ports())]
-    known = {port.get_name(): port for port in ports if port.get_name() != ASKED}
+    known = {read: port for read, port in wired.inputs.items() if read != ASKED}
     for read in section.reads:
         if read not in known:
             raise UnknownName(f"input of {key} for {key}.reads", read, known)
@@ -60,33 +57,99 @@ def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSectio
         builder.Connect(source, port)
 
 
+class _Stack:
+    """What a robot is asked, as far as loops have been laid over it: a sum of ports.
+
+    Each block between reference and servos takes time at every step: so there are as few of them as can be.
+
+    Attributes:
+        ports: that are added up; None is the input of the station.
+    """
+
+    def __init__(self, builder: DiagramBuilder, site: Site, robot: StationRobot) -> None:
+        self._builder, self._site, self._key = builder, site, f"{robot.prefix}reference"
+        self._size, self._limits = len(robot.axes), robot.model.axis_limits
+        self.ports: list[OutputPort | None] = [None]
+
+    def feed(self, name: str, block: LeafSystem, *above: OutputPort) -> None:
+        """Feed a block with the ports, and others above them; its output takes their place."""
+        self._builder.AddNamedSystem(name, block)
+        for index, port in enumerate([*self.ports, *above]):
+            if port is None:
+                self._site.inputs[self._key] = block.get_input_port(index)
+            else:
+                self._builder.Connect(port, block.get_input_port(index))
+        self.ports = [block.get_output_port()]
+
+    def sum(self, name: str) -> OutputPort:
+        """Return the sum as a port."""
+        if len(self.ports) > 1 or self.ports[0] is None:
+            self.feed(name, Adder(len(self.ports), self._size))
+        assert self.ports[0] is not None
+        return self.ports[0]
+
+    def limit(self) -> OutputPort:
+        """Return the sum within the joint limits."""
+        if len(self.ports) > 1:
+            self.sum(f"{self._key}.limits.sum")
+        self.feed(f"{self._key}.limits", Saturation(*self._limits))
+        return self.sum("")
+
+    def lay_over(self, name: str, target: OutputPort, active: OutputPort, share: Vector) -> None:
+        """Let it be (1 - share) of what it was and share of a target where ``active`` is 1; as it was where that is 0.
+
+        Of Drake's primitives, so that no Python is asked at each look of the solver: with the lower limits l, and W
+        wider than the limits, it is l + max(below - l - W active, 0) + max(target - l - W (1 - active), 0) on the axes
+        that share.
+        """
+        size, axes, count = self._size, np.flatnonzero(share), len(self.ports)
+        lower, upper = (np.clip(bound, -_FAR, _FAR)[axes] for bound in self._limits)
+        eye, wide, part, far = np.eye(size), (upper - lower + 1.0)[:, None], share[axes], np.full(size, np.inf)
+        pick, none = eye[axes], np.zeros((len(axes), size))
+        bus = Multiplexer([size] * (count + 1) + [1])
+        shown = np.block(
+            [
+                [*[pick] * count, none, -wide],
+                [*[none] * count, pick, wide],
+                [*[eye] * count, np.zeros((size, size + 1))],
+            ]
+        )
+        hidden = np.concatenate([-lower, -lower - wide[:, 0], np.zeros(size)])
+        least = np.concatenate([np.zeros(2 * len(axes)), -far])
+        back = pick.T * part
+        self.feed(f"{name}.bus", bus, target, active)
+        self.feed(f"{name}.shown", AffineSystem(D=shown, y0=hidden))
+        self.feed(f"{name}.either", Saturation(least, np.full(len(least), np.inf)))
+        self.feed(f"{name}.layers", AffineSystem(D=np.hstack([back, back, eye - np.diag(share)]), y0=back @ lower))
+
+
 def _drive(
-    builder: DiagramBuilder, site: Site, robot: StationRobot, layers: Mapping[str, tuple[LoopSection, SampledBlock]]
+    builder: DiagramBuilder, site: Site, robot: StationRobot, layers: Mapping[str, tuple[LoopSection, Wired]]
 ) -> None:
     """Lay loops over the reference of a robot and its feedforward, the lowest first, within the joint limits."""
     size, key = len(robot.axes), f"{robot.prefix}reference"
-    asked = builder.AddNamedSystem(f"{key}.asked", PassThrough(size))
-    inner, site.inputs[key] = site.inputs[key], asked.get_input_port()
-    port, torques, speeds = asked.get_output_port(), list[OutputPort](), list[OutputPort]()
-    for name, (section, block) in layers.items():
-        outputs = {port.get_name(): port for port in _outputs(block)}
+    inner, stack, torques, speeds = (
+        site.inputs[key],
+        _Stack(builder, site, robot),
+        list[OutputPort](),
+        list[OutputPort](),
+    )
+    for name, (section, wired) in layers.items():
+        outputs = wired.outputs
         weight, place = section.weight or 1.0, f"{key}.{name}"
         _draw(site, place, name, section, robot)
-        if block.HasInputPort(ASKED):
-            builder.Connect(port, block.GetInputPort(ASKED))
+        if ASKED in wired.inputs:
+            builder.Connect(stack.sum(f"{place}.asked"), wired.inputs[ASKED])
         if "offset" in outputs:
-            added = mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"])
-            port = summed(builder, f"{place}.sum", port, added)
+            stack.ports.append(mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"]))
         if "offset_velocity" in outputs and f"{robot.prefix}reference_velocity" in site.inputs:
             speeds.append(mapped(builder, f"{place}.speed", weight * np.eye(size), outputs["offset_velocity"]))
         if "target" in outputs:
             share = np.where(np.isin(robot.axes, section.layered(robot)), weight, 0.0)
-            limits = robot.model.axis_limits
-            port = _laid_over(builder, place, port, outputs["target"], outputs["active"], share=share, limits=limits)
+            stack.lay_over(place, outputs["target"], outputs["active"], share)
         if "feedforward" in outputs:
             torques.append(mapped(builder, f"{place}.torque", weight * np.eye(size), outputs["feedforward"]))
-    limited = fed(builder, f"{key}.limits", Saturation(*robot.model.axis_limits), port)
-    builder.Connect(limited, inner)
+    builder.Connect(stack.limit(), inner)
     _draw(site, f"{key}.limits", name, section, robot)
     for key, added in (("feedforward", torques), ("reference_velocity", speeds)):
         if added:
@@ -98,36 +161,3 @@ def _draw(site: Site, system: str, name: str, section: LoopSection, robot: Stati
     """Say that a system is part of a loop's block in the picture."""
     label = f"{wrapped(name)}\n{section.kind.replace('_', ' ')}, {section.rate:g} Hz"
     site.draw(system, "loop", label, robot, key=f"controller.{name}")
-
-
-def _laid_over(
-    builder: DiagramBuilder,
-    place: str,
-    below: OutputPort,
-    above: OutputPort,
-    active: OutputPort,
-    *,
-    share: Vector,
-    limits: tuple[Vector, Vector],
-) -> OutputPort:
-    """Return (1 - share) below + share above where ``active`` is 1, and what is below where it is 0.
-
-    Of Drake's primitives, so that no Python is asked at each look of the solver: with the lower limits l, and W wider
-    than the limits, it is l + max(below - l - W active, 0) + max(above - l - W (1 - active), 0) on the axes that share.
-    """
-    size, axes = len(share), np.flatnonzero(share)
-    lower, upper = (np.clip(bound, -_FAR, _FAR)[axes] for bound in limits)
-    eye, wide, part = np.eye(size), (upper - lower + 1.0)[:, None], share[axes]
-    pick, none = eye[axes], np.zeros((len(axes), size))
-    shown = np.block([[pick, none, -wide], [none, pick, wide]])
-    hidden = np.concatenate([-lower, -lower - wide[:, 0]])
-    bus = joined(builder, f"{place}.bus", below, above, active)
-    both = fed(builder, f"{place}.shown", AffineSystem(D=shown, y0=hidden), bus)
-    either = fed(builder, f"{place}.either", Saturation(np.zeros(2 * len(axes)), np.full(2 * len(axes), np.inf)), both)
-    back = pick.T * part
-    mixed = AffineSystem(D=np.hstack([back, back, eye - np.diag(share)]), y0=back @ lower)
-    return fed(builder, f"{place}.layers", mixed, joined(builder, f"{place}.mixed_bus", either, below))
-
-
-def _outputs(block: SampledBlock) -> list[OutputPort]:
-    return [block.get_output_port(index) for index in range(block.num_output_ports())]

@@ -1,11 +1,12 @@
 """What the kinds of loop share: whom they drive, what they read, and how several mix."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Annotated, ClassVar, Literal, Protocol
 
 from pydantic import Field
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.blocks.wiring import mapped
@@ -13,6 +14,16 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.quantities import Positive
 from simrob_drake.yaml_files import Number, Strict
+
+
+@dataclass(frozen=True)
+class Wired:
+    """A loop in a diagram: its ports by name, and the units of its outputs; ``1`` unless named."""
+
+    inputs: Mapping[str, InputPort]
+    outputs: Mapping[str, OutputPort]
+    units: Mapping[str, str]
+
 
 ASKED = "asked"
 """What an input is called that is the reference as it is below a loop."""
@@ -33,6 +44,8 @@ class LoopSection(Strict):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
     """Inputs of robots that it drives beside the reference."""
+    uppermost: ClassVar[bool] = False
+    """Whether it lies above all others, whatever their priorities."""
 
     kind: str
     robot: str | None = None
@@ -51,6 +64,11 @@ class LoopSection(Strict):
     def named(self) -> list[str]:
         """What it reads by names of the user's: sensors, outputs, columns."""
         return list(self.reads.values())
+
+    @property
+    def layer(self) -> tuple[bool, int]:
+        """Its place among the loops of a robot: the higher one lies above."""
+        return self.uppermost, self.priority or 0
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check what is known before anything is built.
@@ -77,6 +95,15 @@ class LoopSection(Strict):
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop; ``key`` is where the section stands, for errors."""
         raise NotImplementedError
+
+    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
+        """Add the loop, as a block ``controller.<name>``."""
+        block = builder.AddNamedSystem(f"controller.{name}", self.block(f"controllers.{name}", robot, site))
+        inputs = [block.get_input_port(index) for index in range(block.num_input_ports())]
+        outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
+        return Wired(
+            {port.get_name(): port for port in inputs}, {port.get_name(): port for port in outputs}, block.units
+        )
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Return the output that an input of the loop reads.
@@ -148,10 +175,10 @@ def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None
     for (one, first), (other, second) in combinations(loops.items(), 2):
         robots = [station.robot(loop.robot, "controllers") for loop in (first, second)]
         weighed = first.weight is not None and second.weight is not None
-        if robots[0] is not robots[1] or weighed or first.priority != second.priority:
+        if robots[0] is not robots[1] or weighed or first.layer != second.layer:
             continue
         shared = [axis for axis in first.axes(robots[0]) if axis in second.axes(robots[0])]
         if shared:
-            told = f"drives {', '.join(shared[:3])}{' ...' if len(shared) > 3 else ''}, as controllers.{one} does"
+            told = f"driving {', '.join(shared[:3])}{' ...' if len(shared) > 3 else ''}, as controllers.{one} is"
             expected = "alone on its axes, or with a priority (or both with a weight), which says how they mix"
             raise InvalidParameter(f"controllers.{other}", told, expected)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -30,7 +30,7 @@ from simrob_drake.parts.monitors.force_limit import force_limit
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.axis_map import AxisMap
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.axis_values import AxisValues
 
 _GUARDS, _WARNS, _GIVES_WAY, _STOPPED = 0.0, 1.0, 2.0, 3.0
 
@@ -39,8 +39,10 @@ class MotorProtection(LoopSection):
     """Give way where a motor is loaded too much or gets too warm, then stop the robot where it is.
 
     It watches the torques of the servos, and perhaps the force at a sensor (`reads: {force: <sensor>}`), which stops it
-    without giving way first. It is to be the uppermost loop of its robot.
+    without giving way first. It lies above all other loops of its robot, whatever their priorities.
     """
+
+    uppermost: ClassVar[bool] = True
 
     kind: Literal["motor_protection"]
     limit: AxisValues | None = None

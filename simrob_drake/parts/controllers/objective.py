@@ -1,11 +1,7 @@
 r"""A loop that brings a measured quantity to a value by joints that move in given proportions.
 
 The thesis's automatic control with an objective (p. 102 to 107): no joint angles are given, the robot finds its own.
-With the error e of the quantity and the weights :math:`w_i` of the axes,
-
-.. math:: u = \mathrm{clip}\bigl(k_p e + x\bigr), \qquad \dot x = k_i e, \qquad \Delta q_i = w_i u,
-
-where x stands still while u is at its limit, or at its fastest, and e would drive it on.
+An axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`, with the u of a :class:`PiLaw`.
 """
 
 from __future__ import annotations
@@ -22,7 +18,8 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.loop import LoopSection, Wired
+from simrob_drake.parts.controllers.pi_law import MEMORY, PLAIN, PiLaw
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.signals import Signal
@@ -91,8 +88,10 @@ class Objective(LoopSection):
         if name != "measured" or name in self.reads:
             return super().source(builder, name, robot, site, key)
         signal, entry = self._measured(site, key)
-        output = super().source(builder, signal.output, robot, site, key)
         site.draw_nothing(f"{key}.measured")
+        if signal.output in site.of_state:
+            return mapped(builder, f"{key}.measured", site.of_state[signal.output].matrix[[entry]], site.state)
+        output = super().source(builder, signal.output, robot, site, key)
         return mapped(builder, f"{key}.measured", np.eye(output.size())[[entry]], output)
 
     def _measured(self, site: Site, key: str) -> tuple[Signal, int]:
@@ -105,8 +104,34 @@ class Objective(LoopSection):
         known = [column for signal in given for column in signal.names]
         raise UnknownName(f"signal of the station for {key}.measures", self.measures, known)
 
+    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
+        """Add the loop; without a posture it is one of expressions, for which no Python is asked while stepping."""
+        if self.then_deg:
+            return super().wire(builder, name, robot, site)
+        law, weights, unit = self._law(f"controllers.{name}", robot, site)
+        system = builder.AddNamedSystem(f"controller.{name}", law.system())
+        part, told = f"controller.{name}", system.get_output_port()
+        outputs = {
+            "offset": mapped(builder, f"{part}.offset", np.outer(weights, [1.0, 0.0]), told),
+            "error": mapped(builder, f"{part}.error", np.array([[0.0, 1.0]]), told),
+        }
+        return Wired({"measured": system.get_input_port()}, outputs, {"offset": "rad", "error": unit})
+
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
+        law, weights, unit = self._law(key, robot, site)
+        posture = robot.model.user_units * robot.model.axis_vector(dict(self.then_deg), f"{key}.then_deg")
+        return WeightedObjective(
+            law=law,
+            weights=weights,
+            posture=posture if self.then_deg else None,
+            near=(self.tolerance or 0.0, self.settled),
+            duration=self.then_duration,
+            unit=unit,
+        )
+
+    def _law(self, key: str, robot: StationRobot, site: Site) -> tuple[PiLaw, Vector, str]:
+        """Return the law, the weights of all axes, shape (n,), and the unit of the error."""
         model, weights = robot.model, robot.model.axis_vector(dict(self.weights), f"{key}.weights")
         units = set(model.user_units[weights != 0])
         if len(units) > 1:
@@ -116,21 +141,16 @@ class Objective(LoopSection):
         if "measured" not in self.reads:
             signal, _ = self._measured(site, key)
             unit_of_error = signal.units[signal.names.index(self.measures)]
-        posture = model.user_units * model.axis_vector(dict(self.then_deg), f"{key}.then_deg")
-        return WeightedObjective(
+        law = PiLaw(
             period=1 / self.rate,
             targets=self.target if isinstance(self.target, list) else [self.target],
             hold=self.hold,
             speed=math.inf if self.speed is None else self.speed,
-            weights=weights,
             gains=(unit * self.kp, unit * self.ki),
             limit=unit * self.limit_deg,
             fastest=unit * self.rate_deg,
-            posture=posture if self.then_deg else None,
-            near=(self.tolerance or 0.0, self.settled),
-            duration=self.then_duration,
-            unit=unit_of_error,
         )
+        return law, weights, unit_of_error
 
 
 class WeightedObjective(SampledBlock):
@@ -145,14 +165,8 @@ class WeightedObjective(SampledBlock):
     def __init__(
         self,
         *,
-        period: float,
-        targets: Sequence[float],
-        hold: float = math.inf,
-        speed: float = math.inf,
+        law: PiLaw,
         weights: Vector,
-        gains: tuple[float, float],
-        limit: float,
-        fastest: float,
         posture: Vector | None = None,
         near: tuple[float, float] = (math.inf, 0.0),
         duration: float = 1.0,
@@ -161,29 +175,22 @@ class WeightedObjective(SampledBlock):
         """Make the block.
 
         Args:
-            period: between samples [s].
-            targets: values of the quantity, one after the other.
-            hold: how long each is asked for, from when its ramp ends [s].
-            speed: of what is asked for, on its way there [1/s].
+            law: of how far an axis of weight 1 moves.
             weights: of the axes, shape (n,).
-            gains: kp [rad per unit] and ki [rad/s per unit] of an axis of weight 1.
-            limit: how far that axis may move [rad].
-            fastest: how fast [rad/s].
             posture: to be taken then, shape (n,) [rad]; None for none.
             near: how near the quantity must be to its target, and for how long [s].
             duration: of the way to the posture [s].
             unit: of the quantity.
         """
         self.units = {"offset": "rad", "target": "rad", "error": unit}
-        self._targets, self._hold, self._speed, self._weights, self._gains = targets, hold, speed, weights, gains
-        self._limit, self._fastest, self._posture, self._near, self._duration = limit, fastest, posture, near, duration
+        self._law, self._weights = law, weights
+        self._posture, self._near, self._duration = posture, near, duration
         zero, one = np.zeros(len(weights)), np.zeros(1)
-        memory = {"offset": zero, "error": one, "integral": one, "asked": np.array([math.inf]), "effort": one}
-        memory |= {"number": one, "held": one}
+        memory = {"offset": zero, "error": one, **dict.fromkeys(MEMORY, one)}
         if posture is not None:
             memory |= {"target": zero, "active": one, "origin": zero, "elapsed": one}
         super().__init__(
-            period=period,
+            period=law.period,
             reads={"measured": 1, **({} if posture is None else {"reference": len(weights)})},
             memory=memory,
             gives=("offset", "error", *(() if posture is None else ("target", "active"))),
@@ -191,24 +198,10 @@ class WeightedObjective(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how far the axes are to be moved now."""
-        measured, asked = read["measured"][0], memory["asked"][0]
-        number, held = int(memory["number"][0]), memory["held"][0]
-        if held >= self._hold and number + 1 < len(self._targets):
-            number, held = number + 1, 0.0
-        target, step = self._targets[number], self._speed * self.period
-        asked = measured if math.isinf(asked) else asked  # it begins there
-        asked = min(max(target, asked - step), asked + step)
-        held = held + self.period if asked == target else 0.0
-        error, before, integral = asked - measured, memory["effort"][0], memory["integral"][0]
-        kp, ki = self._gains
-        wanted = kp * error + integral + ki * error * self.period
-        step = self._fastest * self.period
-        effort = float(np.clip(np.clip(wanted, before - step, before + step), -self._limit, self._limit))
-        if (wanted - effort) * error <= 0:  # else it would wind up
-            integral += ki * error * self.period
-        moved = {"offset": self._weights * effort, "error": error, "integral": integral, "effort": effort}
-        course = {"asked": asked, "number": number, "held": held}
-        return {**moved, **course, **self._posture_now(memory, read, measured - target)}
+        measured = read["measured"].item()
+        new, target = self._law.next(measured, {name: memory[name].item() for name in MEMORY}, PLAIN)
+        moved: Changes = {**new, "offset": self._weights * new["effort"], "error": new["asked"] - measured}
+        return {**moved, **self._posture_now(memory, read, measured - target)}
 
     def _posture_now(self, memory: Named, read: Named, left: float) -> Changes:
         """Return where the other axes are on their way to the posture, once the quantity has been near long enough."""

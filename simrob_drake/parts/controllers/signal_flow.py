@@ -73,7 +73,8 @@ class SignalFlow(Strict):
     @property
     def named(self) -> list[str]:
         """What it reads by names: signals of sensors and others."""
-        return sorted({name for block in self._all.values() for given in block.inputs for name in _terms(given)})
+        sums = [*self.torque.values(), *(given for block in self._all.values() for given in block.inputs)]
+        return sorted({name for given in sums for name in _terms(given)})
 
     @property
     def _all(self) -> dict[str, FlowBlock]:

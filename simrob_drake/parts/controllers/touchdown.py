@@ -5,6 +5,7 @@ The thesis proposes it for four legs (p. 120): a foot sphere that, on touching, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
@@ -136,16 +137,16 @@ class UnknownGround(SampledBlock):
         plan = read["reference"] - memory["offset"]
         speed = (plan - memory["plan"]) / self.period  # not used before a leg has been lifted
         new["offset_velocity"], new["feedforward"] = np.zeros(len(plan)), np.zeros(len(plan))
-        heights = np.array([limb.place(plan)[2] for limb in self._limbs.values()])
-        raised = heights > heights.min() + self._clearance
+        angles, before, phases = plan.tolist(), memory["heights"].tolist(), memory["phase"].tolist()
+        heights = [limb.place(angles)[2] for limb in self._limbs.values()]
+        least = min(heights) + self._clearance
         for number, (foot, limb) in enumerate(self._limbs.items()):
-            lowers = heights[number] < memory["heights"][number]
-            leg = limb.axes
-            phase = self._phase(new["phase"][number], bool(raised[number]), bool(lowers), read[foot])
-            if phase == _TOUCHED and new["phase"][number] == _FOLLOWS:
+            raised, leg = heights[number] > least, limb.places
+            phase = self._phase(phases[number], raised, heights[number] < before[number], foot, read)
+            if phase == _TOUCHED and phases[number] == _FOLLOWS:
                 new["posture"][leg], new["torques"][leg] = read["position"][leg], read["torque"][leg]
             if phase == _FOLLOWS:
-                self._seek(new, number, limb, plan, bool(raised[number]))
+                self._seek(new, number, limb, plan, raised)
             elif phase == _TOUCHED:
                 new["offset"][leg] = (new["posture"] - plan)[leg]
                 new["offset_velocity"][leg] = -speed[leg]
@@ -154,29 +155,29 @@ class UnknownGround(SampledBlock):
             if self._holds_torques:
                 self._hold_torques(new, phase, leg, read["position"] - plan, speed)
             new["phase"][number] = phase
-        return {**new, "plan": plan, "heights": heights}
+        return {**new, "plan": plan, "heights": np.array(heights)}
 
-    def _phase(self, phase: float, raised: bool, lowers: bool, force: Vector) -> float:
-        """Return what a leg does next."""
+    def _phase(self, phase: float, raised: bool, lowers: bool, foot: str, read: Named) -> float:
+        """Return what a leg does next; the force on its foot is looked at only where it matters: that takes time."""
         if phase == _STANDS:
             return _FOLLOWS if raised else _STANDS
         if phase == _TOUCHED:
             return _TOUCHED if raised else _STANDS
-        touches = (lowers or not raised) and force @ force > self._force**2
+        touches = (lowers or not raised) and math.hypot(*read[foot].tolist()) > self._force
         return (_TOUCHED if raised else _STANDS) if touches else _FOLLOWS
 
     def _seek(self, new: dict[str, Vector], number: int, limb: Limb, plan: Vector, raised: bool) -> None:
         """Let a leg that has not touched go on downward where it should have, and back to the reference before."""
         if raised:
-            new["offset"][limb.axes] *= self._keeps
+            new["offset"][limb.places] *= self._keeps
             new["sought"][number] = 0.0
             return
         step = min(self._speed * self.period, self._reach - new["sought"][number])
-        new["offset"][limb.axes] += np.linalg.lstsq(limb.rates(plan + new["offset"]), [0.0, 0.0, -step])[0]
+        new["offset"][limb.places] += np.linalg.lstsq(limb.rates(plan + new["offset"]), [0.0, 0.0, -step])[0]
         new["sought"][number] += step
 
     def _hold_torques(
-        self, new: dict[str, Vector], phase: float, leg: list[int], behind: Vector, speed: Vector
+        self, new: dict[str, Vector], phase: float, leg: slice | list[int], behind: Vector, speed: Vector
     ) -> None:
         """Let the servos of a leg that touched early apply what they did then, and nothing beside."""
         if phase == _FOLLOWS:

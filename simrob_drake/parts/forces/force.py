@@ -9,7 +9,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site, Surroundings, named
 from simrob_drake.parts.targets import frame_names, frame_of
-from simrob_drake.signals import Signal, sensor_panel
+from simrob_drake.signals import applied_signal
 from simrob_drake.yaml_files import Strict
 
 
@@ -55,9 +55,9 @@ def add_force(
     site.draw(f"force.{name}", "robot", f"Force '{name}'\nat {place}")
     site.draw(f"force.{name}.source", "reference", f"Force '{name}'\n{told}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())
-    output, names = f"applied_force.{name}", tuple(f"applied_force.{name}.{axis}" for axis in "xyz")
-    panel = sensor_panel(f"applied force '{name}' at {place}, in its axes", "force", names, ["N"])
-    site.add(output, force, Signal(names, ("N",) * 3, "applied", output, part=name, panel=panel))
+    output = f"applied_force.{name}"
+    title = f"applied force '{name}' at {place}, in its axes"
+    site.add(output, force, applied_signal(output, "N", title, part=name))
 
 
 def _place(site: Site, place: str) -> tuple[Frame, Vector]:

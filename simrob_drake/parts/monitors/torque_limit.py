@@ -10,7 +10,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import MonitorSection, of_axes, worst
 from simrob_drake.parts.site import ResolvedRobot, Surroundings
 from simrob_drake.quantities import NotNegative
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.axis_values import AxisValues
 
 _AT_LIMIT = 1e-6
 """Part of a torque limit that may be missing where a servo counts as saturated."""

@@ -9,7 +9,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import positions_told
 from simrob_drake.parts.references.reference import Reference, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel
 
 
 class Hold(Reference):

@@ -4,13 +4,14 @@ from typing import Literal
 
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.blocks.references import move, ramp
+from simrob_drake.blocks.references import move
 from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import positions_told
 from simrob_drake.parts.references.reference import Reference, si_positions
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.quantities import Duration, Instant
-from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel
 
 
 class ToOnePosture(Reference):
@@ -26,9 +27,11 @@ class ToOnePosture(Reference):
 
     def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Return the trajectory, shape (n, 1) [rad or m]."""
-        go = move if self.kind == "move" else ramp
-        target = si_positions(self.target_deg, robot, start)
-        return go(start, target, duration=self.duration, start_time=self.start)
+        return self.way(start, si_positions(self.target_deg, robot, start))
+
+    def way(self, start: Vector, target: Vector) -> Trajectory:
+        """Return the way between two postures, each (n,) [rad or m]."""
+        raise NotImplementedError
 
     def caption(self, model: RobotModel) -> str:
         """Return it in words."""
@@ -40,3 +43,7 @@ class Move(ToOnePosture):
     """Go to a posture with continuous acceleration (a polynomial of degree five), and stay there."""
 
     kind: Literal["move"]
+
+    def way(self, start: Vector, target: Vector) -> Trajectory:
+        """Return the way between two postures, each (n,) [rad or m]."""
+        return move(start, target, duration=self.duration, start_time=self.start)

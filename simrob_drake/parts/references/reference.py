@@ -4,7 +4,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.robots.catalog import AxisValues
+from simrob_drake.robots.axis_values import AxisValues
 from simrob_drake.yaml_files import Strict
 
 
@@ -20,7 +20,9 @@ class Reference(Strict):
         return {key: value for key, value in self if key.endswith("_deg")}
 
 
-def si_positions(values: AxisValues, robot: ResolvedRobot, otherwise: Vector) -> Vector:
+def si_positions(
+    values: AxisValues, robot: ResolvedRobot, otherwise: Vector, key: str = "reference.target_deg"
+) -> Vector:
     """Return a user's figures per axis in SI, shape (n,); axes that a mapping leaves out stay where they were."""
     units = robot.model.user_units
-    return np.asarray(units * robot.model.axis_vector(values, "reference.target_deg", otherwise / units))
+    return np.asarray(units * robot.model.axis_vector(values, key, otherwise / units))

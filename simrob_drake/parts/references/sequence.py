@@ -14,7 +14,8 @@ from simrob_drake.given import SHORTEST
 from simrob_drake.parts.references.reference import Reference, si_positions
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.quantities import Duration
-from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.yaml_files import Strict
 
 

@@ -10,7 +10,8 @@ from simrob_drake.parts.captions import positions_told
 from simrob_drake.parts.references.reference import Reference
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.quantities import Frequency
-from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel
 
 
 class SineWave(Reference):

@@ -9,8 +9,11 @@ from simrob_drake.parts.sensors.distance import Distance
 from simrob_drake.parts.sensors.encoders import Encoders
 from simrob_drake.parts.sensors.external_torque import ExternalTorque
 from simrob_drake.parts.sensors.force import Force
+from simrob_drake.parts.sensors.frame import FrameSensor
 from simrob_drake.parts.sensors.imu import Imu
 from simrob_drake.parts.sensors.joint_torque import JointTorque
 
-SensorConfig = Annotated[Force | Distance | JointTorque | ExternalTorque | Imu | Encoders, Field(discriminator="kind")]
+SensorConfig = Annotated[
+    Force | Distance | JointTorque | ExternalTorque | Imu | Encoders | FrameSensor, Field(discriminator="kind")
+]
 Sensors = Annotated[dict[str, SensorConfig], named_by_kind(SensorConfig)]

@@ -15,7 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.frames import Vector
-from simrob_drake.parts.sensors.sampled import SampledSensor, normal
+from simrob_drake.parts.sensors.sampled import SampledSensor, normal, rounded
 from simrob_drake.parts.sensors.sensor import axis_names
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.quantities import NotNegative
@@ -110,9 +110,7 @@ class JointEncoders(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the encoders tell now."""
         count = int(memory["count"][0])
-        told = read["position"] + self._noise * normal(self._seed, count, len(self._noise))
-        step = np.where(self._resolution > 0, self._resolution, 1.0)
-        told = np.where(self._resolution > 0, np.round(told / step) * step, told)
+        told = rounded(read["position"] + self._noise * normal(self._seed, count, len(self._noise)), self._resolution)
         difference = (told - memory["position"]) / self.period if count else np.zeros(len(told))
         velocity = memory["velocity"] + self._share * (difference - memory["velocity"])
         return {"position": told, "velocity": velocity, "count": count + 1}

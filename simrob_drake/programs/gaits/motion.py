@@ -11,7 +11,8 @@ from simrob_drake.blocks.references import hermite
 from simrob_drake.frames import Vector, poses_from_matrices
 from simrob_drake.parts.monitors import Fall
 from simrob_drake.paths import models_root
-from simrob_drake.robots.catalog import ROBOT_FILE, AxisValues, RobotModel
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
 from simrob_drake.stations.solver_config import ContinuousSolver

@@ -9,7 +9,8 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.parts.references.sequence import Waypoint
 from simrob_drake.paths import models_root
 from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.robots.catalog import AxisValues, RobotModel, robot_names
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel, robot_names
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
 GAITS_FILE = "gaits.yaml"

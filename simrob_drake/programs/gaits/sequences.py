@@ -15,7 +15,8 @@ from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.parameters import March, Posing
 from simrob_drake.programs.gaits.phases import SAMPLE, check_steps
 from simrob_drake.programs.gaits.walker import Walker, mirrored
-from simrob_drake.robots.catalog import AxisValues, RobotModel
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel
 
 
 def posing(robot: str | RobotModel | Walker, name: str, **changes: Any) -> JointMotion:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.site import StationPlant
-from simrob_drake.results.record.events import begins_of
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import headings, legged_robots
 
@@ -95,19 +94,6 @@ def walked_way(result: RecordedRun) -> Way | None:
     def way(at: Vector) -> Vector:
         gone = np.column_stack([*(np.interp(at, times, column) for column in smooth), np.zeros(len(at))])
         return np.asarray(gone + np.outer(ground.floor_heights(gone), [0.0, 0.0, 1.0]))
-
-    return way
-
-
-def followed_way(runs: Sequence[RecordedRun]) -> Way | None:
-    """Return how far a camera goes beside a robot in runs that follow each other; None where it never walks."""
-    walked = [(begin, run.stop_time, walked_way(run)) for begin, run in zip(begins_of(runs), runs, strict=False)]
-    if not any(way for _, _, way in walked):
-        return None
-
-    def way(at: Vector) -> Vector:
-        parts = [way(np.clip(at - begin, 0.0, length)) for begin, length, way in walked if way is not None]
-        return np.asarray(sum(parts))
 
     return way
 

@@ -1,15 +1,15 @@
 """A run's motion in pictures, rendered without display or browser: a strip of frames and a video."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import closing
-from functools import partial
+from importlib.metadata import distribution
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure
+from PIL import Image, ImageDraw, ImageFont
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
@@ -30,17 +30,19 @@ from simrob_drake.results.animation.camera import (
     Way,
     aspect_of,
     camera_on,
-    followed_way,
     frame_times,
     side,
+    walked_way,
 )
 from simrob_drake.results.animation.scene import RENDERER, Scene, with_floor_under
-from simrob_drake.results.record.events import begins_of, events_of
+from simrob_drake.results.record.events import events_of
 from simrob_drake.results.record.run import RecordedRun
 
-Image = npt.NDArray[np.uint8]
+Pixels = npt.NDArray[np.uint8]
+Frames: TypeAlias = int | Literal["events"]
+"""Of a strip: how many at even times, or one for each event."""
 
-_DPI = 100
+_HEIGHT, _LOW, _FEW = 360, 240, 7  # pixels of a frame; of one of many, and how many are few
 _GAP = 6  # pixels between frames
 _CAPTION = 0.1  # height of the line under the frames, as a part of theirs
 _WIDEST = 5.8  # width of a strip, in heights of a frame
@@ -49,56 +51,57 @@ _BACKGROUND = np.array([0.98, 0.98, 0.98])
 _ASPECTS = 0.6, 2.4  # narrowest and widest picture
 _PLACES = 200  # of a way, under which the floor has lines
 _SHADOW_MAP = 1024  # pixels a side
+_WHITE, _GREY = (255, 255, 255), (64, 64, 64)
+_FONT = "matplotlib/mpl-data/fonts/ttf/DejaVuSans.ttf"  # matplotlib need not be loaded for it
 
 
-def film_strip(
-    runs: RecordedRun | Sequence[RecordedRun], *, frames: int | Literal["events"] = 7, height: int = 360
-) -> bytes:
+def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = None) -> bytes:
     """Return frames side by side, with the time under each, as PNG.
 
     The camera follows a robot that walks; then how far that is from its start stands there too, and the floor has lines
     every 0.1 m.
 
     Args:
-        runs: one, or several that follow each other; pieces may change hands between them.
+        result: a run or a program.
         frames: how many, at even times from the start to the end; or one for each event: a contact that begins, the end
-            of a move, a piece that is attached or detached, and what stopped the run.
-        height: of a frame [pixels].
+            of a move, a piece that is attached or detached, and what stopped the run, two dozen at most.
+        height: of a frame [pixels]; 360 unless given, and of many frames 240.
 
     Raises:
-        InvalidParameter: no run, fewer than two frames, or a height of less than 16 pixels.
+        InvalidParameter: fewer than two frames, or a height of less than 16 pixels.
     """
-    runs = [runs] if isinstance(runs, RecordedRun) else list(runs)
-    if not runs:
-        raise InvalidParameter("runs", "empty", "some: what was run last")
-    if frames != "events" and frames < 2:
-        raise InvalidParameter("frames", frames, 'at least 2, or "events"')
+    check_frames(frames)
+    events = events_of(result) if frames == "events" else []
+    times = np.array([time for time, _ in events]) if events else np.linspace(0.0, result.stop_time, int(frames))
+    height = (_HEIGHT if len(times) <= _FEW else _LOW) if height is None else height
     if height < 16:
         raise InvalidParameter("height", height, "at least 16 [pixels]")
-    events = events_of(runs) if frames == "events" else []
-    times = np.array([time for time, _ in events]) if events else np.linspace(0.0, begins_of(runs)[-1], int(frames))
-    studio = Studio(runs, height=height, oversampling=2)
+    studio = Studio(result, height=height, oversampling=2)
     captions, strip = _captions(times, studio.way), BytesIO()
     if events:
         captions = [f"{caption}\n{text}" for caption, (_, text) in zip(captions, events, strict=True)]
-    _strip(list(studio.images(times)), captions).savefig(strip, dpi=_DPI, format="png")
+    _strip(list(studio.images(times)), captions).save(strip, format="png")
     return strip.getvalue()
 
 
-def save_film_strip(
-    runs: RecordedRun | Sequence[RecordedRun],
-    file: Path,
-    *,
-    frames: int | Literal["events"] = 7,
-    height: int = 360,
-) -> Path:
+def check_frames(frames: Frames) -> None:
+    """Check how many frames a strip shall have.
+
+    Raises:
+        InvalidParameter: fewer than two.
+    """
+    if frames != "events" and (not isinstance(frames, int) or frames < 2):
+        raise InvalidParameter("frames", frames, 'at least 2, or "events"')
+
+
+def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, height: int | None = None) -> Path:
     """Write a :func:`film_strip` to a file, ``.png``, and return that.
 
     Raises:
         InvalidParameter: as there.
         OutputError: the file cannot be written.
     """
-    strip = film_strip(runs, frames=frames, height=height)
+    strip = film_strip(result, frames=frames, height=height)
     with replaced_at_once(file) as work:
         work.write_bytes(strip)
     return file
@@ -131,7 +134,7 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
         "output_params": ["-preset", "veryfast"],
         "ffmpeg_log_level": "fatal",
     }
-    images = Studio([result], height=height, width=width).images(times)
+    images = Studio(result, height=height, width=width).images(times)
     with replaced_at_once(file) as work:
         with closing(write_frames(str(work), _VIDEO_SIZE, fps=frames_per_second, **encoding)) as writer:
             writer.send(None)
@@ -173,25 +176,29 @@ def _captions(times: Vector, way: Way | None) -> list[str]:
     return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
 
 
-def _strip(images: list[Image], captions: list[str]) -> Figure:
+def _strip(images: list[Pixels], captions: list[str]) -> Image.Image:
     """Put images side by side with captions, in as many rows as keep them large where they are wide."""
     height, width = images[0].shape[:2]
     lines = max(caption.count("\n") for caption in captions) + 1
     below = max(round(_CAPTION * height), 14) * lines
     columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
     rows = -(-len(images) // columns)
-    total = columns * (width + _GAP) - _GAP, rows * (height + below)
-    figure = Figure(figsize=(total[0] / _DPI, total[1] / _DPI), dpi=_DPI)
+    strip = Image.new("RGB", (columns * (width + _GAP) - _GAP, rows * (height + below)), _WHITE)
+    pen, font = ImageDraw.Draw(strip), _font(0.6 * below / lines)
     for number, (image, text) in enumerate(zip(images, captions, strict=True)):
-        left, bottom = number % columns * (width + _GAP), (rows - 1 - number // columns) * (height + below)
-        figure.figimage(image, left, bottom + below)
-        middle = (left + width / 2) / total[0], (bottom + below / 2) / total[1]
-        figure.text(*middle, text, ha="center", va="center", fontsize=0.6 * below / lines * 72 / _DPI, color="0.25")
-    return figure
+        left, top = number % columns * (width + _GAP), number // columns * (height + below)
+        strip.paste(Image.fromarray(image), (left, top))
+        middle = left + width / 2, top + height + below / 2
+        pen.multiline_text(middle, text, _GREY, font, anchor="mm", align="center")
+    return strip
+
+
+def _font(size: float) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), size)
 
 
 class Studio:
-    """A station before a camera that has the whole motion of runs in its picture.
+    """A station before a camera that has the whole motion of a run in its picture.
 
     It stands still, but for a robot that walks: beside that it goes, and lines on the floor show the way.
 
@@ -199,13 +206,11 @@ class Studio:
         way: of the camera; None where it stands still.
     """
 
-    def __init__(
-        self, runs: Sequence[RecordedRun], *, height: int, width: int | None = None, oversampling: int = 1
-    ) -> None:
+    def __init__(self, result: RecordedRun, *, height: int, width: int | None = None, oversampling: int = 1) -> None:
         """Set the camera up.
 
         Args:
-            runs: each begun where the one before ended; their times [s] are counted on.
+            result: the run.
             height: of the images [pixels].
             width: of the images [pixels]; chosen to suit the motion unless given.
             oversampling: pixels a side that are rendered for one of the image: more make smoother edges.
@@ -213,41 +218,30 @@ class Studio:
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        self._runs, self._begins = runs, begins_of(runs)
-        self.way = way = followed_way(runs)
-        self._scenes: list[Scene] = []
-        seen: list[Vector] = []
-        for begin, run in zip(self._begins, runs, strict=False):
-            if not self._scenes or run.config.pieces != runs[len(self._scenes) - 1].config.pieces:
-                gone = None if way is None else way(np.linspace(0.0, self._begins[-1], _PLACES))
-                config = run.config if gone is None else with_floor_under(run.config, gone)
-                scene = Scene(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
-            self._scenes.append(scene)
-            seen.append(scene.extents_of_run(run, None if way is None else partial(_later, way, begin)))
-        azimuth, points = side(self._scenes[0].station), np.vstack(seen)
+        self._result = result
+        self.way = way = walked_way(result)
+        gone = None if way is None else way(np.linspace(0.0, result.stop_time, _PLACES))
+        config = result.config if gone is None else with_floor_under(result.config, gone)
+        self._scene = scene = Scene(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
+        azimuth, points = side(scene.station), scene.extents_of_run(result, way)
         width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)
-        self._shape = height, oversampling, width, oversampling, 3
+        self._oversampling = oversampling
         distance = float(np.linalg.norm(self._camera.target - self._camera.eye))
         lens = CameraInfo(width=width * oversampling, height=height * oversampling, fov_y=FIELD_OF_VIEW)
         depth = ClippingRange(distance / 20, distance * 20)
         self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
 
-    def images(self, times: Vector) -> Iterator[Image]:
+    def images(self, times: Vector) -> Iterator[Pixels]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
         ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
-        numbers = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self._runs) - 1)
-        for time, way, number in zip(times, ways, numbers, strict=True):
-            scene, run = self._scenes[number], self._runs[number]
-            scene.place(run.positions_at(np.clip([time - self._begins[number]], 0.0, run.stop_time))[0])
-            query, pose = scene.query(), _pose(self._camera.moved(way))
+        for positions, way in zip(self._result.positions_at(times), ways, strict=True):
+            self._scene.place(positions)
+            query, pose = self._scene.query(), _pose(self._camera.moved(way))
             rendered = query.RenderColorImage(self._lens, query.inspector().world_frame_id(), pose)
-            colours = rendered.data[:, :, :3].reshape(self._shape)
-            yield colours.mean(axis=(1, 3)).astype(np.uint8) if self._shape[1] > 1 else colours[:, 0, :, 0].copy()
-
-
-def _later(way: Way, begin: float, times: Vector) -> Vector:
-    return way(times + begin)
+            size = rendered.width(), rendered.height()
+            image = Image.frombuffer("RGBX", size, rendered.data, "raw", "RGBX", 0, 1)
+            yield np.asarray(image.reduce(self._oversampling))[:, :, :3].copy()
 
 
 def _engine_params() -> RenderEngineVtkParams:

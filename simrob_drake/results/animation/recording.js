@@ -4,8 +4,9 @@
 //   rate    frames of the animation in a second
 //   middle  of what is seen in the first frame, [x, y, z], and radius of a ball around that [m]
 //   lines   on the floor, [begin, end] of [x, y, z] [m], and their spacing [m]; none without a floor
+//   touches  whether contact forces are computed
 (() => {
-  const { way, rate, middle, radius, lines, spacing } = RUN;
+  const { way, rate, middle, radius, lines, spacing, touches } = RUN;
   const three = MeshCat.THREE;
 
   // In short parts: some browsers leave a line out whose one end is behind the eye.
@@ -44,8 +45,10 @@
     return box;
   };
   const follow = way.length ? add_switch("follow the robot", true, () => {}) : null;
-  add_switch("axes, 0.5 m long", false, (on) => viewer.set_property(["Axes"], "visible", on));
-  if (lines.length) bar.append(`lines on the floor every ${spacing} m`);
+  const axes = "the world's axes, 0.5 m of x (red), y (green), z (blue)";
+  add_switch(axes, true, (on) => viewer.set_property(["Axes"], "visible", on));
+  if (lines.length) bar.append(`lines on the floor every ${spacing} m; `);
+  if (touches) bar.append("arrows: contact forces (green), and their sum on a body (blue)");
 
   // The world goes by: a camera that moved would go on looking at where it began.
   const gone = (time) => {

@@ -2,29 +2,22 @@
 
 import gc
 import json
-from collections.abc import Sequence, Set
 from pathlib import Path
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.geometry import GeometryId, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraphInspector, Sphere
-from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
-from pydrake.multibody.plant import ContactResults
+from pydrake.geometry import Meshcat, MeshcatAnimation
 
-from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, frame_times, side, walked_way
+from simrob_drake.results.animation.contact_arrows import draw_contact_forces
 from simrob_drake.results.animation.drawn import draw_tool_paths, look, open_meshcat
 from simrob_drake.results.animation.scene import SPACING, Scene, floor_lines, with_floor_under
 from simrob_drake.results.record.run import RecordedRun
 
 _SCRIPT = Path(__file__).with_suffix(".js")
+_OVER_FLOOR = 0.002  # m
 _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
-_ARROW, _RADIUS = 0.12, 0.003  # m: length of the arrow of a typical large force, and its thickness
-_LARGE = 95  # percentile of the forces that is drawn at that length: a blow may be longer
-_SPHERE = Rgba(0.95, 0.35, 0.15, 0.6)  # through which the arrow shows
-_SMALLEST = 0.01  # part of that force that is still drawn
 
 
 def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float = 32.0) -> Path:
@@ -51,11 +44,14 @@ def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float 
 
 def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     meshcat, way = open_meshcat(), walked_way(result)
+    meshcat.SetProperty("/Axes", "visible", True)
+    meshcat.SetProperty("/Axes/<object>", "position", [0.0, 0.0, _OVER_FLOOR])
     gone = np.zeros((len(times), 3)) if way is None else way(times)
     config = with_floor_under(result.config, gone)
     scene = Scene(config, meshcat=meshcat)
     _record(meshcat, scene, result, times, frames_per_second)
-    draw_tool_paths(meshcat, result)
+    for number, part in enumerate(result.parts):  # the tool may change in between
+        draw_tool_paths(meshcat, part, number)
     points = scene.extents_of_run(result, way)
     look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=side(scene.station)))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -68,6 +64,7 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
         "radius": float(np.linalg.norm(points - middle, axis=1).max()),
         "lines": (lines @ tilt.T).round(4).tolist(),
         "spacing": SPACING,
+        "touches": result.contacts_at is not None,
     }
     script = f"<script>const RUN = {json.dumps(run)};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
     before, end, after = meshcat.StaticHtml().rpartition("</body>")
@@ -81,52 +78,9 @@ def _record(meshcat: Meshcat, scene: Scene, result: RecordedRun, times: Vector, 
     shown = [(frame + 0.5) / frames_per_second for frame in range(len(times))]  # Meshcat rounds down to frames
     for time, positions in zip(shown, result.positions_at(times), strict=True):
         scene.draw(positions, time)
-    _draw_contact_forces(meshcat, result, times, shown)
+    draw_contact_forces(meshcat, result, times, shown)
     animation.set_autoplay(True)
     animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     animation.set_repetitions(_LOOPS)
     visualizer.StopRecording()
     visualizer.PublishRecording()
-
-
-def _draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, shown: Sequence[float]) -> None:
-    """Draw the contact forces at times of a run (k,) into a window that records, as arrows that appear at ``shown``.
-
-    They are computed from the recorded states; nothing is drawn in a station without contact.
-    """
-    if result.contacts_at is None:
-        return
-    contacts = Contacts.together([Contacts.of(results) for results in result.contacts_at(times)])
-    sizes = np.linalg.norm(contacts.forces, axis=1)
-    if not sizes.size:
-        return
-    _draw_spheres(
-        meshcat, result.plant.scene_graph.model_inspector(), {each for pair in contacts.pairs for each in pair}
-    )
-    large = max(float(np.percentile(sizes, _LARGE)), np.finfo(float).tiny)
-    params = ContactVisualizerParams(
-        prefix="contact_forces",
-        force_threshold=_SMALLEST * large,
-        newtons_per_meter=large / _ARROW,
-        radius=_RADIUS,
-    )
-    arrows = ContactVisualizer(meshcat, params)
-    context = arrows.CreateDefaultContext()
-    for time, results in zip(shown, result.contacts_at(times), strict=True):
-        context.SetTime(time)
-        arrows.contact_results_input_port().FixValue(context, Value[ContactResults](results))
-        arrows.ForcedPublish(context)
-
-
-def _draw_spheres(meshcat: Meshcat, inspector: SceneGraphInspector, touched: Set[GeometryId]) -> None:
-    """Show the contact spheres that ever touched anything on their bodies, where the body's looks do not show them."""
-    for shape in touched:
-        sphere, frame = inspector.GetShape(shape), inspector.GetFrameId(shape)
-        looks = [inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)]
-        if isinstance(sphere, Sphere) and not any(
-            isinstance(look, Sphere) and look.radius() >= sphere.radius() for look in looks
-        ):
-            body = inspector.GetName(frame).replace("::", "/")
-            path = f"station/{body}/contact_sphere_{shape.get_value()}"
-            meshcat.SetObject(path, sphere, _SPHERE)
-            meshcat.SetTransform(path, inspector.GetPoseInFrame(shape))

@@ -20,6 +20,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.animation.camera import Way, framed_time
+from simrob_drake.results.record.events import begins_of
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.posed import PosedStation
@@ -93,7 +94,8 @@ class Scene(PosedStation):
 
     def extents_of_run(self, result: RecordedRun, way: Way | None = None) -> Vector:
         """Return points, shape (m, 3) [m], around the motion of a run; of its robot alone if a way is taken from it."""
-        times = np.linspace(0.0, framed_time(result), _LOOKS)
+        even = np.linspace(0.0, framed_time(result), _LOOKS)
+        times = np.union1d(even, begins_of(*result.parts)[1:-1])  # where moves rest they reach furthest
         positions = result.positions_at(times)
         if way is None:
             return self.extents(positions)

@@ -58,6 +58,6 @@ def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
     axes.quiver(*path[:, shown], *arrows, color=_FACING, **looks)
     axes.plot(*path[:, :1], "o", color=_PATH, markerfacecolor="white", label="start")
     axes.plot(*path[:, -1:], "s", color=_PATH, label="end")
-    axes.plot([], [], marker=r"$\rightarrow$", markersize=12, linestyle="", color=_FACING, label="faces")
+    axes.plot([], [], marker=">", markersize=7, linestyle="", color=_FACING, label="faces")
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8, borderaxespad=0.0)

@@ -22,6 +22,10 @@ from simrob_drake.results.record.run import DIVERGED, RecordedRun
 COLOURS = ("#1f6fb4", "#e08214", "#4d9221", "#8c2d7a", "#01a0a0", "#8c510a", "#f4729b", "0.35")
 """Of curves that share a frame."""
 
+VALUE, REFERENCE, ERROR = COLOURS[0], COLOURS[1], COLOURS[3]
+ERROR_HEIGHT = 0.65
+"""Of the plot of an error under that of its value [inches]."""
+
 RED = "#b2182b"
 """The colour of notes, of limits, and of a run's stop and its reason."""
 
@@ -34,7 +38,7 @@ _HEAD, _LEGEND, _LINE = 0.5, 0.25, 0.2  # inches: title of a figure, legend, and
 _FRAME = 2.6  # inches: least width of a frame
 _TICK = 8  # points
 _DIGIT = 0.64 * _TICK / 72  # inches
-_SMALLEST = {"m": 1e-3, "deg": 0.1, "N": 0.01, "N·m": 0.01, "m/s": 1e-3}  # span of an axis: less is noise
+_SMALLEST = {"m": 1e-3, "mm": 0.1, "deg": 0.1, "N": 0.01, "N·m": 0.01, "m/s": 1e-3}  # span of an axis: less is noise
 _TRUSTED = 0.95  # the part of a diverging run that sets the scale
 _HUGE = 1e9  # nobody reads larger values off a plot
 _MOST = 48  # stacks of a figure; 300 would take a minute and half a gigabyte
@@ -53,6 +57,11 @@ class Curve:
     colour: str
     weight: float = 1.0
     line: str = "-"
+
+
+def dashed(values: Vector, label: str, colour: str) -> Curve:
+    """Return the dashed curve of a reference or a limit."""
+    return Curve(values, label, colour, 0.75, "--")
 
 
 @dataclass(frozen=True)
@@ -103,9 +112,9 @@ def grid_figure(
     return grid.figure
 
 
-def is_dense(curves: Iterable[Curve]) -> bool:
-    """Tell whether curves go up and down so often that lines of the usual width would run together."""
-    return any(_turns(curve.values) > _INK for curve in curves)
+def is_dense(plots: Iterable[Plot]) -> bool:
+    """Tell whether curves go up and down so often that lines of the usual width would run together; noise does not."""
+    return any(_turns(curve.values, _smallest(plot.label)) > _INK for plot in plots for curve in plot.curves)
 
 
 def style(axes: Axes, title: str) -> None:
@@ -136,7 +145,7 @@ class _Grid:
         """Draw all curves, with legends beside the plots or in the head."""
         begin, end = span
         within = (self._result.times >= begin) & (self._result.times <= end)
-        thin = within.all() and is_dense(curve for stack in self._stacks for p in stack.plots for curve in p.curves)
+        thin = within.all() and is_dense(plot for stack in self._stacks for plot in stack.plots)
         for index, (stack, frames) in enumerate(zip(self._stacks, self._frames, strict=True)):
             for axes, plot in zip(frames, stack.plots, strict=True):
                 style(axes, stack.title if axes is frames[0] else "")
@@ -232,8 +241,7 @@ def _limits(curves: Vector, label: str) -> Span:
     """Return what shows all of the curves, shape (k, m), with some room, but no noise at full height."""
     values = _readable(curves)
     middle = (values.min() + values.max()) / 2
-    smallest = _SMALLEST.get(label.rpartition("[")[2].rstrip("]"), 1e-6 + 1e-6 * abs(middle))
-    half = max(0.54 * np.ptp(values), smallest / 2)
+    half = max(0.54 * np.ptp(values), (_smallest(label) or 1e-6 + 1e-6 * abs(middle)) / 2)
     return middle - half, middle + half
 
 
@@ -243,10 +251,15 @@ def _width_of_numbers(axes: Axes) -> float:
     return _DIGIT * max(map(len, texts), default=0) + 0.08
 
 
-def _turns(values: Vector) -> float:
-    """Return how often a curve goes through its whole height."""
+def _smallest(label: str) -> float:
+    """Return the span of a plot below which curves are noise, by the unit in its label; 0 of units without any."""
+    return _SMALLEST.get(label.rpartition("[")[2].rstrip("]"), 0.0)
+
+
+def _turns(values: Vector, smallest: float) -> float:
+    """Return how often a curve goes through its whole height, or through the ``smallest`` span that is shown."""
     curve = _readable(values)
-    height = np.ptp(curve)
+    height = max(float(np.ptp(curve)), smallest)
     return float(np.abs(np.diff(curve)).sum() / height) if height > 0 else 0.0
 
 

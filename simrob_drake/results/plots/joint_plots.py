@@ -1,4 +1,4 @@
-"""Plots of a robot's joints, right and left ones of a name together, and of its tool."""
+"""Plots of a robot's joints, right and left ones of a name together."""
 
 from dataclasses import dataclass, replace
 
@@ -6,16 +6,13 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.results.plots.grid import COLOURS, RED, Curve, Plot, Stack
+from simrob_drake.results.plots.grid import ERROR, ERROR_HEIGHT, RED, REFERENCE, VALUE, Curve, Plot, Stack, dashed
 from simrob_drake.results.record.run import RecordedRun
 
-_VALUE, _REFERENCE, _, _ERROR = COLOURS[:4]
 _SIDES = {"right": ("#4f9bd9", 1.5), "left": ("#35721b", 0.8), "middle": ("0.35", 1.0)}
 """Colours and weights of lines, so that both sides are seen where they are equal."""
-_DASHED = 0.75  # weight of dashed lines
 _NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one further away would flatten the curve
 _QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
-_ERROR_HEIGHT = 0.65  # inches
 
 
 @dataclass(frozen=True)
@@ -65,12 +62,12 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     stacks = []
     for group in side_groups(robot):
         unit = robot.model.unit_names[group.first]
-        curves = group.curves(reached, "position", _VALUE)
-        curves += [Curve(wanted[:, place], "reference", _REFERENCE, _DASHED, "--") for place in group.places.values()]
+        curves = group.curves(reached, "position", VALUE)
+        curves += [dashed(wanted[:, place], "reference", REFERENCE) for place in group.places.values()]
         plots = [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves)]
         if result.config.mode == "dynamic":
-            errors = group.curves(error, "error: reference - position", _ERROR)
-            plots.append(Plot(f"error [{unit}]", errors, _ERROR_HEIGHT))
+            errors = group.curves(error, "error: reference - position", ERROR)
+            plots.append(Plot(f"error [{unit}]", errors, ERROR_HEIGHT))
         stacks.append(Stack(group.name, plots))
     return stacks
 
@@ -81,18 +78,12 @@ def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     stacks = []
     for group in side_groups(robot):
         unit, places = robot.model.effort_units[group.first], list(group.places.values())
-        curves = group.curves(torques, "torque", _VALUE)
+        curves = group.curves(torques, "torque", VALUE)
         own = np.unique(limits[places])
         for bound in (*own, *-own):
             if _NEAR * (np.sign(bound) * torques[:, places]).max() >= abs(bound):
-                curves.append(Curve(np.full(len(torques), bound), "torque limit", RED, _DASHED, "--"))
+                curves.append(dashed(np.full(len(torques), bound), "torque limit", RED))
         said = " / ".join(f"±{limit:g} {unit}" if np.isfinite(limit) else "none" for limit in own)
         note = f"limit {said}" if np.isfinite(own).any() else "no limit"
         stacks.append(Stack(group.name, [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves, note=note)]))
     return stacks
-
-
-def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Return x, y and z of the tool centre point."""
-    places = zip("xyz", result.pose("tcp", robot.name).T, strict=False)
-    return [Stack(x, [Plot("position [m]", [Curve(way, "tool centre point", _VALUE)])]) for x, way in places]

@@ -1,55 +1,57 @@
-"""What happens in runs that follow each other, and when: for pictures at those moments."""
+"""What happens in a run or a program, and when: for pictures at those moments, and as a table."""
 
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterator
 
 import numpy as np
 from pydrake.geometry import GeometryId
 
 from simrob_drake.blocks.contacts import Contacts
+from simrob_drake.frames import Vector
 from simrob_drake.results.record.run import RecordedRun
 
 _LOOKS = 4000  # at most so many steps of a run are asked what touches what
 _APART = 0.1  # s that two bodies are apart before they touch again: what trembles touches once
 _TOGETHER = 0.01  # part of the whole time in which two events are one
+_MOST = 24  # of those that a picture has room for
 
 Event = tuple[float, str]
 """When [s], and what in a few words."""
 
 
-def begins_of(runs: Sequence[RecordedRun]) -> list[float]:
-    """Return when runs that follow each other begin, and when the last one ends, in seconds from the first."""
-    return [0.0, *np.cumsum([run.stop_time for run in runs]).tolist()]
+def begins_of(*runs: RecordedRun) -> Vector:
+    """Return when runs that follow each other begin, and when the last one ends [s], shape (k + 1,)."""
+    return np.cumsum([0.0, *(run.stop_time for run in runs)])
 
 
-def events_of(runs: Sequence[RecordedRun]) -> list[Event]:
-    """Return the start, contacts that begin, ends of moves, what is attached and detached between them, and the end.
+def all_events(result: RecordedRun) -> list[Event]:
+    """Return what happens in a run: its start, contacts that begin and its end; in a program, what is between, too.
 
-    Args:
-        runs: each begun where the one before ended, their times [s] counted on.
+    That is the ends of its runs, and what is attached and let go after them.
     """
-    begins, found = begins_of(runs), [(0.0, "start")]
-    for begin, run in zip(begins, runs, strict=False):
-        found += [(begin + time, text) for time, text in _contacts(run)]
-    for end, (before, after) in zip(begins[1:], pairwise(runs), strict=False):
-        found.append((end, _handed_over(before, after)))
-    found.append((begins[-1], f"stopped: {runs[-1].stopped_by}" if runs[-1].ending == "monitor" else "end"))
-    events: list[Event] = []
-    for time, text in sorted(found, key=lambda event: event[0]):
-        if not events or time - events[-1][0] > _TOGETHER * begins[-1]:
-            events.append((time, text))
-        elif time == begins[-1]:  # the end tells more than what happens a moment before
-            events[-1] = (time, text)
+    found = [(0.0, "start"), *result.marks]
+    for begin, run in zip(begins_of(*result.parts), result.parts, strict=False):
+        found += [(float(begin + time), text) for time, text in _contacts(run)]
+    stopped = f"stopped: {result.stopped_by}" if result.ending == "monitor" else "end"
+    return [*sorted(found, key=lambda event: event[0]), (result.stop_time, stopped)]
+
+
+def events_of(result: RecordedRun) -> list[Event]:
+    """Return the events of :func:`all_events` that pictures can show apart, two dozen at most."""
+    everything, end, together = all_events(result), result.stop_time, _TOGETHER
+    while len(events := _apart(everything, together * end)) > _MOST:
+        together *= 1.5
     return events
 
 
-def _handed_over(before: RecordedRun, after: RecordedRun) -> str:
-    changes = []
-    for name, piece in after.config.pieces.items():
-        old = before.config.pieces.get(name)
-        if old is not None and old.parent != piece.parent:
-            changes.append(f"{name} to {piece.parent}")
-    return ", ".join(changes) or "move ends"
+def _apart(everything: list[Event], gap: float) -> list[Event]:
+    """Return the first of the events within each gap [s], but rather a hand-over, as "rook to gripper", and the end."""
+    events: list[Event] = []
+    for time, text in everything:
+        if not events or time - events[-1][0] > gap:
+            events.append((time, text))
+        elif time == everything[-1][0] or (" to " in text and len(events) > 1):
+            events[-1] = (time, text)
+    return events
 
 
 def _contacts(run: RecordedRun) -> Iterator[Event]:

@@ -65,6 +65,7 @@ class Recorder:
         self._sizes = [context.num_continuous_states(), *(context.get_discrete_state(group).size() for group in groups)]
         self._states = self._states or [array("d") for _ in self._sizes]
         self._values = range(context.num_abstract_states())
+        self._groups = [context.get_discrete_state(group).value() for group in groups]
         self._keep(context)
         simulator.set_monitor(self._keep)
 
@@ -94,8 +95,8 @@ class Recorder:
         self.times.append(context.get_time())
         if self._sizes[0]:
             self._states[0].frombytes(context.get_continuous_state_vector().CopyToVector().tobytes())
-        for group, states in enumerate(self._states[1:]):
-            states.frombytes(context.get_discrete_state(group).value().tobytes())
+        for group, states in zip(self._groups, self._states[1:], strict=True):
+            states.frombytes(group.tobytes())
         if self._values:
             self._abstract.append([context.get_abstract_state(index).Clone() for index in self._values])
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults
@@ -47,6 +47,11 @@ class RecordedRun:
         start: where it began; None at the configuration's initial posture.
         contacts_at: Drake's contact results at any times of the run; None in a station without contact.
         references: what was given to simulate() in place of the configuration's references, by robot.
+        did: what was done in it, in a few words, such as ``move_l of left``.
+        runs: of a program, the runs that follow each other in it; see :func:`simrob_drake.results.whole.joined`.
+        begun: of a program, the station in which it began; None of a single run.
+        marks: of a program, when a run of it ended or a piece changed hands [s], and what that was in a few words.
+        program: of a program, the YAML that does it again; empty where none can say it.
     """
 
     config: StationConfig
@@ -68,6 +73,11 @@ class RecordedRun:
     references: dict[str, Trajectory | Samples] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     contacts_at: Callable[[Vector], Iterator[ContactResults]] | None = None
+    did: str = ""
+    runs: tuple[Self, ...] = ()
+    begun: StationConfig | None = None
+    marks: tuple[tuple[float, str], ...] = ()
+    program: str = ""
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
@@ -126,6 +136,11 @@ class RecordedRun:
                 times = block.discrete[-1].tolist()
                 found[name] = [round(time, 9) if time >= 0 else None for time in times]
         return found
+
+    @property
+    def parts(self) -> tuple[Self, ...]:
+        """The runs of a program, in order; a single run itself."""
+        return self.runs or (self,)
 
     @property
     def stop_time(self) -> float:

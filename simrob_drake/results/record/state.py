@@ -64,6 +64,11 @@ class State:
     joints: dict[str, JointState] = field(default_factory=dict)
     blocks: dict[str, BlockState] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Say in one line what it holds."""
+        robots = ", ".join(f"{name} ({len(positions)} axes)" for name, positions in self.positions.items())
+        return f"<State of {robots or 'no robot'}: {len(self.joints)} joints, {len(self.blocks)} blocks with a memory>"
+
     @classmethod
     def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> State:
         """Return the state of a closed station.
@@ -96,7 +101,7 @@ class State:
         if diagram.HasSubsystemNamed(plant.get_name()):
             own = plant.GetMyContextFromRoot(context)
             q, v = plant.GetPositions(own), plant.GetVelocities(own)
-            joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in _joints(plant)}
+            joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in joints_of(plant)}
         return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
 
     def check(self) -> None:
@@ -154,7 +159,7 @@ class State:
             if robot.name in self.positions:
                 q = robot.axis_map.spread_positions(self.positions[robot.name], q)
                 v = robot.axis_map.spread_velocities(self.velocities[robot.name], v)
-        for name, places, speeds in _joints(plant):
+        for name, places, speeds in joints_of(plant):
             if name in self.joints:
                 self._check(name, self.joints[name].position, len(q[places]))
                 q[places], v[speeds] = self.joints[name].position, self.joints[name].velocity
@@ -249,7 +254,12 @@ def _with_memory(diagram: Diagram, plant: MultibodyPlant) -> Iterator[System]:
             yield system
 
 
-def _joints(plant: MultibodyPlant) -> Iterator[tuple[str, slice, slice]]:
+def free_joint(piece: str) -> str:
+    """Return the name of the joint of a free piece in a state."""
+    return f"{piece}::{piece}/{piece}"
+
+
+def joints_of(plant: MultibodyPlant) -> Iterator[tuple[str, slice, slice]]:
     """Yield name, places of the positions and places of the velocities of every joint that moves."""
     for index in plant.GetJointIndices():
         joint: Joint = plant.get_joint(index)

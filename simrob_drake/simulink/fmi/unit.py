@@ -11,6 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake import add_station, apply_solver
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.results.record.state import State
 from simrob_drake.stations.load import load_station
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -75,7 +76,9 @@ class SteppedStation:
         self._context = self._simulator.get_mutable_context()
         robots = ports.plant.robots.values()
         axes = {robot.prefix: list(zip(robot.axes, robot.model.units, strict=True)) for robot in robots}
-        starts = {f"{robot.prefix}reference": np.array(robot.initial, dtype=float) for robot in robots}
+        begun = State.at_start_of(self.config)
+        asked = {robot.name: robot.initial for robot in robots} | (begun.references if begun else {})
+        starts = {f"{robot.prefix}reference": np.array(asked[robot.name], dtype=float) for robot in robots}
         self.inputs = [element for name, port in ports.inputs.items() for element in _elements(name, port.size(), axes)]
         self.outputs = [
             element for name, output in ports.outputs.items() for element in _elements(name, output.size(), axes)
@@ -85,6 +88,8 @@ class SteppedStation:
             name: self._diagram.GetInputPort(name).FixValue(self._context, values)
             for name, values in self._given.items()
         }
+        if begun is not None:
+            begun.put(self._diagram, ports, self._context)
         self._outputs = {name: self._diagram.GetOutputPort(name) for name in ports.outputs}
         self._values: dict[str, Vector] = {}
         self._begun = False
@@ -184,6 +189,7 @@ _PER_AXIS = {
     "position": lambda unit: unit.si,
     "velocity": lambda unit: f"{unit.si}/s",
     "reference_velocity": lambda unit: f"{unit.si}/s",
+    "reference_acceleration": lambda unit: f"{unit.si}/s2",
     "torque": _effort,
     "feedforward": _effort,
     "joint_torque": _effort,

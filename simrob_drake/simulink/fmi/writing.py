@@ -36,12 +36,15 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
         step: [s].
 
     Raises:
-        InvalidParameter: a step that is not positive, or servos that yield to forces.
+        InvalidParameter: a step that is not positive, or servos that yield to forces or are no PID.
     """
     if not 0 < step <= 0.1:
         raise InvalidParameter("--step", step, "a time of at most 0.1 s")
-    if any(config.servo_of(robot).admittance_gain for robot in config.robots):
-        raise InvalidParameter("--step", step, "left out with servos that yield: they need their own blocks")
+    servos = [config.servo_of(robot) for robot in config.robots]
+    if any(servo.admittance_gain or servo.law != "pid" for servo in servos):
+        raise InvalidParameter(
+            "--step", step, "left out with servos that yield or are no PID: they need their own blocks"
+        )
     solver = ContinuousSolver(kind="continuous", scheme="cenic", max_step=step, error_control=False)
     servo = config.servo.model_copy(update={"realization": "implicit"})
     robots = {

@@ -137,6 +137,8 @@ class _Frames:
             self.joints.append((read_joint(node), *self._ends(node)))
         elif node.kind in SOLIDS:
             self._take_solid(node)
+        elif node.kind == "Transform Sensor":
+            self.attached += [(node, self._network.net(node, side)) for side in ("lconn", "rconn")]
         elif node.kind in ("World Frame", *_MARKS) or node.kind in _GEOMETRY_ONLY:
             self.attached.append((node, frame_place(self._network, node)))
 

@@ -16,6 +16,7 @@ from simrob_drake.simulink.mechanics.trees import Tree
 
 _APART = 0.05  # m: of the two points on an axis
 _CLOSED = 1e-6  # m
+_TOLD = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
 _POINTS = {
     "Revolute Joint": ((0.0, 0.0, -_APART / 2), (0.0, 0.0, _APART / 2)),
     "Spherical Joint": ((0.0, 0.0, 0.0),),
@@ -26,6 +27,11 @@ def common_points(link: Link) -> list[tuple[Vector, Vector]]:
     """Return the points that a closing joint holds together, each in the first frames of its base and follower."""
     points = [np.array(point) for point in _POINTS[link.joint.node.kind]]
     return [(link.in_base.multiply(point), link.in_follower.multiply(point)) for point in points]
+
+
+def cuttable(link: Link) -> bool:
+    """Tell whether constraints can take a joint's place: it has points to hold, and nothing drives or senses it."""
+    return link.joint.node.kind in _POINTS and not (link.joint.inputs or link.joint.outputs)
 
 
 def can_close(link: Link) -> str:
@@ -61,7 +67,7 @@ def close(tree: Tree, closures: Sequence[Link]) -> None:
 
     freedoms = tree.freedoms
     wanted = np.array([freedom.start or 0.0 for freedom in freedoms])
-    held = np.array([1e-2 if freedom.start is not None else 1e-5 for freedom in freedoms])
+    held = np.array([freedom.start_counts for freedom in freedoms])
 
     def gaps(positions: Vector) -> Vector:
         poses = body_poses(tree, positions)
@@ -72,14 +78,27 @@ def close(tree: Tree, closures: Sequence[Link]) -> None:
         return np.concatenate([gaps(positions), held * (positions - wanted)])
 
     near = least_squares(gaps_and_wishes, wanted)
-    found = least_squares(gaps, near.x, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    gap = float(np.abs(gaps(found)).max())
+    closed = least_squares(gaps, near.x, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    found, gap = closed.x, float(np.abs(gaps(closed.x)).max())
     node = closures[0].joint.node
     if gap > _CLOSED:
         raise node.refusal(f"closes a loop that does not close: {1e3 * gap:.3g} mm are left; give starts")
-    for freedom, position in zip(freedoms, found, strict=True):
-        freedom.start = float(position)
+    speeds = _closed_speeds(freedoms, np.asarray(closed.jac))
+    for freedom, position, speed in zip(freedoms, found, speeds, strict=True):
+        for what, asked, taken in (("", freedom.start, position), (" speed", freedom.start_speed, speed)):
+            if asked is not None and abs(asked - taken) > _TOLD:
+                told = f"starts at the{what or ' position'} {taken:.4g}, not {asked:.4g}: so its loop closes"
+                node.findings.report.add("repaired", freedom.name, told)
+        freedom.start, freedom.start_speed = float(position), float(speed)
     node.findings.report.add("repaired", node.path, "closes a loop: constraints on its axis, which need the solver sap")
+
+
+def _closed_speeds(freedoms: Sequence[Freedom], jacobian: Vector) -> Vector:
+    """Return the speeds (n,) at which gaps of a Jacobian (g, n) stay closed, as near as can be to what is asked."""
+    wanted = np.array([freedom.start_speed or 0.0 for freedom in freedoms])
+    counts = np.array([freedom.speed_counts for freedom in freedoms])
+    gives = counts.min() / counts
+    return np.asarray(wanted - gives * (np.linalg.pinv(jacobian * gives, rcond=1e-6) @ (jacobian @ wanted)))
 
 
 def _moved(freedom: Freedom, position: float) -> RigidTransform:

@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.transforms import AXES, rotation
 from simrob_drake.simulink.model.nodes import Node
 
-_PRIMITIVES = {
+PRIMITIVES = {
     "Weld Joint": (),
     "Revolute Joint": ("Rz",),
     "Prismatic Joint": ("Pz",),
@@ -27,12 +27,16 @@ _PRIMITIVES = {
     "Pin Slot Joint": ("Px", "Rz"),
     "6-DOF Joint": ("Px", "Py", "Pz", "Sph"),
 }
-JOINTS = set(_PRIMITIVES)
+"""What each joint block lets free, in order: slides, turns, a sphere."""
+JOINTS = set(PRIMITIVES)
 REFUSED_JOINTS = {
     "Lead Screw Joint": "couples a turn with a slide",
     "Constant Velocity Joint": "couples two turns",
 }
 """Joints that have no likeness in a URDF, and why."""
+
+_COUNTS = {"High": 1e-2, "Low": 3e-4}
+"""How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
 
 _SENSED = (
     ("SensePosition", "q"),
@@ -59,10 +63,10 @@ class Freedom:
         lower, upper: limits; infinite without.
         damping: [N·m·s/rad or N·s/m].
         stiffness, rest: spring, and where it is slack.
-        start: position at the beginning; None if not asked for.
-        start_speed: likewise.
+        start, start_speed: position and speed at the beginning; None if not asked for.
+        start_counts, speed_counts: how much that counts against the others, where a loop cannot have them all.
         driven: ``torque`` or ``motion`` if a signal drives it, or ``free``.
-        stop: stiffness and damping of the limits; None without limits.
+        stop: stiffness and damping at the limits; None without limits.
     """
 
     name: str
@@ -74,7 +78,9 @@ class Freedom:
     stiffness: float = 0.0
     rest: float = 0.0
     start: float | None = None
-    start_speed: float = 0.0
+    start_speed: float | None = None
+    start_counts: float = 1e-5
+    speed_counts: float = 1e-5
     driven: str = "free"
     stop: tuple[float, float] | None = None
 
@@ -88,6 +94,7 @@ class Joint:
         freedoms: from base to follower.
         floating: whether it leaves all six free, as nothing would.
         start: pose of the follower in the base of a floating joint at the beginning.
+        start_speed: of its origin, then how fast it turns, in the base's axes, shape (6,) [m/s, rad/s].
         inputs: which freedom an input port drives, and how: by the number of the left port.
         outputs: which freedom an output port senses, and what of it: by the number of the right port.
     """
@@ -96,6 +103,7 @@ class Joint:
     freedoms: list[Freedom] = field(default_factory=list)
     floating: bool = False
     start: RigidTransform = field(default_factory=RigidTransform)
+    start_speed: Vector = field(default_factory=lambda: np.zeros(6))
     inputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
     outputs: dict[int, tuple[Freedom, str]] = field(default_factory=dict)
 
@@ -109,14 +117,14 @@ def read_joint(node: Node) -> Joint:
     if node.text("JointMode", "Normal") not in ("Normal", ""):
         raise node.refusal(f"is in the mode {node.text('JointMode')}; only Normal is read")
     joint = Joint(node)
-    kinds = _PRIMITIVES[node.kind]
+    kinds = PRIMITIVES[node.kind]
     if node.kind == "6-DOF Joint":
         _read_floating(node, joint)
         return joint
     left, right = 2, 2
     for kind in kinds:
         prefix = "" if len(kinds) == 1 else kind
-        freedoms = _ball(node) if kind == "S" else [_freedom(node, kind, prefix)]
+        freedoms = _ball(node, prefix) if kind == "S" else [_freedom(node, kind, prefix)]
         joint.freedoms += freedoms
         if kind == "S":
             left += sum(node.is_on(f"{prefix}ActuateTorque{end}") for end in ("X", "Y", "Z", ""))
@@ -150,15 +158,23 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
         raise node.refusal("has a negative spring or damper")
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         freedom.start = node.number(f"{prefix}PositionTargetValue", unit=length)
+        freedom.start_counts = _COUNTS.get(node.text(f"{prefix}PositionTargetPriority"), _COUNTS["High"])
     if node.is_on(f"{prefix}VelocityTargetSpecify"):
         freedom.start_speed = node.number(f"{prefix}VelocityTargetValue", unit=f"{length}/s")
+        freedom.speed_counts = _COUNTS.get(node.text(f"{prefix}VelocityTargetPriority"), _COUNTS["High"])
+    stops = []
     for end in ("Lower", "Upper"):
         if node.is_on(f"{prefix}{end}LimitSpecify"):
             setattr(freedom, end.lower(), node.number(f"{prefix}{end}LimitBound", unit=length))
-            freedom.stop = (
-                node.number(f"{prefix}{end}LimitStiffness", "1e4", unit=f"{effort}/{length}"),
-                node.number(f"{prefix}{end}LimitDamping", "10", unit=f"{effort}*s/{length}"),
-            )
+            scale = "*180/pi" if turns else ""  # Simulink's own figures are those of a degree
+            stiffness = node.number(f"{prefix}{end}LimitStiffness", f"1e4{scale}", unit=f"{effort}/{length}")
+            damping = node.number(f"{prefix}{end}LimitDamping", f"10{scale}", unit=f"{effort}*s/{length}")
+            if stiffness <= 0 or damping < 0:
+                raise node.refusal(f"the stiffness of its {end.lower()} limit is not positive, or its damping negative")
+            stops.append((stiffness, damping))
+    freedom.stop = max(stops, default=None)
+    if len(set(stops)) > 1:
+        node.findings.report.add("repaired", freedom.name, "its stops differ: both get the figures of the stiffer one")
     if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
         node.findings.report.add("defaulted", node.path, "its limits are unknown: none are taken")
@@ -167,22 +183,45 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
     return freedom
 
 
-def _ball(node: Node) -> list[Freedom]:
+def _ball(node: Node, prefix: str) -> list[Freedom]:
     """Return a ball joint as three turns about x, y and z."""
     node.findings.report.add(
         "repaired", node.path, "ball joint as three turns about x, y and z: singular where the middle one is at 90°"
     )
-    return [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
+    turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
+    damping = node.number(f"{prefix}DampingCoefficient", unit="N*m*s/rad")
+    for freedom in turns if damping > 0 else ():
+        freedom.damping = damping
+    limited = [end for end in ("Lower", "Upper") if node.is_on(f"{prefix}{end}LimitSpecify")]
+    if limited or node.number(f"{prefix}SpringStiffness", unit="N*m/rad"):
+        node.findings.report.add("dropped", node.path, "the spring and limits of a ball joint")
+    if node.is_on(f"{prefix}PositionTargetSpecify"):
+        for freedom, angle in zip(turns, xyz_angles(rotation(node, f"{prefix}PositionTarget")), strict=True):
+            freedom.start, freedom.start_counts = angle, _COUNTS["High"]
+    return turns
+
+
+def xyz_angles(turn: RotationMatrix) -> tuple[float, float, float]:
+    """Return the angles of turns about x, then the new y, then the new z [rad]."""
+    matrix = turn.matrix()
+    middle = np.arcsin(np.clip(matrix[0, 2], -1.0, 1.0))
+    first, last = np.arctan2(-matrix[1, 2], matrix[2, 2]), np.arctan2(-matrix[0, 1], matrix[0, 0])
+    return float(first), float(middle), float(last)
 
 
 def _read_floating(node: Node, joint: Joint) -> None:
     joint.floating = True
+    turn = rotation(node, "SphPositionTarget") if node.is_on("SphPositionTargetSpecify") else RotationMatrix()
     place = np.zeros(3)
     for index, kind in enumerate(("Px", "Py", "Pz")):
         if node.is_on(f"{kind}PositionTargetSpecify"):
             place[index] = node.number(f"{kind}PositionTargetValue", unit="m")
-    turn = rotation(node, "SphPositionTarget") if node.is_on("SphPositionTargetSpecify") else None
-    joint.start = RigidTransform(turn, place) if turn is not None else RigidTransform(place)
+        if node.is_on(f"{kind}VelocityTargetSpecify"):
+            joint.start_speed[index] = node.number(f"{kind}VelocityTargetValue", unit="m/s")
+    joint.start = RigidTransform(turn, place)
+    if node.is_on("SphVelocityTargetSpecify"):
+        rates = node.numbers("SphVelocityTargetValue", "[0 0 0]", unit="rad/s", size=3)
+        joint.start_speed[3:] = turn @ rates if node.text("SphVelocityTargetInFollowerFrame", "on") == "on" else rates
     for kind in ("Px", "Py", "Pz", "Sph"):
         if node.text(f"{kind}TorqueActuationMode") == "InputTorque":
             node.findings.report.add("dropped", node.path, f"its input {kind}: a floating base has no motor")

@@ -1,7 +1,12 @@
 """The mesh files that File Solids name: found in given folders, weighed, and written as OBJ."""
 
+import sys
 from collections.abc import Iterable
+from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path, PureWindowsPath
+from subprocess import SubprocessError, run
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -12,7 +17,12 @@ from simrob_drake.simulink.mechanics.shapes import Mesh, Weight
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 
-READ = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf")
+STEP = (".step", ".stp")
+READ = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf", *STEP)
+_CONVERT = "import sys, cascadio; sys.exit(cascadio.step_to_glb(*sys.argv[1:]))"
+_LONGEST = 120.0  # s, for one part
+_UPRIGHT = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+"""What undoes the turn that glTF gets for its upward y: this one has z upward."""
 
 
 class MeshFiles:
@@ -35,6 +45,8 @@ class MeshFiles:
         if file.suffix.lower() not in READ:
             report.add("dropped", node.path, f"the mesh {name}: {file.suffix} is not read; convert it to STL")
             return None, 1.0
+        if file.suffix.lower() in STEP:  # it has units of its own
+            return file, 1.0
         try:
             return file, factor(node.text("ExtGeomFileUnits", "m"), "m")
         except UnknownUnit as problem:
@@ -90,12 +102,30 @@ def load_mesh(file: Path) -> Mesh:
     Raises:
         UnreadableMesh: it is too large, garbage, or holds no triangles; the text says what.
     """
+    if file.suffix.lower() in STEP:
+        return _from_step(file, file.stat().st_mtime_ns)
     parts = [part for part in map(mend, read_mesh(file, {}).parts) if len(part.faces)]
     if not parts:
         raise UnreadableMesh("holds no triangle with an area")
     before = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     faces = [part.faces + count for part, count in zip(parts, before, strict=True)]
     return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+
+
+@lru_cache(maxsize=8)  # a part is weighed, and then written
+def _from_step(file: Path, _changed: int) -> Mesh:
+    """Return the faces of a STEP file [m], made by a process of its own, which a damaged file may end."""
+    if find_spec("cascadio") is None:
+        raise UnreadableMesh("is STEP, which needs: pip install 'simrob-drake[step]'")
+    with TemporaryDirectory() as folder:
+        target = Path(folder) / "part.glb"
+        try:
+            command = [sys.executable, "-c", _CONVERT, str(file.resolve()), str(target)]
+            run(command, check=True, capture_output=True, timeout=_LONGEST)
+            mesh = load_mesh(target)
+        except (OSError, SubprocessError, UnreadableMesh) as problem:
+            raise UnreadableMesh("holds no solid that can be read from STEP") from problem
+    return Mesh(mesh.corners @ _UPRIGHT.T, mesh.faces)
 
 
 def write_obj(mesh: Mesh, target: Path) -> None:

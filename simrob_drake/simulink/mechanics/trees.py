@@ -1,10 +1,13 @@
 """From bodies and joints to trees: one mechanism for each that starts from the world, or stands free."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
 from pydrake.math import RigidTransform
 
+from simrob_drake.frames import Vector
 from simrob_drake.simulink.mechanics.bodies import Bodies, Body, Link
 from simrob_drake.simulink.mechanics.joints import Freedom
 
@@ -56,6 +59,7 @@ class Tree:
         root: the body it starts from: the world, or a free one.
         frame: pose of the root link's frame in the root body's first frame.
         base: pose of that frame in the world at the start.
+        speed: of its origin, then how fast it turns, in the world's axes, shape (6,) [m/s, rad/s].
         branches: in the order they are reached.
         closures: joints between its bodies that close loops.
     """
@@ -63,8 +67,14 @@ class Tree:
     root: Body
     frame: RigidTransform = field(default_factory=RigidTransform)
     base: RigidTransform = field(default_factory=RigidTransform)
+    speed: Vector = field(default_factory=lambda: np.zeros(6))
     branches: list[Branch] = field(default_factory=list)
     closures: list[Link] = field(default_factory=list)
+
+    @property
+    def bodies(self) -> set[Body]:
+        """The root, and all that hangs on it."""
+        return {self.root, *(branch.body for branch in self.branches)}
 
     @property
     def freedoms(self) -> list[Freedom]:
@@ -72,11 +82,44 @@ class Tree:
         return [freedom for branch in self.branches for freedom in branch.freedoms]
 
 
-def grow(bodies: Bodies) -> tuple[Body | None, list[Tree]]:
-    """Return the world, and the trees of a model: one for each joint on the world, one for each free group."""
+def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[Body | None, list[Tree]]:
+    """Return the world, and the trees of a model: one for each joint on the world, one for each free group.
+
+    Loops are cut far from the world, but where that would be at a joint that is not ``cuttable``.
+    """
     world = next((body for body in bodies.bodies if body.grounded), None)
+    trees = _grown(bodies, world, bodies.links)
+    if not all(cuttable(link) for tree in trees for link in tree.closures):
+        trees = _grown(bodies, world, _spanning(bodies.links, cuttable))
+    for link in bodies.links:
+        if link.joint.floating and link.base is not world:
+            told = "starts from the world: its base is no part of it"
+            link.joint.node.findings.report.add("repaired", link.joint.node.path, told)
+    return world, trees
+
+
+def _spanning(links: list[Link], cuttable: Callable[[Link], bool]) -> list[Link]:
+    """Return joints that reach every body once, those that cannot be cut first."""
+    group: dict[Body, Body] = {}
+
+    def found(body: Body) -> Body:
+        while body in group:
+            body = group[body]
+        return body
+
+    kept = []
+    for link in sorted(links, key=cuttable):
+        one, other = found(link.base), found(link.follower)
+        if link.joint.floating or one is not other:
+            kept.append(link)
+        if not link.joint.floating and one is not other:
+            group[one] = other
+    return kept
+
+
+def _grown(bodies: Bodies, world: Body | None, links: list[Link]) -> list[Tree]:
     holding: dict[Body, list[Link]] = {}
-    for link in sorted(bodies.links, key=lambda link: not (link.joint.inputs or link.joint.outputs)):
+    for link in sorted(links, key=lambda link: not (link.joint.inputs or link.joint.outputs)):
         if not link.joint.floating:
             holding.setdefault(link.base, []).append(link)
             holding.setdefault(link.follower, []).append(link)
@@ -94,12 +137,12 @@ def grow(bodies: Bodies) -> tuple[Body | None, list[Tree]]:
     for body in _free_roots(bodies, seen):
         if body in seen:
             continue
-        tree = _free_tree(body, bodies, world)
+        tree = _free_tree(body, bodies)
         seen.add(body)
         _grow(tree, body, None, holding, seen)
         trees.append(tree)
     _find_loops(bodies, trees)
-    return world, trees
+    return trees
 
 
 def _grow(tree: Tree, start: Body, entry: Link | None, holding: dict[Body, list[Link]], seen: set[Body]) -> None:
@@ -123,15 +166,16 @@ def _free_roots(bodies: Bodies, seen: set[Body]) -> list[Body]:
     return [body for body in (*floating, *first, *bodies.bodies) if body not in seen and not body.grounded]
 
 
-def _free_tree(body: Body, bodies: Bodies, world: Body | None) -> Tree:
+def _free_tree(body: Body, bodies: Bodies) -> Tree:
     """Return the tree of a free root, where it begins."""
     for link in bodies.links:
         if link.joint.floating and link.follower is body:
-            if link.base is not world:
-                link.joint.node.findings.report.add(
-                    "repaired", link.joint.node.path, "starts from the world: its base is no part of it"
-                )
-            return _seen_from_its_middle(body, link.in_base @ link.joint.start @ link.in_follower.inverse())
+            joint = link.in_base @ link.joint.start
+            tree = _seen_from_its_middle(body, joint @ link.in_follower.inverse())
+            linear, rate = (link.in_base.rotation() @ part for part in np.split(link.joint.start_speed, 2))
+            arm = tree.base.translation() - joint.translation()
+            tree.speed = np.concatenate([linear + np.cross(rate, arm), rate])
+            return tree
     place = next((place for place in body.frames if place in bodies.roots), next(iter(body.frames)))
     return _seen_from_its_middle(body, body.frames[place].inverse())
 
@@ -148,8 +192,11 @@ def _find_loops(bodies: Bodies, trees: list[Tree]) -> None:
     for link in bodies.links:
         if link in used or link.joint.floating:
             continue
-        for tree in trees:
-            members = {tree.root, *(branch.body for branch in tree.branches)}
-            if link.base in members and link.follower in members:
-                tree.closures.append(link)
-                break
+        owners = [next((tree for tree in trees if body in tree.bodies), None) for body in (link.base, link.follower)]
+        both = [tree for tree in trees if link.base in tree.bodies and link.follower in tree.bodies]
+        if both:
+            both[0].closures.append(link)
+        elif owners[0] and owners[1]:  # both stand on the world: one mechanism
+            owners[0].branches += owners[1].branches
+            owners[0].closures += [*owners[1].closures, link]
+            trees.remove(owners[1])

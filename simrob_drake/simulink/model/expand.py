@@ -157,9 +157,13 @@ def _reader(parameter: MaskParameter, text: str, outer: Workspace) -> Callable[[
 def _drop_the_others(variant: Node) -> None:
     """Leave the active choice alone in a variant subsystem, with the ports around it."""
     choice = chosen_variant(variant)
-    for sid, child in list(variant.children.items()):
-        if child.system is not None and child is not choice:
-            del variant.children[sid]
+    others = {sid: child for sid, child in variant.children.items() if child.system is not None and child is not choice}
+    for sid in others:
+        del variant.children[sid]
+    if choice is None and others:
+        known = ", ".join(child.text("VariantControl") or child.block.name for child in others.values())
+        told = f"is a variant whose choice only MATLAB knows ({known}); give its variables with --set"
+        variant.findings.report.add("refused", variant.path, told)
 
 
 def chosen_variant(node: Node) -> Node | None:

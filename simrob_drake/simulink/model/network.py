@@ -111,11 +111,8 @@ class Network:
         """Join a subsystem's outer ports with the port blocks in it."""
         if owner.is_on("Variant") and owner.children:
             choice = chosen_variant(owner)
-            if choice is None:
-                owner.findings.report.add("refused", owner.path, "is a variant whose choice only MATLAB knows")
-                return
-            outer, inner = _sides(owner), _sides(choice)
-            for name, (side, number) in outer.items():
+            inner = _sides(choice) if choice is not None else {}
+            for name, (side, number) in _sides(owner).items():
                 if name in inner:
                     self._join((id(owner), side, number), (id(choice), *inner[name]))
             return

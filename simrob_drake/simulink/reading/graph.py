@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from simrob_drake.importer.report import Deed
+
 
 class Port(NamedTuple):
     """A port of a block within its system.
@@ -102,6 +104,7 @@ class Model:
         code: of the model workspace, MATLAB assignments.
         callbacks: names of callbacks that MATLAB would run, with their code.
         stop_time: when a run ends, an expression [s].
+        notes: what the report is to say of its making: level, element and text.
     """
 
     path: Path
@@ -111,6 +114,7 @@ class Model:
     code: str = ""
     callbacks: dict[str, str] = field(default_factory=dict)
     stop_time: str = "10"
+    notes: list[tuple[Deed, str, str]] = field(default_factory=list)
 
     @property
     def name(self) -> str:

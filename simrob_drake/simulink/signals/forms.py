@@ -10,7 +10,9 @@ from typing import Any, Literal
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
 
-TermKind = Literal["one", "q", "w", "a", "t", "input", "source", "sat", "integral", "block", "distance", "open"]
+TermKind = Literal[
+    "one", "q", "w", "a", "t", "input", "source", "sat", "integral", "block", "distance", "sensed", "open"
+]
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,7 @@ class Term:
     Attributes:
         kind: ``one`` (a constant), ``q``, ``w``, ``a``, ``t`` (position, speed, acceleration, effort of a joint),
             ``input`` (of the model), ``source`` (a function of time), ``sat``, ``integral``, ``block`` (what
-            else is computed), ``distance``, or ``open``.
+            else is computed), ``distance``, ``sensed`` (a part of what a Transform Sensor tells), or ``open``.
         of: the degree of freedom, or the block.
         index: which element of the block's output.
     """

@@ -32,6 +32,11 @@ class Law:
     effort: Form = field(default_factory=dict)
     net: Form = field(default_factory=dict)
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing drives the joint."""
+        return not (self.kp or self.ki or self.kd or self.net or self.effort)
+
 
 def read_laws(tracer: Tracer, joints: list[Joint]) -> dict[Freedom, Law]:
     """Return the law of every driven degree of freedom.
@@ -88,6 +93,8 @@ class _Reading:
             self._is_servo = False
         for term, value in rest.items():
             self._take(law, term, value)
+        if any(term.kind in ("one", "source") for term in law.effort):
+            self._is_servo = False
         return law
 
     def _unlimited(self, form: Form) -> tuple[float, Form]:
@@ -114,7 +121,7 @@ class _Reading:
                 self._report.add("read", self._path, f"its reference is scaled by {law.wanted[term]:.6g} ({ratio})")
         elif term.kind in ("input", "source", "one"):
             law.effort[term] = value
-        elif term.kind in ("q", "w", "sat", "block", "distance"):
+        elif term.kind in ("q", "w", "sat", "block", "distance", "sensed"):
             self._is_servo = False
         elif isinstance(term.of, Freedom):
             self._drop(f"coupling with {term.kind} of {term.of.name} ({value:.6g})")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
@@ -23,12 +25,21 @@ from simrob_drake.simulink.signals.forms import (
     scaled,
     spread,
 )
-from simrob_drake.simulink.signals.primitives import elementwise
+from simrob_drake.simulink.signals.frame_sensing import PARTS
+from simrob_drake.simulink.signals.primitives import Primitive, elementwise
+from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.syntax import NotUnderstood
 
 if TYPE_CHECKING:
     from simrob_drake.simulink.signals.tracing import Tracer
 
 _MOST_ELEMENTS = 10_000
+_FOLLOWING: dict[TermKind, TermKind] = {"q": "w", "w": "a"}
+_PLACES = 3
+_BETWEEN = re.compile(r",(?![^\[]*\])")
+"""The commas between the indices of a matrix, and not those within brackets."""
+_LAG = 1e-3  # s, of the derivative of what is not measured
 
 
 def _inport(_: Tracer, node: Node, __: int) -> Signal:
@@ -127,9 +138,20 @@ def _demux(tracer: Tracer, node: Node, number: int) -> Signal:
 
 def _selector(tracer: Tracer, node: Node, _: int) -> Signal | None:
     signal = tracer.input(node)
-    indices = node.numbers("Indices", node.text("IndexParamArray", "1") or "1")
-    places = indices.astype(int) - (1 if node.text("IndexMode", "One-based") == "One-based" else 0)
-    if np.any(places < 0):
+    first = 1 if node.text("IndexMode", "One-based") == "One-based" else 0
+    if node.text("NumberOfDimensions", "1") == "1":
+        places = node.numbers("Indices", node.text("IndexParamArray", "1") or "1").astype(int) - first
+    else:  # of a square matrix, column by column
+        size, parts = math.isqrt(len(signal)), _BETWEEN.split(node.text("Indices"))
+        try:
+            rows, columns = (matrix(node.workspace.value(part)).astype(int).reshape(-1) - first for part in parts)
+        except (UndefinedVariable, NotUnderstood, ValueError, TypeError):
+            return None
+        known = size * size == len(signal) and "all" not in node.text("IndexOptions")
+        if not known or max(*rows, *columns, 0) >= size or min(*rows, *columns, 0) < 0:
+            return None
+        places = (rows + size * columns[:, np.newaxis]).reshape(-1)
+    if not places.size or np.any(places < 0):
         return None
     signal = spread(signal, int(places.max()) + 1)
     if places.max() >= len(signal):
@@ -197,18 +219,29 @@ def _element(tracer: Tracer, node: Node, index: int) -> Form:
     return signal[min(index, len(signal) - 1)]
 
 
-def _derivative(tracer: Tracer, node: Node, _: int) -> Signal | None:
-    following: dict[TermKind, TermKind] = {"q": "w", "w": "a"}
-    found: Signal = []
-    for form in tracer.input(node):
-        rate: Form = {}
-        for term, value in form.items():
-            if term.kind in following:
-                rate[Term(following[term.kind], term.of)] = value
-            elif term.kind != "one":
-                return None
-        found.append(rate)
-    return found
+def _derivative(tracer: Tracer, node: Node, _: int) -> Signal:
+    return [_rate(tracer, node, index, form, _LAG) for index, form in enumerate(tracer.input(node))]
+
+
+def _rate(tracer: Tracer, node: Node, index: int, form: Form, lag: float, held: tuple[TermKind, ...] = ()) -> Form:
+    """Return how fast a sum changes: as it is measured, or else a filter of time constant ``lag`` [s].
+
+    What is ``held`` counts as constant.
+    """
+    rate: Form = {}
+    for term, value in form.items():
+        still = isinstance(term.of, Node) and term.of.text("MeasurementFrame").startswith("NonRotating")
+        if term.kind in _FOLLOWING:
+            rate[Term(_FOLLOWING[term.kind], term.of)] = value
+        elif term.kind == "sensed" and term.index < _PLACES and not still:
+            rate[Term("sensed", term.of, term.index + PARTS.index("vx"))] = value
+        elif term.kind not in ("one", *held):
+            figures = {"numerator": [1.0, 0.0], "denominator": [lag, 1.0]}
+            rated = Term("block", node, index)
+            tracer.primitives[rated] = Primitive(node, "transfer_function", figures, partial(list, [form]), place=index)
+            node.findings.report.add("repaired", node.path, f"its derivative is filtered, by {lag:g} s")
+            return {rated: 1.0}
+    return rate
 
 
 def _pid(tracer: Tracer, node: Node, _: int) -> Signal | None:
@@ -228,8 +261,12 @@ def _pid(tracer: Tracer, node: Node, _: int) -> Signal | None:
             tracer.integrands[term] = partial(dict, form)
             parts.append((float(i), {term: 1.0}))
         if d:
-            parts.append((float(d), {Term("w", t.of): v for t, v in form.items() if t.kind == "q"}))
-            node.findings.report.add("repaired", node.path, "its derivative acts on measured speed alone, unfiltered")
+            lag = 1 / max(node.number("N", "100"), 1e-3)
+            rate = _rate(tracer, node, index, form, lag, ("input", "source"))
+            parts.append((float(d), rate))
+            if all(term.kind != "block" for term in rate):
+                told = "its derivative acts on measured speed alone, unfiltered"
+                node.findings.report.add("repaired", node.path, told)
         total = added(*parts)
         if node.text("LimitOutput", "off") == "on":
             term = Term("sat", node, index)

@@ -9,14 +9,13 @@ from simrob_drake.simulink.mechanics.joints import Joint
 from simrob_drake.simulink.model.network import Network, Place
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.signals.forms import Form, Limits, Signal, Term, TermKind, added, constant, same_size, scaled
+from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
 from simrob_drake.simulink.signals.primitives import PRIMITIVES, Primitive
 from simrob_drake.simulink.signals.rules import RULES
 from simrob_drake.simulink.values.units import UnknownUnit, factor, parse_unit
 
 SOURCES = {"Step", "Ramp", "Sin", "Sine Wave", "FromWorkspace", "Clock", "DigitalClock", "DiscretePulseGenerator"}
 """Blocks whose output is a function of time."""
-SINKS = {"Scope", "Display", "ToWorkspace", "ToFile", "Terminator", "Outport", "Stop", "XYGraph"}
-"""Blocks that only take."""
 _PASSING = {
     "SignalConversion", "SignalSpecification", "DataTypeConversion", "RateTransition", "Reshape", "UnitConversion",
     "ZeroOrderHold", "Memory", "UnitDelay", "Delay", "BusToVector",
@@ -56,7 +55,10 @@ class Tracer:
             if contact.senses_distance:
                 self._offer(contact.node, contact.senses_distance, [{Term("distance", contact.node): 1.0}])
         for node in network.expanded.nodes:
-            if node.kind == "Simulink-PS Converter":
+            if node.kind == SENSOR:
+                for number, signal in sensed(self, node).items():
+                    self._offer(node, number, signal)
+            elif node.kind == "Simulink-PS Converter":
                 self._physical[network.net(node, "rconn")] = partial(self._into_physics, node)
             elif node.kind in _PHYSICAL:
                 self._physical[network.net(node, "rconn")] = partial(self._physical_block, node)

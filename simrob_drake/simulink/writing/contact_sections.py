@@ -3,10 +3,14 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from pydrake.math import RigidTransform
+
+from simrob_drake.parts.site import WORLD
 from simrob_drake.simulink.mechanics.bodies import Body
+from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.writing.names import Names, plain
+from simrob_drake.simulink.writing.names import Names
 from simrob_drake.simulink.writing.touching import Touching, bounded_dissipation
 from simrob_drake.simulink.writing.urdf import RobotFile
 
@@ -18,12 +22,29 @@ class StationFiles:
     Attributes:
         robots: by name, with their `robot.yaml`.
         pieces: names.
+        groups: of those that stand in the world, by the subsystem or block that they come from.
+        free: of those that nothing holds, by what they are.
         content: of the station's file; empty where nothing moves, and there is no station.
     """
 
     robots: dict[str, RobotFile] = field(default_factory=dict)
     pieces: list[str] = field(default_factory=list)
+    groups: dict[str, str] = field(default_factory=dict)
+    free: dict[Tree, str] = field(default_factory=dict)
     content: dict[str, Any] = field(default_factory=dict)
+
+    def named(self, body: Body, turn: RigidTransform) -> tuple[str, RigidTransform] | None:
+        """Return what a body is called in the station, and the pose of its first frame there; None if it is not in it.
+
+        ``turn`` places the model's world in ours.
+        """
+        if body.grounded:
+            return WORLD, turn
+        for name, robot in self.robots.items():
+            if body in robot.links:
+                prefix = f"{name}." if len(self.robots) > 1 else ""
+                return prefix + robot.links[body], robot.frames[body].inverse()
+        return next(((name, tree.frame.inverse()) for tree, name in self.free.items() if tree.root is body), None)
 
 
 def contact_sections(
@@ -96,12 +117,10 @@ class _Sections:
         return ({"sensors": sensors} if sensors else {}) | ({"monitors": monitors} if monitors else {})
 
     def _end_name(self, body: Body, node: Node) -> str | None:
-        for name, robot in self.files.robots.items():
-            if body in robot.links and not body.grounded:
-                if node.kind != "Spherical Solid":
-                    return None  # only spheres of robots touch
-                return robot.links[body] if len(self.files.robots) == 1 else f"{name}.{robot.links[body]}"
-        if node.kind == "Infinite Plane":
+        if any(body in robot.links and not body.grounded for robot in self.files.robots.values()):
+            named = self.files.named(body, RigidTransform())
+            return named[0] if named and node in self.touching.standing else None
+        if node.kind == "Infinite Plane" and node not in self.touching.slabs:
             return "floor"
-        group = plain(node.path.partition("/")[0])
-        return group if group in self.files.pieces else None
+        free = next((name for tree, name in self.files.free.items() if tree.root is body), None)
+        return free or self.files.groups.get(node.path.partition("/")[0]) or None

@@ -12,7 +12,8 @@ from simrob_drake.parts.controllers.flow_block import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Term
+from simrob_drake.simulink.signals.forms import Form, Term, added, constant
+from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.contact_sections import StationFiles
@@ -25,27 +26,17 @@ _AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 class FlowWriter:
     """Writes one station's signal flow, for one robot."""
 
-    def __init__(
-        self,
-        tracer: Tracer,
-        columns: Mapping[Freedom, str],
-        inputs: Mapping[Term, tuple[Freedom, float]],
-        distances: Mapping[Node, str],
-        report: ImportReport,
-    ) -> None:
+    def __init__(self, tracer: Tracer, measured: Mapping[Term, Sum], report: ImportReport) -> None:
         """Take what the blocks are made of.
 
         Args:
             tracer: that has followed them.
-            columns: by degree of freedom what follows ``q.`` in the names of signals, with ``<robot>.`` before it
-                where there are several.
-            inputs: of the model, as the positions that they command, with their factors.
-            distances: names of sensors by contact.
+            measured: what no block computes, as sums of the station's signals.
             report: of the import.
         """
-        self._tracer, self._columns, self._inputs = tracer, columns, inputs
-        self._distances, self._report = distances, report
-        self._names = Names(("one", "time", "torque"))
+        self._tracer, self._measured, self._report = tracer, measured, report
+        families = {name.partition(".")[0] for given in measured.values() for name in given}
+        self._names = Names(("one", "time", "torque", *families))
         self._known: dict[Term, Sum] = {}
         self.blocks: dict[str, dict[str, Any]] = {}
 
@@ -65,26 +56,19 @@ class FlowWriter:
     def _new(self, term: Term) -> Sum:
         if term.kind in ("sat", "integral", "block"):
             return self._block(term)
-        told = self._measured(term)
+        told = self._told(term)
         if told is None:
             where = term.of.path if isinstance(term.of, Node) else f"{term.kind} of {getattr(term.of, 'name', '')}"
             self._report.add("dropped", where, "in a control law: no signal of a station, so it counts as 0")
         return told or {}
 
-    def _measured(self, term: Term) -> Sum | None:
+    def _told(self, term: Term) -> Sum | None:
         """Return what no block computes; None where a station has no such signal."""
         if term.kind == "one":
             return {"one": 1.0}
-        if term.kind in ("q", "w") and isinstance(term.of, Freedom) and term.of in self._columns:
-            return {_column("q" if term.kind == "q" else "v", self._columns[term.of]): 1.0}
-        if term in self._inputs:
-            freedom, factor = self._inputs[term]
-            return {_column("q_ref", self._columns[freedom]): 1.0 / factor}
-        if term.kind == "distance" and isinstance(term.of, Node) and term.of in self._distances:
-            return {f"distance.{self._distances[term.of]}": 1.0}
         if term.kind == "source" and isinstance(term.of, Node) and term.of.kind in _SOURCES:
             return _SOURCES[term.of.kind](self, term.of)
-        return None
+        return self._measured.get(term)
 
     def _block(self, term: Term) -> Sum:
         tracer, node = self._tracer, term.of
@@ -142,11 +126,6 @@ class FlowWriter:
         return name
 
 
-def _column(quantity: str, place: str) -> str:
-    robot, _, axis = place.rpartition(".")
-    return f"{robot}.{quantity}.{axis}" if robot else f"{quantity}.{axis}"
-
-
 def _bounds(lower: float, upper: float) -> dict[str, float]:
     return {name: value for name, value in (("lower", lower), ("upper", upper)) if np.isfinite(value)}
 
@@ -189,7 +168,20 @@ def _table(writer: FlowWriter, node: Node) -> Sum:
     return {writer.source(node, figures): 1.0}
 
 
+def _pulses(writer: FlowWriter, node: Node) -> Sum:
+    period, delay = node.number("Period", "10"), node.number("PhaseDelay", "0")
+    if period <= 0:
+        raise node.refusal(f"Period is {period:g}; it must be positive")
+    phase, width = {"time": 1 / period, "one": -delay / period}, node.number("PulseWidth", "5") / 100
+    begun = writer.source(node, {"kind": "function", "function": "floor", "of": phase})
+    high = {"kind": "compare", "operator": "<", "threshold": width, "of": {**phase, begun: -1.0}}
+    late = {"kind": "compare", "operator": ">=", "threshold": delay, "of": "time"}
+    both = [{writer.source(node, figures): 1.0} for figures in (high, late)]
+    return {writer.source(node, {"kind": "product", "of": both}): node.number("Amplitude", "1")}
+
+
 _SOURCES: dict[str, Callable[[FlowWriter, Node], Sum]] = {
+    "DiscretePulseGenerator": _pulses,
     "Step": _step,
     "Sin": _sine,
     "Sine Wave": _sine,
@@ -200,30 +192,49 @@ _SOURCES: dict[str, Callable[[FlowWriter, Node], Sum]] = {
 }
 
 
-def flows_of(model: SimulinkModel, files: StationFiles, sensors: Collection[str]) -> dict[str, Any]:
+def _measured(model: SimulinkModel, files: StationFiles, sensors: Collection[str]) -> dict[Term, Sum]:
+    """Return joints, inputs and distances as signals of the station."""
+    several = len(files.robots) > 1
+    found: dict[Term, Sum] = {}
+    for name, robot in files.robots.items():
+        prefix = f"{name}." if several else ""
+        for freedom, axis in robot.axes.items():
+            found[Term("q", freedom)] = {f"{prefix}q.{axis}": 1.0}
+            found[Term("w", freedom)] = {f"{prefix}v.{axis}": 1.0}
+            wanted = model.laws[freedom].wanted if freedom in model.laws else {}
+            for term, factor in wanted.items() if len(wanted) == 1 else ():
+                if term.kind == "input":
+                    found[term] = {f"{prefix}q_ref.{axis}": 1.0 / factor}
+    for contact in model.contacts:
+        name = plain(contact.node.block.name)
+        if name in sensors:
+            found[Term("distance", contact.node)] = {f"distance.{name}": 1.0}
+    return found
+
+
+def _net(model: SimulinkModel, freedom: Freedom) -> Form:
+    """Return what of a joint's torque no servo is: its law, and its spring where that is not all that drives it."""
+    law = model.laws.get(freedom, Law())
+    if not freedom.stiffness or law.is_idle or freedom.driven == "motion":
+        return law.net
+    spring = {Term("q", freedom): -freedom.stiffness, **constant(freedom.stiffness * freedom.rest)}
+    return added((1.0, law.net), (1.0, spring))
+
+
+def flows_of(
+    model: SimulinkModel, files: StationFiles, sensors: Collection[str], sensed: Mapping[Term, Sum]
+) -> dict[str, Any]:
     """Return the controllers of a station: a signal flow for each robot with a law that is no servo.
 
-    Stops that no contact tells are part of the first.
+    Stops that no contact tells are part of the first. Frame sensors are measured as ``sensed`` says.
     """
     several = len(files.robots) > 1
-    columns = {
-        freedom: f"{name}.{axis}" if several else axis
-        for name, robot in files.robots.items()
-        for freedom, axis in robot.axes.items()
-    }
-    inputs = {
-        term: (freedom, factor)
-        for freedom, law in model.laws.items()
-        for term, factor in law.wanted.items()
-        if term.kind == "input" and freedom in columns and len(law.wanted) == 1
-    }
-    distances = {contact.node: plain(contact.node.block.name) for contact in model.contacts}
-    known = {node: name for node, name in distances.items() if name in sensors}
+    measured = {**_measured(model, files, sensors), **sensed}
     flows: dict[str, Any] = {}
     stops = dict(model.stops)
     for name, robot in files.robots.items():
-        nets = {axis: model.laws[freedom].net for freedom, axis in robot.axes.items() if freedom in model.laws}
-        writer = FlowWriter(model.tracer, columns, inputs, known, model.report)
+        nets = {axis: _net(model, freedom) for freedom, axis in robot.axes.items()}
+        writer = FlowWriter(model.tracer, measured, model.report)
         torque = {axis: writer.sum(net) for axis, net in nets.items() if net}
         ends = {f"{plain(node.block.name)}_end": writer.sum(form) for node, form in stops.items()}
         if not (torque or ends):

@@ -19,15 +19,19 @@ from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.forms import constant
 from simrob_drake.simulink.signals.laws import Law, is_zero
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.contact_sections import StationFiles, contact_sections
 from simrob_drake.simulink.writing.flow import flows_of
+from simrob_drake.simulink.writing.frame_sensors import FrameSensors, frame_sensors
 from simrob_drake.simulink.writing.names import Names, plain
 from simrob_drake.simulink.writing.pieces import pose_list, write_piece
 from simrob_drake.simulink.writing.references import reference
+from simrob_drake.simulink.writing.starts import start_state
 from simrob_drake.simulink.writing.touching import feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UrdfWriter
+from simrob_drake.stations.config import JointStops
 
 _STIFF = 1000.0, 10.0
 """kp and kd of a joint whose motion is an input, in a station of torques."""
@@ -105,34 +109,40 @@ class StationWriter:
         taken = {solid.node for solids in base_solids.values() for solid in solids}
         pieces: dict[str, dict[str, Any]] = {}
         groups: dict[str, list[SolidBody]] = {}
-        for solid in self._model.world.solids if self._model.world else []:
+        standing = [*(self._model.world.solids if self._model.world else []), *self._touching.slabs.values()]
+        for solid in standing:
             if solid.node not in taken:
                 groups.setdefault(solid.node.path.partition("/")[0], []).append(solid)
         for group, solids in groups.items():
-            self._piece(pieces, group, solids, {"parent": "world", "pose": pose_list(self._turn)})
+            entry = {"parent": "world", "pose": pose_list(self._turn)}
+            self._files.groups[group] = self._piece(pieces, group, solids, entry)
         for tree in self._model.trees:
             if tree.branches or tree.root.grounded or not tree.root.solids:
                 continue
             path = tree.root.solids[0].node.path.partition("/")[0]
             solids = [replace(solid, pose=tree.frame.inverse() @ solid.pose) for solid in tree.root.solids]
-            self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)})
+            name = self._piece(pieces, path, solids, {"free": True, "pose": pose_list(self._turn @ tree.base)})
+            if name:
+                self._files.free[tree] = name
         return pieces
 
-    def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> None:
+    def _piece(self, pieces: dict[str, Any], path: str, solids: list[SolidBody], entry: dict[str, Any]) -> str:
+        """Write a piece, and return its name; empty where there is nothing to it."""
         name = self._names.give(path)
         fixed = "free" not in entry
         if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
             self._report.add("dropped", path, "is free and weighs nothing: it cannot move")
-            return
+            return ""
         folder = self._folder / name
         writer = UrdfWriter(folder, self._report, self._names)
         if not write_piece(folder, name, solids, self._touching.colliding, writer, weighs=not fixed):
             folder.rmdir()
-            return
+            return ""
         pieces[name] = {"model": f"{name}/{PIECE_FILE}", **entry}
         self._files.pieces.append(name)
         if not any(solid.node in self._touching.colliding for solid in solids) and not fixed:
             self._report.add("read", path, "falls freely: nothing holds or touches it")
+        return name
 
     def _station(self, name: str, pieces: dict[str, Any]) -> dict[str, Any]:
         model = self._model
@@ -151,13 +161,16 @@ class StationWriter:
         if pieces:
             content["pieces"] = pieces
         if self._touching.floor:
-            content["floor"] = {"size": 3}
+            content["floor"] = {"size": 10}
         if self._touching.ends and not kinematic:
             content |= contact_sections(self._touching, self._files, self._model, self._gravity, self._names)
+        seen = frame_sensors(model, self._files, self._turn, self._names)
+        if seen.sections:
+            content["sensors"] = {**content.get("sensors", {}), **seen.sections}
         content["gravity"] = self._gravity
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
-        content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}))
+        content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), seen)
         content["duration"] = duration
         return content
 
@@ -168,14 +181,20 @@ class StationWriter:
         pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
         return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
 
-    def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any]) -> dict[str, Any]:
-        """Return what only a station of torques has: its solver, laws that are no servos, and stops of joints."""
-        stops, flows = self._stops(), flows_of(self._model, self._files, sensors)
-        content = {"controllers": flows} if flows else {}
+    def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any], seen: FrameSensors) -> dict[str, Any]:
+        """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
+        flows = flows_of(self._model, self._files, sensors, seen.measured)
+        content: dict[str, Any] = {"controllers": flows} if flows else {}
         content["solver"] = self._solver(robots)
         if flows and "accuracy" in content["solver"]:
             content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": 0.02}
-        return content | ({"joint_stops": stops} if stops else {})
+        starts = {name: self._starts(robot) for name, robot in self._files.robots.items()}
+        state = start_state(self._files, starts, self._turn)
+        if state is not None:
+            file = self._folder / f"{plain(self._model.path.stem)}_start.json"
+            file.write_text(state.to_json() + "\n", encoding="utf-8")
+            content["start"] = file.name
+        return content
 
     def _kinematic(self) -> bool:
         """Tell whether the motion is the input, or nothing weighs enough to be moved by torque."""
@@ -206,7 +225,7 @@ class StationWriter:
             described["feet"] = feet
         text = yaml.safe_dump(described, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
         (folder / ROBOT_FILE).write_text(text, encoding="utf-8")
-        start = {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
+        start = self._starts(robot)
         entry: dict[str, Any] = {"model": f"{name}/{ROBOT_FILE}"}
         if robot.pushed:
             entry["tcp"] = robot.pushed
@@ -221,17 +240,23 @@ class StationWriter:
             self._tell(name, robot.axes[freedom], freedom, law, kinematic=kinematic)
         if not kinematic:
             entry["servo"] = _servo(robot, laws)
+            stops = _stops(robot)
+            if stops:
+                entry["joint_stops"] = stops
         wanted = {freedom: law.wanted for freedom, law in laws.items()}
         entry["reference"] = reference(robot.axes, wanted, start, duration, self._folder / f"{name}_reference.csv")
-        if any(freedom.start_speed for freedom in robot.axes):
-            self._report.add("dropped", name, "speeds at the start: a station starts at rest")
+        if kinematic and any(freedom.start_speed for freedom in robot.axes):
+            self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
+
+    def _starts(self, robot: RobotFile) -> dict[str, float]:
+        return {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
 
     def _start(self, freedom: Freedom) -> float:
         """Return where a joint begins, within its limits."""
         wanted = freedom.start or 0.0
         taken = float(np.clip(wanted, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
-        if abs(taken - wanted) > _INSIDE:
+        if abs(taken - wanted) > 2 * _INSIDE:
             self._report.add("repaired", freedom.name, f"starts at {wanted:.4g}, out of its limits: at {taken:.4g}")
         return taken
 
@@ -239,11 +264,7 @@ class StationWriter:
         law = self._model.laws.get(freedom, Law())
         if freedom.driven == "motion":
             return Law(kp=_STIFF[0], kd=_STIFF[1], wanted=law.wanted)
-        if freedom.stiffness and law.kp:
-            self._report.add("dropped", freedom.name, f"its spring of {freedom.stiffness:g}, beside a servo")
-        elif freedom.stiffness:
-            from simrob_drake.simulink.signals.forms import constant
-
+        if freedom.stiffness and law.is_idle:
             self._report.add("read", freedom.name, f"its spring of {freedom.stiffness:g} is its servo's kp")
             return Law(kp=freedom.stiffness, wanted=constant(freedom.rest))
         if not is_zero(law.effort):
@@ -278,20 +299,6 @@ class StationWriter:
             return _SOLVERS["loops"]
         return _SOLVERS["feet"] if self._touching.ends else _SOLVERS["arm"]
 
-    def _stops(self) -> dict[str, float] | None:
-        """Return the joint stops if the model's differ from a station's own."""
-        found = [
-            freedom.stop
-            for robot in self._files.robots.values()
-            for freedom in robot.axes
-            if freedom.stop and freedom.turns and isfinite(freedom.upper)
-        ]
-        if not found or np.allclose(found[0], (5.73e5, 573.0), rtol=1e-3):
-            return None
-        if len(set(found)) > 1:
-            self._report.add("repaired", "joint_stops", "limits differ in stiffness: all get the figures of the first")
-        return {"stiffness": found[0][0], "damping": found[0][1]}
-
 
 def _together(trees: list[Tree]) -> list[Tree]:
     """Return the mechanisms with those as one that stand on the world and are drawn in one subsystem."""
@@ -310,7 +317,7 @@ def _robot_sections(robots: dict[str, Any]) -> dict[str, Any]:
     if len(robots) != 1:
         return {"robots": robots} if robots else {}
     (robot,) = robots.values()
-    shared = {section: robot.pop(section) for section in ("servo", "reference") if section in robot}
+    shared = {section: robot.pop(section) for section in ("servo", "joint_stops", "reference") if section in robot}
     return {"robot": robot, **shared}
 
 
@@ -319,11 +326,29 @@ def _servo(robot: RobotFile, laws: dict[Freedom, Law]) -> dict[str, Any]:
     for key in ("kp", "ki", "kd"):
         values = {axis: float(f"{getattr(laws[freedom], key):.12g}") for freedom, axis in robot.axes.items()}
         if key != "ki" or any(values.values()):
-            section[key] = next(iter(values.values())) if len(set(values.values())) == 1 else values
+            section[key] = _at_once(values)
     limits = {axis: laws[freedom].limit for freedom, axis in robot.axes.items() if isfinite(laws[freedom].limit)}
     if limits:
         section["torque_limit"] = limits
     return section
+
+
+def _stops(robot: RobotFile) -> dict[str, Any]:
+    """Return the stops of a robot's joints, if they are not a station's own."""
+    found = {axis: freedom.stop for freedom, axis in robot.axes.items() if freedom.stop}
+    usual = tuple(JointStops().model_dump().values())
+    if all(np.allclose(stop, usual, rtol=1e-3) for stop in found.values()):
+        return {}
+    figures = zip(*found.values(), strict=True)
+    return {
+        key: _at_once({axis: float(f"{value:.12g}") for axis, value in zip(found, values, strict=True)})
+        for key, values in zip(("stiffness", "damping"), figures, strict=True)
+    }
+
+
+def _at_once(values: dict[str, float]) -> dict[str, float] | float:
+    """Return one number where all axes have the same."""
+    return next(iter(values.values())) if len(set(values.values())) == 1 else values
 
 
 def _user(freedom: Freedom, value: float) -> float:

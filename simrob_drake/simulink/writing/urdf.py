@@ -25,7 +25,7 @@ from simrob_drake.simulink.writing.names import Names
 ROOT = "base"
 AMPLE = 1e6
 """Effort of a motor that the model does not limit [N·m or N]."""
-_FAR = 1e3  # m, of a slide without limits
+_FAR = 1e3  # m or rad: the limit of a joint that has none, or one only
 _TINY = 1e-9
 
 
@@ -109,7 +109,7 @@ class UrdfWriter:
     def _joint(
         self, robot: ET.Element, name: str, freedom: Freedom, sign: float, ends: tuple[str, str, RigidTransform]
     ) -> None:
-        bounded = isfinite(freedom.lower) and isfinite(freedom.upper)
+        bounded = isfinite(freedom.lower) or isfinite(freedom.upper)
         kind = ("revolute" if bounded else "continuous") if freedom.turns else "prismatic"
         parent, child, origin = ends
         joint = add_joint(robot, name, parent=parent, child=child, pose=origin, kind=kind)
@@ -121,8 +121,6 @@ class UrdfWriter:
             )
             limit.set("lower", text([lower]))
             limit.set("upper", text([upper]))
-        elif isfinite(freedom.lower) or isfinite(freedom.upper):
-            self._report.add("dropped", name, "its only limit: a joint that turns has both or none here")
         ET.SubElement(joint, "dynamics", damping=text([freedom.damping]))
 
     def _link(self, robot: RobotFile, link: ET.Element, body: Body, frame: RigidTransform) -> None:

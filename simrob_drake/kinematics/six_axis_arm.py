@@ -1,4 +1,4 @@
-"""The geometry of six-axis arms whose last three axes meet in a point."""
+"""The geometry of six-axis arms that have a closed form: a spherical wrist, or three parallel axes as cobots have."""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ class NoClosedForm(SimrobError):
 
 
 @dataclass(frozen=True, eq=False)
-class SphericalArm:
-    """An arm of six revolute axes: 2 parallel to 3, neither to 1, and 4, 5, 6 through one point, the wrist centre.
+class SixAxisArm:
+    """An arm of six revolute axes, 2 parallel to 3, neither to 1, with a wrist of one of two kinds.
+
+    Spherical: axes 4, 5 and 6 meet in one point, the wrist centre. Parallel, as the UR arms have it: axis 4 is parallel
+    to axis 3, and axes 5 and 6 meet in the wrist centre.
 
     Axis 1 need not meet axis 2 (shoulder offset along the arm), nor the wrist centre lie in the plane of axis 1 and
     the arm (shoulder offset across it, as the Puma has), nor axis 4 point at axis 3 (elbow offset).
@@ -40,13 +43,15 @@ class SphericalArm:
     shoulder: Vector  # a point on axis 1 [m], shape (3,)
     upper_arm: Vector  # a point on axis 2, in the base at zero [m], shape (3,)
     centre: Vector  # the wrist centre at zero [m], shape (3,)
-    forearm_sense: float  # 1 where axis 3 points as axis 2 does, -1 where against it
+    parallel: bool  # whether axis 4 is parallel to axis 3
+    senses: tuple[float, float]  # of axes 3 and 4: 1 where they point as axis 2 does, -1 where against it
     upper: complex  # from axis 2 to axis 3 at zero, as a complex number in the plane across axis 2 [m]
-    fore: complex  # from axis 3 to the wrist centre, likewise
+    fore: complex  # from axis 3 to the wrist centre, or to axis 4 if parallel, likewise
+    hand: complex  # from axis 4 to the wrist centre if parallel, else 0
     home: Vector  # pose of the tool at zero, shape (4, 4)
 
     @classmethod
-    def of(cls, chain: Chain) -> SphericalArm:
+    def of(cls, chain: Chain) -> SixAxisArm:
         """Recognise the geometry in a chain.
 
         Raises:
@@ -61,15 +66,19 @@ class SphericalArm:
         for one, other in ((0, 1), (3, 4), (4, 5)):
             if np.linalg.norm(np.cross(axes[one], axes[other])) < _ALONG:
                 raise NoClosedForm(f"axis {one + 1} is parallel to axis {other + 1}")
-        centre, miss = _nearest_point(axes[3:], points[3:])
+        parallel = bool(np.linalg.norm(np.cross(axes[2], axes[3])) <= _ANGLE)
+        first = 4 if parallel else 3
+        centre, miss = _nearest_point(axes[first:], points[first:])
         if miss > _LENGTH:
-            raise NoClosedForm(f"the last three axes do not meet in a point: they miss it by {miss:.3g} m")
+            count = "two" if parallel else "three"
+            raise NoClosedForm(f"the last {count} axes do not meet in a point: they miss it by {miss:.3g} m")
         plane = _plane(axes[1])
-        upper, fore = complex(plane @ (points[2] - points[1])), complex(plane @ (centre - points[2]))
+        wrist = points[3] if parallel else centre
+        upper, fore, hand = (complex(plane @ way) for way in (points[2] - points[1], wrist - points[2], centre - wrist))
         if min(abs(upper), abs(fore)) < _LENGTH:
-            raise NoClosedForm("the wrist centre or axis 2 lies on axis 3")
-        sense = 1.0 if axes[1] @ axes[2] > 0 else -1.0
-        return cls(axes, points[0], points[1], centre, sense, upper, fore, chain.home)
+            raise NoClosedForm(f"{'axis 4' if parallel else 'the wrist centre'} or axis 2 lies on axis 3")
+        senses = (float(np.sign(axes[1] @ axes[2])), float(np.sign(axes[1] @ axes[3])))
+        return cls(axes, points[0], points[1], centre, parallel, senses, upper, fore, hand, chain.home)
 
     @cached_property
     def plane(self) -> Complex:
@@ -96,12 +105,14 @@ class SphericalArm:
     def forward(self, positions: Vector) -> Vector:
         """Return the poses of the tool (k, 4, 4) for positions (k, 6) of axes 1 ... 6, from this geometry alone."""
         q = positions.T
-        planar = np.exp(1j * q[1]) * (self.upper + self.fore * np.exp(1j * self.forearm_sense * q[2]))
+        third, fourth = self.senses
+        hand = self.hand * np.exp(1j * fourth * q[3])
+        planar = np.exp(1j * q[1]) * (self.upper + (self.fore + hand) * np.exp(1j * third * q[2]))
         along = self.axes[1] * (self.axes[1] @ (self.centre - self.upper_arm))
         arm = planar[:, np.newaxis].real * self.plane.real + planar[:, np.newaxis].imag * self.plane.imag + along
         centres = self.shoulder + self.turn(0, q[0], self.upper_arm - self.shoulder + arm)
         columns = np.column_stack([self.home[:3, :3], self.home[:3, 3] - self.centre]).T[:, np.newaxis]
-        bent = (q[0], q[1] + self.forearm_sense * q[2], q[3], q[4], q[5])
+        bent = (q[0], q[1] + third * q[2], q[3], q[4], q[5])
         for axis, angles in zip((5, 4, 3, 1, 0), reversed(bent), strict=True):
             columns = self.turn(axis, np.broadcast_to(angles, (4, len(positions))), columns)
         poses = np.zeros((len(positions), 4, 4))

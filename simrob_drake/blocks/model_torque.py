@@ -1,0 +1,104 @@
+r"""Torques that the model of a plant foretells, by Drake's own inverse dynamics.
+
+.. math:: \tau = M(q)\,\dot v + C(q, v)\,v + \tau_g(q)
+
+For the motion that is asked for it is a feedforward, for the measured state and a wanted acceleration a computed
+torque, and for none at all what keeps an arm on its way.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.controllers import InverseDynamics
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import AffineSystem, MatrixGain
+
+from simrob_drake.blocks.servo import ServoGains, ServoSignals
+from simrob_drake.blocks.wiring import fed, joined, mapped, summed
+from simrob_drake.frames import Vector
+from simrob_drake.robots.axis_map import AxisMap
+
+
+def add_model_torque(
+    builder: DiagramBuilder, plant: MultibodyPlant, state: OutputPort, acceleration: OutputPort | None, *, name: str
+) -> OutputPort:
+    """Add the generalized forces (nv) that give a finalized plant an acceleration (nv); None for what gravity takes.
+
+    The state is of size nq + nv. Against gravity alone it is half of the work.
+    """
+    mode = InverseDynamics.InverseDynamicsMode
+    if acceleration is None:
+        return fed(builder, name, InverseDynamics(plant, mode.kGravityCompensation), state)
+    return fed(builder, name, InverseDynamics(plant, mode.kInverseDynamics), state, acceleration)
+
+
+def add_feedforward(
+    builder: DiagramBuilder, plant: MultibodyPlant, robots: Sequence[tuple[AxisMap, ServoSignals]], *, name: str
+) -> list[OutputPort]:
+    """Add the torques (n) [N·m] that robots of a finalized plant take on the way that each is asked to go.
+
+    One whose signals have no reference acceleration is taken to rest at each position: its torques are those against
+    gravity. What else there is in the plant rests where it is by default.
+    """
+    rest = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
+    states, rates = [], []  # ports, each with the matrix that puts it into the vectors of the plant
+    for axes, signals in robots:
+        count, spread = len(axes.signs), axes.state_matrix.T
+        rest[spread.any(axis=1)] = 0.0
+        states.append((signals.reference, spread[:, :count]))
+        if signals.reference_velocity is not None and signals.reference_acceleration is not None:
+            states.append((signals.reference_velocity, spread[:, count:]))
+            rates.append((signals.reference_acceleration, axes.velocity_matrix.T))
+    state = _spread(builder, f"{name}.state", states, rest)
+    rate = _spread(builder, f"{name}.acceleration", rates, np.zeros(plant.num_velocities())) if rates else None
+    force = add_model_torque(builder, plant, state, rate, name=name)
+    return [
+        mapped(builder, f"{name}.axes_{index}", axes.velocity_matrix, force) for index, (axes, _) in enumerate(robots)
+    ]
+
+
+def _spread(builder: DiagramBuilder, name: str, parts: Sequence[tuple[OutputPort, Vector]], rest: Vector) -> OutputPort:
+    """Return a vector of the plant: that of its rest, and what the parts' matrices make of their ports."""
+    matrix = np.hstack([part for _, part in parts])
+    bus = joined(builder, f"{name}.bus", *(port for port, _ in parts))
+    return (
+        fed(builder, name, AffineSystem(D=matrix, y0=rest), bus) if rest.any() else mapped(builder, name, matrix, bus)
+    )
+
+
+def add_computed_torque(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    state: OutputPort,
+    axes: AxisMap,
+    signals: ServoSignals,
+    gains: ServoGains,
+    *,
+    name: str,
+) -> OutputPort:
+    r"""Add the torques (n) [N·m] of a robot whose error obeys :math:`\ddot e + k_d\,\dot e + k_p\,e = 0`.
+
+    .. math:: \tau = M(q)\,(\ddot q_r + k_d\,(\dot q_r - v) + k_p\,(q_r - q)) + C(q, v)\,v + \tau_g(q) + \tau_{ff}
+
+    The gains are by inertia: kp [1/s²], kd [1/s]; others are not used. The torques are not saturated.
+
+    Args:
+        builder: of the diagram.
+        plant: finalized.
+        state: of the plant, size nq + nv.
+        axes: where the robot's are in it.
+        signals: what its servos read; the velocity and the acceleration that are asked for are among them.
+        gains: of its servos.
+        name: of the block, and what those around it begin with.
+    """
+    position, velocity, acceleration = signals.reference, signals.reference_velocity, signals.reference_acceleration
+    assert velocity is not None
+    assert acceleration is not None
+    stiffness, damping, each = np.diag(gains.kp), np.diag(gains.kd), np.eye(len(gains.kp))
+    law = axes.velocity_matrix.T @ np.hstack([stiffness, -stiffness, -damping, damping, each])
+    bus = joined(builder, f"{name}.bus", position, signals.state, velocity, acceleration)
+    force = add_model_torque(builder, plant, state, fed(builder, f"{name}.law", MatrixGain(law), bus), name=name)
+    torque = mapped(builder, f"{name}.axes", axes.velocity_matrix, force)
+    given = [port for port in (signals.feedforward,) if port is not None]
+    return summed(builder, f"{name}.sum", torque, *given)

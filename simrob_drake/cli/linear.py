@@ -1,0 +1,79 @@
+"""The command about linear models of stations: linearize."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from simrob_drake.cli.given import given_station
+from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument
+from simrob_drake.cli.screen import console
+from simrob_drake.cli.tables import modes_table
+from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.folders import check_folder
+from simrob_drake.frames import Vector
+from simrob_drake.linear import linearize
+from simrob_drake.linear.model import MODEL_FILE
+from simrob_drake.results.files import default_folder
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
+from simrob_drake.yaml_files import parse_yaml
+
+
+def linearize_station(
+    station: StationArgument,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ANGLES",
+            help="The references that it rests at [deg, or m], per axis: 30, [0, 30, ...] or {joint_2: 30}; with "
+            "several robots {left: 30}. The initial postures by default.",
+        ),
+    ] = None,
+    set_: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the result; runs/STATION-linear-TIME by default.")] = None,
+    force: Force = False,
+    allow_code: AllowCode = False,
+) -> None:
+    """Linearize a station about a rest: print its poles, and save matrices, names and a Bode plot.
+
+    For example:
+
+        simrob linearize irb120_dynamic --at 30 --set servo.kd=20
+    """
+    config = given_station(station, set_, allow_code=allow_code)
+    folder = out or default_folder(f"{config.name}-linear")
+    check_folder(folder, marker=MODEL_FILE, force=force)
+    model = linearize(config, None if at is None else _postures(config, parse_yaml(at, "--at")))
+    model.save(folder, force=force)
+    console.print(modes_table(model))
+    console.print(f"{model.name}: {'stable' if model.is_stable else 'not stable'}", highlight=False)
+    for note in model.notes:
+        console.print(f"left out: {note}", highlight=False)
+    console.print(f"result    {folder}", soft_wrap=True, highlight=False)
+
+
+def _postures(config: StationConfig, given: Any) -> dict[str, Vector]:
+    """Return the postures (n,) [rad or m] that figures in degrees mean, by robot.
+
+    Raises:
+        InvalidParameter: something else than figures per axis.
+    """
+    robots = resolve(config).robots
+    by_robot = isinstance(given, Mapping) and set(given) <= set(robots)
+    values = given if by_robot else dict.fromkeys([config.only_robot] if config.only_robot else robots, given)
+    postures = {}
+    for name, figures in values.items():
+        model = robots[name].model
+        own = robots[name].initial / model.user_units
+        try:
+            postures[name] = model.user_units * model.axis_vector(figures, "--at", own)
+        except SimrobError:
+            raise
+        except (TypeError, ValueError) as problem:
+            raise InvalidParameter("--at", given, "numbers per axis, such as 30 or {joint_2: 30}") from problem
+    return postures
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"linearize": linearize_station}

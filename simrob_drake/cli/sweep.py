@@ -1,0 +1,116 @@
+"""The command about many runs: sweep."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.given import refuse, texts_by_key
+from simrob_drake.cli.options import AllowCode, Force, NoRecording, Scheduler, Settings, Workers
+from simrob_drake.cli.saving import prepared_folder, saved
+from simrob_drake.cli.screen import console
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.results.files import default_folder
+from simrob_drake.simulation import simulate
+from simrob_drake.yaml_files import parse_yaml
+
+if TYPE_CHECKING:
+    from simrob_drake.tuning.rollout import Row
+    from simrob_drake.tuning.sweep_folder import SweepFolder
+
+
+def sweep(
+    station: Annotated[
+        str, typer.Argument(metavar="STATION|FOLDER", help="A station, or the folder of a sweep to go on with.")
+    ],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY.PATH=VALUES",
+            help="V,V..., lin:FIRST:LAST:COUNT, log:FIRST:LAST:COUNT, uniform:LOW:HIGH, normal:MEAN:DEVIATION; "
+            "may be given several times.",
+        ),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of each combination, with other noise and other draws.")] = 1,
+    set_: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the sweep; runs/STATION-sweep-TIME by default.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    run: Annotated[
+        int | None, typer.Option(metavar="NUMBER", help="Make this run of a folder's table again and save its result.")
+    ] = None,
+    force: Force = False,
+    no_recording: NoRecording = False,
+    allow_code: AllowCode = False,
+) -> int:
+    """Run a station over values of its keys, on all processors; a table and plots tell what became of each run.
+
+    A sweep that was interrupted goes on when it is given again with the same --out, or by its folder's name.
+
+    For example:
+
+        simrob sweep irb120_dynamic --vary servo.kp=log:100:10000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
+
+        simrob sweep runs/gains --run 12
+    """
+    from simrob_drake.tuning.sweep import Sweep
+    from simrob_drake.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
+
+    if (Path(station) / SWEEP).is_file():
+        refuse("left out with the folder of a sweep, which tells it", vary=vary, set=set_, force=force and run is None)
+        place = SweepFolder.there(Path(station), allow_code=allow_code)
+    else:
+        refuse("given with the folder of a sweep", run=run)
+        asked = Sweep(
+            station=str(Path(station).resolve()) if Path(station).is_file() else station,
+            vary=dict(texts_by_key(vary, "--vary")),
+            overrides={key: parse_yaml(text, f"--set {key}") for key, text in texts_by_key(set_, "--set")},
+            seeds=seeds,
+        )
+        folder = out or default_folder(f"{Path(station).stem}-sweep")
+        place = SweepFolder(folder, asked, force=force, allow_code=allow_code)
+    if run is not None:
+        return _run_again(place, run, out, force=force, recording=not no_recording)
+    if scheduler:
+        refuse("left out with --scheduler: the cluster has its own", workers=workers)
+    rows = place.run(workers=workers, scheduler=scheduler)
+    _tell(rows)
+    console.print(f"table {place.folder / TABLE}", soft_wrap=True, highlight=False)
+    console.print(f"a run simrob sweep {place.folder} --run NUMBER", soft_wrap=True, highlight=False)
+    return ExitCode.DONE
+
+
+def _run_again(place: SweepFolder, number: int, out: Path | None, *, force: bool, recording: bool) -> ExitCode:
+    """Make one run of a sweep again, and save what `simrob run` saves."""
+    if not 1 <= number <= len(place.cases):
+        raise InvalidParameter("--run", number, f"a number of the table, 1 to {len(place.cases)}")
+    case = place.cases[number - 1]
+    config = case.config()
+    folder = prepared_folder(config, out or place.folder / f"run_{number}", force=force)
+    return saved(simulate(config), folder, force=force, recording=recording)
+
+
+def _tell(rows: list[Row]) -> None:
+    """Show how the runs ended, and between which runs each measure lies."""
+    from simrob_drake.tuning.measures import UNITS, measured
+
+    ends = Counter(str(row["ended"]) for row in rows)
+    console.print(", ".join(f"{count} {end}" for end, count in ends.most_common()), highlight=False)
+    table = Table("measure", "least", "in run", "median", "largest", "in run", "unit", box=None, pad_edge=False)
+    for name, found in measured(rows).items():
+        least, largest = min(found), max(found)
+        middle = median(value for value, _ in found)
+        unit = UNITS[name.rpartition(".")[2]]
+        cells = (f"{least[0]:.4g}", str(least[1]), f"{middle:.4g}", f"{largest[0]:.4g}", str(largest[1]))
+        table.add_row(name, *cells, unit)
+    console.print(table)
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"sweep": sweep}

@@ -1,0 +1,93 @@
+"""The command that searches: tune."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from statistics import mean
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import typer
+from rich.table import Table
+
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.options import Force, Scheduler, Workers
+from simrob_drake.cli.screen import console
+from simrob_drake.errors import one_of
+from simrob_drake.results.files import default_folder
+
+if TYPE_CHECKING:
+    from simrob_drake.tuning.rollout import Row
+    from simrob_drake.tuning.study_folder import StudyFolder
+
+
+def tune(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A YAML file: what varies, what it costs, when.")],
+    method: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="In place of the study's; given several times they are compared."),
+    ] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="In place of the study's.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder; runs/STUDY-TIME by default.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    force: Force = False,
+) -> int:
+    """Search for figures of a station that cost least, and prove them where they were never tried.
+
+    A search that was interrupted goes on when it is given again with the same --out, and so does one that gets more
+    --trials.
+
+    For example:
+
+        simrob tune gains.yaml --out runs/gains
+
+        simrob tune gains.yaml --method nelder_mead --method cma --method genetic
+    """
+    from simrob_drake.tuning.convergence import save_convergence
+    from simrob_drake.tuning.study import Method, Study
+    from simrob_drake.tuning.study_folder import StudyFolder
+
+    asked = Study.read(study)
+    if trials is not None:
+        asked = asked.model_copy(update={"trials": trials})
+    methods = [one_of("method", name, get_args(Method)) for name in dict.fromkeys(method or [asked.method])]
+    whole = out or default_folder(study.stem)
+    places = {
+        name: StudyFolder(
+            whole / name if len(methods) > 1 else whole, asked.model_copy(update={"method": name}), force=force
+        )
+        for name in methods
+    }
+    for name, place in places.items():
+        console.print(f"{name}:", highlight=False)
+        _tell(place, place.run(workers=workers, scheduler=scheduler))
+    costs = {name: [cost for _, cost in place.trials] for name, place in places.items()}
+    save_convergence(whole / "convergence.png", f"{study.stem}: {asked.station}", costs)
+    console.print(f"result {whole}", soft_wrap=True, highlight=False)
+    return ExitCode.DONE
+
+
+def _tell(place: StudyFolder, proof: list[Row]) -> None:
+    """Show the best figures, and what the proof says of them and of where the search began."""
+    figures, cost = place.best
+    table = Table("key", "start", "best", box=None, pad_edge=False)
+    for key, value in figures.items():
+        table.add_row(key, f"{place.study.start[key]:.5g}", f"{value:.5g}")
+    table.add_row("cost", f"{place.trials[0][1]:.5g}", f"{cost:.5g}")
+    console.print(table)
+    table = Table("proof", "start", "best", "ratio", box=None, pad_edge=False)
+    start, best = ([row for row in proof if row["of"] == of] for of in ("start", "best"))
+    ends = [f"{sum(row['ended'] == 'completed' for row in rows)} of {len(rows)}" for rows in (start, best)]
+    table.add_row("completed", *ends, "")
+    for name in dict.fromkeys(["cost", *place.study.cost, *place.study.limits]):
+        before, after = (
+            mean(found) if (found := [row[name] for row in rows if row.get(name) is not None]) else None
+            for rows in (start, best)
+        )
+        shown = ["–" if value is None else f"{value:.5g}" for value in (before, after)]
+        table.add_row(name, *shown, f"{after / before:.2f}" if before and after is not None else "")
+    console.print(table)
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"tune": tune}

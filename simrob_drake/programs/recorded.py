@@ -1,0 +1,95 @@
+"""A station whose runs are recorded: run again, shown and saved as one result, done again elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, Unpack
+
+from simrob_drake.programs.hands import apply
+from simrob_drake.programs.ongoing import GOES_ON, OngoingStation
+from simrob_drake.programs.program import Program
+from simrob_drake.results.files import Saved
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.whole import joined
+from simrob_drake.stations.station import StationLike, config_of
+
+
+class RecordedStation(OngoingStation):
+    """An :class:`OngoingStation` that records what is done with it, from :meth:`record` on."""
+
+    def record(self) -> None:
+        """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
+        self.tape.record()
+
+    def pause(self) -> None:
+        """Stop recording (``Rec(0)``)."""
+        self.tape.running = False
+
+    def resume(self) -> None:
+        """Go on recording (``Rec(1)``)."""
+        self.tape.running = True
+
+    def replay(self) -> list[SimulationResult]:
+        """Run the recorded moves again, each from the state that it began in (``Rep()``); nothing else changes."""
+        return self.tape.replay()
+
+    def result(self) -> SimulationResult:
+        """Return all that was recorded as one result: what happened, stitched by time, and nothing run again.
+
+        Pieces that change hands stand free in it: their poses are signals, ``piece.<piece>.x`` and so on.
+
+        Raises:
+            InvalidParameter: nothing was recorded.
+        """
+        self.tape.check_some()
+        moves, last = self.tape.moves(), self.tape.takes[-1]
+        text = Program(station=STATION, moves=tuple(moves)).text() if moves else ""
+        left = last.config if self.tape.entries[-1] is last else self.config
+        return joined([take.result for take in self.tape.takes], left=left, program=text)
+
+    def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
+        """Write all that was recorded to a folder; see :meth:`SimulationResult.save`.
+
+        ``program.yaml`` is in it where a file can say all that was done: moves of arms without a solver of your own,
+        pieces, tools and waits.
+
+        Raises:
+            InvalidParameter: nothing was recorded.
+            OutputError: the folder cannot be written, or exists.
+        """
+        return self.result().save(folder, **options)
+
+    def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
+        """Write all that was recorded as a film; see :meth:`SimulationResult.film`."""
+        return self.result().film(file, frames=frames)
+
+    def simulate(self, station: StationLike | None = None, *, duration: float | None = None) -> SimulationResult:
+        """Do again all that was recorded, on this station or another (SimRob's ``Sim``); this one stays as it is.
+
+        Moves that follow each other are one run; what is attached and let go in between is so there, too.
+
+        Args:
+            station: another one with robots and pieces of the same names, such as the dynamic one; it begins at its
+                own initial posture if the recording began at that of its station.
+            duration: of the whole [s]; as recorded unless given.
+
+        Raises:
+            InvalidParameter: nothing was recorded, or the takes do not join: such a tape can be replayed.
+            SimrobError: a piece that cannot be taken or let go there.
+        """
+        stages, first = self.tape.stages(duration), self.tape.takes[0]
+        cell = type(self)(first.config if station is None else config_of(station))
+        cell.state, cell.progress = first.start or cell.state, self.progress
+        runs: list[SimulationResult] = []
+        for stage in stages:
+            if not isinstance(stage, tuple):
+                apply(cell, stage)
+                continue
+            runs.append(cell.follow(*stage))
+            if runs[-1].ending not in GOES_ON:
+                break
+        return runs[0] if len(runs) == 1 else joined(runs, left=cell.config)
+
+
+STATION = "station.yaml"
+"""Where a saved program finds the station that it began in."""

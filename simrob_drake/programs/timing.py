@@ -1,0 +1,209 @@
+"""How long the parts of a move take, and by which law of time each is gone."""
+
+from collections.abc import Sequence
+from typing import Literal, TypedDict, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law
+from simrob_drake.blocks.references import PEAK
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import Vector, numbers
+from simrob_drake.given import LONGEST, SHORTEST, positive, seconds
+from simrob_drake.programs.checks import rate_ratio
+from simrob_drake.programs.plan import Check, Plan
+from simrob_drake.programs.segments import Segment
+from simrob_drake.programs.trajectories import Stretch, by_law
+
+POINT_TIME = 0.1
+"""Time that a point of a move takes unless something else is asked [s]; Ts in SimRob."""
+ACCELERATION = 2.0
+"""How fast the tool is sped up to its cruise speed unless told [m/s²], or less where an axis cannot."""
+
+Profile = Literal["smooth", "trapezoid", "s_curve"]
+"""How a move is sped up and slowed down: by a polynomial of degree five, evenly, or with an acceleration that does not
+jump; the last two cruise in between."""
+_TURN_LENGTH = 0.1  # m that a radian of a joint counts, where moves share a time
+_AT_ONCE = 1e-6  # m: what the way to a target counts at least
+_LEAST_TIME = 0.01  # s to a target
+_LESS_THAN_FULL = 0.98  # of the joints' limits, where durations are left to us
+_TRIES = 4  # to find an acceleration that the joints allow
+Limits = tuple[Vector, Vector]
+"""Largest speeds and accelerations of axes, each of shape (n,) [rad/s or m/s, rad/s² or m/s²]."""
+
+
+class How(TypedDict, total=False):
+    """How a move is done; at most one of ``duration``, ``times`` and ``speed``.
+
+    Attributes:
+        points: interpolated points on the way to each target; more are taken where the path needs them.
+        duration: of the whole move [s]; several targets share it by the length of their ways.
+        times: when each target is reached, shape (k,) [s].
+        speed: at which the tool centre point cruises [m/s]; on the mean, where only the joints go straight.
+        acceleration: with which it is sped up to that [m/s²]; 2 unless given, or less where an axis cannot.
+        profile: see :data:`Profile`; ``s_curve`` with a speed, else ``smooth``.
+        zone: how near to a target the tool turns to the next one: ``fine`` (the usual) to rest there, RAPID's ``z0`` to
+            ``z200``, or a distance [m].
+        check: what is looked at first, see :data:`Check`.
+    """
+
+    points: int
+    duration: float
+    times: npt.ArrayLike
+    speed: float
+    acceleration: float
+    profile: Profile
+    zone: str | float
+    check: Check
+
+
+def profile_of(how: How) -> Profile:
+    """Return by which profile a move is done.
+
+    Raises:
+        UnknownName: no such profile.
+        InvalidParameter: an acceleration that nothing is to be reached with.
+    """
+    profile: Profile = how.get("profile", "s_curve" if "speed" in how else "smooth")
+    one_of("profile", profile, get_args(Profile))
+    if "acceleration" in how and ("speed" not in how or profile == "smooth"):
+        raise InvalidParameter("acceleration", how["acceleration"], "given with a speed, of a move that cruises")
+    return profile
+
+
+def timed(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
+    """Return the move that goes segment by segment by a law of time, and rests at the end of each.
+
+    Where its time is left to us it takes as long as the joints need; with a speed alone it is sped up as they allow.
+    Past corners it keeps that speed: less acceleration would help there only by not reaching it.
+
+    Raises:
+        InvalidParameter: as :func:`arrivals`.
+    """
+    push = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
+    found, free = _laws(segments, how, points, push)
+    made = _by_laws(robot, segments, found, points)
+    if free:
+        slower = _needed(made, limits)
+        return made if slower <= 1 else _by_laws(robot, segments, [law.slower(slower) for law in found], points)
+    if "speed" not in how or "acceleration" in how or profile_of(how) == "smooth":
+        return made
+    reaching = LONGEST_RAMP * how["speed"] * (how["speed"] / _ways(segments).max())  # in the middle of the longest part
+    least = min(push, reaching) if "zone" in how else 0.0
+    for _ in range(_TRIES):
+        ratio = rate_ratio(made.trajectory, made.looks, limits[1], 2) / _LESS_THAN_FULL
+        if ratio <= 1:
+            break
+        push = max(push / ratio, least)
+        made = _by_laws(robot, segments, _laws(segments, how, points, push)[0], points)
+    return made
+
+
+def through_all(robot: str, segments: Sequence[Segment], how: How, points: int, limits: Limits) -> Plan:
+    """Return the move that passes smoothly through the ends of all segments, and rests at the last.
+
+    Raises:
+        InvalidParameter: as :func:`arrivals`.
+    """
+    times, free = arrivals(segments, how, points)
+    rows = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
+
+    def plan(times: Vector) -> Plan:
+        return Plan(robot, (Stretch(np.append(0.0, times), rows),), times, points)
+
+    made = plan(times)
+    slower = _needed(made, limits) if free else 1.0
+    return made if slower <= 1 else plan(times * slower)
+
+
+def remedy(how: How, order: int, slower: float, duration: float) -> str:
+    """Return what to do about a move that would have to be so many times slower, and so take a duration [s].
+
+    Because of speeds (order 1) or accelerations (2).
+    """
+    if order == 2 and "acceleration" in how:
+        return f"give it an acceleration of {how['acceleration'] / slower**2:.3g} m/s² or less, or a lower speed"
+    if "speed" in how:
+        wider = ", or a larger zone" if "zone" in how else ""
+        return f"give the move a speed of {how['speed'] / slower:.3g} m/s or less{wider}"
+    return f"give the move a duration of {duration:.3g} s or more"
+
+
+def _needed(plan: Plan, limits: Limits) -> float:
+    """Return in how many times its time a plan can be done by far."""
+    ratios = [rate_ratio(plan.trajectory, plan.looks, limit, order) for order, limit in enumerate(limits, 1)]
+    return float(max(ratio ** (1 / order) for order, ratio in enumerate(ratios, 1)) / _LESS_THAN_FULL)
+
+
+def _by_laws(robot: str, segments: Sequence[Segment], laws: Sequence[TimeLaw], points: int) -> Plan:
+    stretches, arrived, begin = list[Stretch](), list[float](), 0.0
+    for segment, law in zip(segments, laws, strict=True):
+        stretches += [stretch.at(begin) for stretch in by_law(segment.parts, segment.postures, law)]
+        arrived += (begin + law.times_of(segment.passes)).tolist()
+        begin += law.duration
+    return Plan(robot, tuple(stretches), np.array(arrived), points)
+
+
+def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: float) -> tuple[list[TimeLaw], bool]:
+    """Return by which law of time each segment is gone, and whether its duration was left to us."""
+    profile = profile_of(how)
+    times, free = arrivals(segments, how, points)
+    durations = np.diff(times, prepend=0.0).tolist()
+    if profile == "smooth":
+        return [smooth_law(duration) for duration in durations], free
+    if "speed" not in how:
+        return [cruise_in(duration, rounded=profile == "s_curve") for duration in durations], free
+    jerk, ways = None if profile == "s_curve" else np.inf, np.maximum(_ways(segments), _AT_ONCE)
+    found = [cruise(1.0, how["speed"] / way, acceleration / way, jerk) for way in ways]
+    return [law.slower(max(1.0, _LEAST_TIME / law.duration)) for law in found], False
+
+
+def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector, bool]:
+    """Return when each segment ends that is gone smoothly, shape (k,) [s], and whether that was left to us.
+
+    Raises:
+        InvalidParameter: more than one of duration, times and speed; or one that cannot be.
+    """
+    given = [key for key in ("duration", "times", "speed") if key in how]
+    if len(given) > 1:
+        raise InvalidParameter("the time of the move", f"given by {' and '.join(given)}", "given by one of them")
+    if "times" in how:
+        return _checked_times(how["times"], len(segments)), False
+    if "duration" in how:
+        shares = np.maximum(_lengths(segments) + _TURN_LENGTH * _turns(segments), _AT_ONCE)
+        return _apart(seconds(how["duration"]) * np.cumsum(shares) / shares.sum(), "duration", how["duration"]), False
+    if "speed" in how:
+        speed = positive(how["speed"], "speed", "m/s")
+        times = np.cumsum(np.maximum(PEAK * (_ways(segments) / speed), _LEAST_TIME))
+        return _apart(times, "speed", how["speed"]), False
+    return POINT_TIME * points * np.cumsum([len(segment.passes) for segment in segments]), True
+
+
+def _lengths(segments: Sequence[Segment]) -> Vector:
+    return np.array([segment.length for segment in segments])
+
+
+def _turns(segments: Sequence[Segment]) -> Vector:
+    """Return how far the joint that moves most goes on each segment, shape (k,) [rad or m]."""
+    return np.array([np.abs(np.diff(segment.postures, axis=0)).sum(axis=0).max() for segment in segments])
+
+
+def _ways(segments: Sequence[Segment]) -> Vector:
+    """Return how long the way of each segment is for a speed, shape (k,) [m]: where the tool only turns, its turn."""
+    lengths = _lengths(segments)
+    return np.where(lengths < _AT_ONCE, _TURN_LENGTH * _turns(segments), lengths)
+
+
+def _checked_times(times: npt.ArrayLike, count: int) -> Vector:
+    values = np.atleast_1d(numbers(times))
+    if values.shape != (count,):
+        raise InvalidParameter("times", times, f"{count} times [s], one a target")
+    return _apart(values, "times", times)
+
+
+def _apart(times: Vector, name: str, given: object) -> Vector:
+    """Check that times (k,) [s] rise from 0, and are times that a station knows."""
+    if not ((np.diff(times, prepend=0.0) >= SHORTEST).all() and times[-1] <= LONGEST):
+        raise InvalidParameter(name, given, f"such that each target has its time, up to {LONGEST:g} s")
+    return times

@@ -1,0 +1,103 @@
+"""Figures of users' own in the looks of a run's plots."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from warnings import catch_warnings, filterwarnings
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+
+from simrob_drake.folders import writing
+from simrob_drake.results.plots.formats import UNDATED, plot_format
+from simrob_drake.results.plots.grid import COLOURS, style
+
+DPI = 110
+"""Pixels an inch of pictures that are made of pixels."""
+
+_BOLD = FontProperties(size=13, weight="bold")
+_PLAIN: dict[str, Any] = {"frameon": False, "fontsize": 9}
+
+
+def panels(
+    title: str,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    size: tuple[float, float],
+    titles: Sequence[str] = (),
+    **how: Any,
+) -> tuple[Figure, npt.NDArray[Any]]:
+    """Return a figure with a title, and its empty frames, shape (rows, columns).
+
+    Args:
+        title: over all.
+        rows: of frames.
+        columns: of frames.
+        size: width and height of the figure [inches].
+        titles: of the frames, row after row.
+        how: what matplotlib's ``Figure.subplots`` takes beside, such as ``sharex=True``.
+    """
+    figure = Figure(figsize=size, layout="constrained")
+    frames = figure.subplots(rows, columns, squeeze=False, **how)
+    for index, axes in enumerate(frames.flat):
+        style(axes, titles[index] if index < len(titles) else "")
+        axes.set_prop_cycle(color=COLOURS)
+    figure.set_label(title)  # save_figure() writes it: over a legend, if there is one
+    return figure, np.asarray(frames)
+
+
+def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Path:
+    """Write a figure with a legend that covers nothing, and return the file.
+
+    Args:
+        figure: whose curves have labels.
+        file: ``.png``, ``.svg`` or ``.pdf``; its folder is made where it does not exist.
+        beside: a legend to the right of each frame, in place of one for all under the title.
+
+    Raises:
+        UnknownName: another kind of file.
+        OutputError: it cannot be written.
+    """
+    target = Path(file)
+    kind = plot_format(target.suffix.removeprefix("."))
+    for axes in figure.axes if beside else ():
+        if axes.get_legend_handles_labels()[1]:
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), **_PLAIN)
+    if not beside and (curves := _labelled(figure.axes)):
+        columns = max(1, int(0.9 * figure.get_figwidth() / _width(curves)))
+        head: dict[str, Any] = {"title": figure.get_label(), "title_fontproperties": _BOLD, "alignment": "left"}
+        figure.legend(list(curves.values()), list(curves), loc="outside upper left", ncols=columns, **_PLAIN, **head)
+    else:
+        figure.suptitle(str(figure.get_label()), x=0.01, ha="left", fontproperties=_BOLD)
+    with writing(target.parent), as_saved():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(target, dpi=DPI, metadata=UNDATED[kind])
+    return target
+
+
+@contextmanager
+def as_saved() -> Iterator[None]:
+    """Write figures the same way each time; a letter that the font lacks is a box in them, and no warning."""
+    with rc_context({"svg.hashsalt": "simrob"}), catch_warnings():
+        filterwarnings("ignore", "Glyph .* missing")
+        yield
+
+
+def _labelled(frames: Sequence[Axes]) -> dict[str, Any]:
+    """Return the curves of frames by their labels, the first of each."""
+    found: dict[str, Any] = {}
+    for axes in frames:
+        for curve, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, curve)
+    return found
+
+
+def _width(labels: Sequence[str] | dict[str, Any]) -> float:
+    """Return the width of a legend's column [inches]."""
+    return 0.6 + 0.07 * max(map(len, labels))

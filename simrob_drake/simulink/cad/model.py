@@ -1,0 +1,229 @@
+"""An exported CAD assembly as a model of Simscape Multibody blocks: what MATLAB's ``smimport`` makes of it."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from simrob_drake.errors import InvalidModel
+from simrob_drake.frames import Vector
+from simrob_drake.importer.report import Deed
+from simrob_drake.simulink.cad.assembly import Assembly, Instance, Tie, read_assembly
+from simrob_drake.simulink.cad.constraints import joint_of
+from simrob_drake.simulink.mechanics.joints import PRIMITIVES, xyz_angles
+from simrob_drake.simulink.reading.graph import Block, Model, Port, System
+
+_WORLD = "World"
+_JOINTS = {kind.removesuffix(" Joint").replace(" ", ""): kind for kind in PRIMITIVES if kind != "6-DOF Joint"}
+"""What joints are called there."""
+_APART = 1e-4  # m: what frames of a joint may be apart in an assembly without a word
+
+
+def read_cad_model(path: Path) -> Model:
+    """Return an exported assembly as a model.
+
+    Raises:
+        InvalidModel: as :func:`read_assembly`; a joint that is not known, or constraints that leave no joint's freedom.
+    """
+    writer = _Writer(path, read_assembly(path))
+    return Model(path, "Model", writer.system(), notes=writer.notes)
+
+
+class _Writer:
+    """Writes one assembly."""
+
+    def __init__(self, path: Path, assembly: Assembly) -> None:
+        self._path, self._assembly = path, assembly
+        self._system, self.notes = System(), list[tuple[Deed, str, str]]()
+        self._bodies = {instance: instance for instance in assembly.root.all()}
+        self._sids: dict[Instance, str] = {}
+
+    def system(self) -> System:
+        self._hold(self._assembly.root)
+        ties = self._assembly.ties
+        joints = [(tie, self._joint_kind(tie)) for tie in ties if tie.joins]
+        for tie, kind in joints:
+            if kind == "Weld Joint":
+                self._unite(tie.base.instance, tie.follower.instance)
+        pairs = self._constrained([tie for tie in ties if not tie.joins])
+        self._add_bodies()
+        joined = {pair for tie, _ in joints if (pair := self._pair(tie))}
+        for tie, kind in joints:
+            if self._pair(tie):
+                self._joint(tie, kind, tie.base.pose, tie.follower.pose)
+        for pair, constraints in pairs.items():
+            if pair in joined:
+                names = ", ".join(tie.name for tie in constraints)
+                self.notes.append(("dropped", constraints[0].name, f"{names}: beside a joint of the same parts"))
+            elif self._left_free(constraints):
+                joined.add(pair)
+        self._free_the_others(joined)
+        return self._system
+
+    def _hold(self, parent: Instance, rigid: bool = False) -> None:
+        """Unite what is fixed in assemblies, all of rigid ones, and groups."""
+        rigid = rigid or parent.rigid
+        groups: dict[str, Instance] = {}
+        for child in parent.inside.values():
+            if rigid or child.held:
+                self._unite(child, parent)
+            if child.group:
+                self._unite(child, groups.setdefault(child.group, child))
+            self._hold(child, rigid)
+
+    def _joint_kind(self, tie: Tie) -> str:
+        if tie.kind not in _JOINTS:
+            raise InvalidModel(self._path, tie.name, f"a joint {tie.kind} is not known here; {', '.join(_JOINTS)} are")
+        return _JOINTS[tie.kind]
+
+    def _constrained(self, constraints: list[Tie]) -> dict[frozenset[Instance], list[Tie]]:
+        """Return constraints by the bodies that they join, after what they fix to each other is one body."""
+        while True:
+            pairs: dict[frozenset[Instance], list[Tie]] = {}
+            for tie in constraints:
+                if pair := self._pair(tie):
+                    pairs.setdefault(pair, []).append(tie)
+            fixed = [pair for pair, ties in pairs.items() if (self._joint_of(ties) or [""])[0] == "Weld Joint"]
+            if not fixed:
+                return pairs
+            for pair in fixed:
+                self._unite(*pair)
+
+    def _joint_of(self, ties: list[Tie]) -> tuple[str, RigidTransform] | None:
+        try:
+            return joint_of(ties)
+        except ValueError as problem:
+            raise InvalidModel(self._path, ties[0].name, str(problem)) from problem
+
+    def _left_free(self, ties: list[Tie]) -> bool:
+        """Add the joint that constraints leave; tell them as refused, and return False, where that is none."""
+        names, found = ", ".join(tie.name for tie in ties), self._joint_of(ties)
+        if found is None:
+            told = (
+                f"its constraints ({names}) leave freedoms between two parts that no joint has; export a joint instead"
+            )
+            self.notes.append(("refused", ties[0].name, told))
+            return False
+        kind, frame = found
+        self.notes.append(("read", ties[0].name, f"{names}: a {kind}"))
+        self._joint(ties[0], kind, frame, frame)
+        return True
+
+    def _body(self, instance: Instance) -> Instance:
+        while self._bodies[instance] is not instance:
+            instance = self._bodies[instance]
+        return instance
+
+    def _unite(self, one: Instance, other: Instance) -> None:
+        self._bodies[self._body(one)] = self._body(other)
+
+    def _pair(self, tie: Tie) -> frozenset[Instance]:
+        """Return the two bodies that something joins; empty if they are one."""
+        pair = frozenset(self._body(end.instance) for end in (tie.base, tie.follower))
+        return pair if len(pair) > 1 else frozenset()
+
+    def _add_bodies(self) -> None:
+        """Add the parts, those of one body joined rigidly with the first of them, or with the world."""
+        self._first: dict[Instance, Instance] = {}
+        root = self._assembly.root
+        self._sids[root] = self._add("sm_lib/Frames and Transforms/World Frame", _WORLD, {})
+        self._first[self._body(root)] = root
+        for instance in root.all():
+            if instance.part is not None:
+                self._sids[instance] = self._add("sm_lib/Body Elements/File Solid", instance.name, _solid(instance))
+                first = self._first.setdefault(self._body(instance), instance)
+                if first is not instance:
+                    pose = first.pose.inverse() @ instance.pose
+                    self._transform(f"{instance.name} place", self._port(first), pose, self._port(instance))
+
+    def _joint(self, tie: Tie, kind: str, base: RigidTransform, follower: RigidTransform) -> None:
+        """Add a joint between frames, given in the root assembly."""
+        ends = []
+        for end, frame, side in ((tie.base, base, "base"), (tie.follower, follower, "follower")):
+            first = self._first.get(self._body(end.instance))
+            if first is None:
+                told = f"its {side} is on {end.instance.name or 'the assembly'}, in which no part is fixed"
+                raise InvalidModel(self._path, tie.name, told)
+            ends.append((first, first.pose.inverse() @ frame))
+        sid = self._add(f"sm_lib/Joints/{kind}", tie.name, self._targets(tie, kind, base.inverse() @ follower))
+        for (first, pose), side, name in zip(ends, ("lconn", "rconn"), ("base", "follower"), strict=True):
+            self._transform(f"{tie.name} {name}", self._port(first), pose, Port(sid, side, 1))
+
+    def _targets(self, tie: Tie, kind: str, pose: RigidTransform) -> dict[str, str]:
+        """Return where a joint stands in the assembly, as its targets."""
+        places = ("Px", "Py", "Pz", "Rx", "Ry", "Rz")
+        values = dict(zip(places, (*pose.translation(), *xyz_angles(pose.rotation())), strict=True))
+        primitives = PRIMITIVES[kind]
+        apart = np.linalg.norm([values[name] for name in places[:3] if name not in primitives])
+        if apart > _APART:
+            text = f"its frames are {1e3 * apart:.3g} mm apart in the assembly: put together"
+            self.notes.append(("repaired", tie.name, text))
+        targets: dict[str, str] = {}
+        for name in primitives:
+            target = f"{name if len(primitives) > 1 else ''}PositionTarget"
+            matrix = {"RotationMethod": "RotationMatrix", "RotationMatrix": _matrix(pose.rotation().matrix())}
+            told = matrix if name == "S" else {"Value": repr(float(values[name]))}
+            targets |= {f"{target}{key}": value for key, value in {"Specify": "on", **told}.items()}
+        return targets
+
+    def _free_the_others(self, joined: Iterable[frozenset[Instance]]) -> None:
+        """Let bodies that no chain of joints leads to from the world move freely, each group as one."""
+        root, reached, beside = self._assembly.root, set[Instance](), dict[Instance, set[Instance]]()
+        for pair in joined:
+            for body in pair:
+                beside.setdefault(body, set()).update(pair)
+        for body, first in self._first.items():
+            if body in reached:
+                continue
+            if first is not root:
+                sid = self._add("sm_lib/Joints/6-DOF Joint", f"{first.name} free", {})
+                self._transform(f"{first.name} start", self._port(root), first.pose, Port(sid, "lconn", 1))
+                self._system.nets.append([Port(sid, "rconn", 1), self._port(first)])
+                self.notes.append(("read", first.name, "nothing joins it to what is fixed: it is free"))
+            waiting = [body]
+            while waiting:
+                here = waiting.pop()
+                reached.add(here)
+                waiting += beside.get(here, set()) - reached
+
+    def _port(self, instance: Instance) -> Port:
+        return Port(self._sids[instance], "rconn", 1)
+
+    def _transform(self, name: str, start: Port, pose: RigidTransform, end: Port) -> None:
+        matrix, place = pose.rotation().matrix(), pose.translation()
+        sid = self._add("sm_lib/Frames and Transforms/Rigid Transform", name, {
+            "TranslationMethod": "Cartesian", "TranslationCartesianOffset": _row(place),
+            "RotationMethod": "RotationMatrix", "RotationMatrix": _matrix(matrix),
+        })  # fmt: skip
+        self._system.nets += [[start, Port(sid, "lconn", 1)], [Port(sid, "rconn", 1), end]]
+
+    def _add(self, kind: str, name: str, parameters: dict[str, str]) -> str:
+        sid = str(len(self._system.blocks) + 1)
+        self._system.blocks[sid] = Block(sid, name, kind, linked=True, parameters=parameters)
+        return sid
+
+
+def _solid(instance: Instance) -> dict[str, str]:
+    """Return a part as the parameters of a File Solid."""
+    part = instance.part
+    assert part is not None
+    weight = {"InertiaType": "CalculateFromGeometry"}
+    if part.mass is not None:
+        weight = {
+            "InertiaType": "Custom", "Mass": repr(part.mass), "CenterOfMass": _row(part.com),
+            "MomentsOfInertia": _row(part.inertia[:3]), "ProductsOfInertia": _row(part.inertia[3:]),
+        }  # fmt: skip
+    return {
+        **weight, "ExtGeomFileName": part.geometry, "ExtGeomFileUnits": part.unit,
+        "GraphicType": "FromGeometry" if instance.visible else "None",
+        "GraphicDiffuseColor": _row(part.colour[:3]), "GraphicOpacity": repr(float(part.colour[3])),
+    }  # fmt: skip
+
+
+def _row(values: Vector) -> str:
+    return f"[{' '.join(repr(float(value)) for value in values)}]"
+
+
+def _matrix(values: Vector) -> str:
+    return f"[{'; '.join(' '.join(repr(float(value)) for value in row) for row in values)}]"

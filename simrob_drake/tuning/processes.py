@@ -1,0 +1,76 @@
+"""Work on many processes of this machine; one that dies takes nothing with it but what killed it."""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from typing import Self, TypeVar
+
+Task = TypeVar("Task")
+Outcome = TypeVar("Outcome")
+_TASKS = 200
+"""After how many a process is replaced by a fresh one: whatever it keeps goes with it."""
+
+
+def usable_processors() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Processes:
+    """Processes of this machine, started where there is work and kept for more of it; to be used in a ``with``."""
+
+    def __init__(self, workers: int | None = None) -> None:
+        """Take so many processes; as many as there are processors unless given."""
+        self._workers = workers or usable_processors()
+        self._pool = self._fresh(self._workers)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let the processes end; what they have not begun is not done."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def outcomes(
+        self, work: Callable[[Task], Outcome], tasks: Iterable[Task], died: Callable[[Task], Outcome]
+    ) -> Iterator[Outcome]:
+        """Yield what becomes of each task, as it comes; no more are under way than there are processes.
+
+        Where a process dies, all that was under way is tried again, one after the other in processes of their own.
+
+        Args:
+            work: a function of a module, for another process to import.
+            tasks: what it is given.
+            died: what becomes of a task whose own process died.
+        """
+        waiting = deque(tasks)
+        while waiting:
+            under_way: dict[Future[Outcome], Task] = {}
+            try:
+                while waiting or under_way:
+                    while waiting and len(under_way) < self._workers:
+                        under_way[self._pool.submit(work, waiting[0])] = waiting[0]
+                        waiting.popleft()
+                    for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                        outcome = future.result()
+                        del under_way[future]
+                        yield outcome
+            except BrokenProcessPool:
+                self._pool = self._fresh(self._workers)
+                for task in under_way.values():
+                    yield self._alone(work, task, died)
+
+    def _alone(self, work: Callable[[Task], Outcome], task: Task, died: Callable[[Task], Outcome]) -> Outcome:
+        with self._fresh(1) as pool:
+            try:
+                return pool.submit(work, task).result()
+            except BrokenProcessPool:
+                return died(task)
+
+    @staticmethod
+    def _fresh(workers: int) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), max_tasks_per_child=_TASKS)

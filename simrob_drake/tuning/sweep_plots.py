@@ -1,0 +1,135 @@
+"""The plots of a sweep: curves over one key, maps over two, and how the figures of all runs spread."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from simrob_drake.folders import writing
+from simrob_drake.frames import Vector
+from simrob_drake.results.plots.grid import COLOURS, style
+from simrob_drake.tuning.measures import UNITS, measured
+from simrob_drake.tuning.rollout import Row
+from simrob_drake.tuning.sweep import Sweep
+from simrob_drake.tuning.variation import Variation
+
+_DPI = 110
+_WIDTH, _HEIGHT, _COLUMNS = 3.8, 2.7, 3  # inches of a frame, and frames in a row
+_BINS = 20
+_BLUE, _ORANGE, *_ = COLOURS
+_COMPLETED = "completed"
+
+
+def save_sweep_plots(sweep: Sweep, rows: Sequence[Row], folder: Path) -> list[Path]:
+    """Write ``over_<key>.png`` for each key of several values, ``map.png`` for two of them, and ``spread.png``.
+
+    Curves are medians over all runs with one value, in a band from the least to the largest; maps are medians. The
+    measures that no run has are left out.
+
+    Args:
+        sweep: what was run.
+        rows: its runs.
+        folder: where to; it is made where it does not exist.
+
+    Returns:
+        the files.
+
+    Raises:
+        OutputError: the disk does not take them.
+    """
+    keys = [one for one in sweep.variations if len(one.values) > 1]
+    figures = {f"over_{key.key}": _figure(rows, f"over {key.key}", partial(_curve, key)) for key in keys}
+    if len(keys) > 1:
+        first, second, *_ = keys
+        figures["map"] = _figure(rows, f"over {first.key} and {second.key}", partial(_map, first, second))
+    figures["spread"] = _figure(rows, "all runs", _spread)
+    written = []
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, figure in figures.items():
+            figure.suptitle(f"{sweep.station}: {figure.get_suptitle()}", x=0.01, ha="left", fontweight="bold")
+            written.append(folder / f"{name}.png")
+            figure.savefig(written[-1], dpi=_DPI)
+    return written
+
+
+Draw = Callable[[Axes, Sequence[Row], str], None]
+
+
+def _figure(rows: Sequence[Row], title: str, draw: Draw) -> Figure:
+    """Draw a frame for each measure that a run has, and, unless all did, which part of the runs went to their ends."""
+    shown = [{**row, _COMPLETED: float(row["ended"] == "completed")} for row in rows]
+    names = list(measured(rows))
+    if not names or any(not row[_COMPLETED] for row in shown):
+        names.append(_COMPLETED)
+    columns = min(_COLUMNS, len(names))
+    lines = -(-len(names) // columns)
+    figure = Figure(figsize=(_WIDTH * columns, _HEIGHT * lines + 0.4), layout="constrained")
+    figure.suptitle(title)
+    for place, name in enumerate(names, start=1):
+        axes = figure.add_subplot(lines, columns, place)
+        unit = UNITS.get(name.rpartition(".")[2], "part of the runs")
+        style(axes, f"{name} [{unit}]")
+        draw(axes, shown, name)
+    return figure
+
+
+def _curve(key: Variation, axes: Axes, rows: Sequence[Row], name: str) -> None:
+    found = [_numbers([row for row in rows if row[key.key] == value], name) for value in key.values]
+    places = _axis(axes, key)
+    there = [place for place, values in enumerate(found) if values.size]
+    at = places[there]
+    axes.fill_between(
+        at, [found[p].min() for p in there], [found[p].max() for p in there], color=_BLUE, alpha=0.2, linewidth=0
+    )
+    axes.plot(at, [np.median(found[place]) for place in there], "o-", color=_BLUE, markersize=3)
+    axes.set_xlabel(key.key)
+
+
+def _map(first: Variation, second: Variation, axes: Axes, rows: Sequence[Row], name: str) -> None:
+    cells = np.full((len(second.values), len(first.values)), np.nan)
+    for line, high in enumerate(second.values):
+        for column, wide in enumerate(first.values):
+            values = _numbers([row for row in rows if row[first.key] == wide and row[second.key] == high], name)
+            cells[line, column] = np.median(values) if values.size else np.nan
+    image = axes.imshow(cells, origin="lower", aspect="auto", cmap="viridis")
+    axes.grid(visible=False)
+    axes.set_xticks(range(len(first.values)), [_short(value) for value in first.values], rotation=45, ha="right")
+    axes.set_yticks(range(len(second.values)), [_short(value) for value in second.values])
+    axes.set_xlabel(first.key)
+    axes.set_ylabel(second.key)
+    figure = axes.get_figure()
+    assert figure is not None  # it was made with one
+    figure.colorbar(image, ax=axes)
+
+
+def _spread(axes: Axes, rows: Sequence[Row], name: str) -> None:
+    values = _numbers(rows, name)
+    if values.size:
+        axes.hist(values, bins=min(_BINS, max(len(values), 1)), color=_BLUE)
+        axes.axvline(float(np.median(values)), color=_ORANGE, label="median")
+        axes.legend(fontsize=8, frameon=False)
+    axes.set_ylabel("runs")
+
+
+def _axis(axes: Axes, key: Variation) -> Vector:
+    """Return where the values of a key stand along an axis: names side by side, numbers where they are."""
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in key.values):
+        axes.set_xscale("log" if key.logarithmic else "linear")
+        return np.array(key.values, dtype=float)
+    axes.set_xticks(range(len(key.values)), [_short(value) for value in key.values])
+    return np.arange(len(key.values), dtype=float)
+
+
+def _numbers(rows: Sequence[Row], name: str) -> Vector:
+    """Return the finite values of a measure."""
+    values = np.array([row[name] for row in rows if row.get(name) is not None], dtype=float)
+    return values[np.isfinite(values)]
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

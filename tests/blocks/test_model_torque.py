@@ -1,0 +1,112 @@
+"""Torques of the model: against the closed form of two links in a plane, and the law of the error that they make."""
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia, UnitInertia
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource
+
+from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforward
+from simrob_drake.blocks.servo import ServoGains, ServoSignals
+from simrob_drake.robots.axis_map import AxisMap
+
+MASSES, LENGTHS, GRAVITY = np.array([3.0, 2.0]), np.array([0.4, 0.3]), 9.81  # kg, m, m/s²: rods that hang down at zero
+SIGNS = np.array([1.0, -1.0])
+
+
+def two_links() -> tuple[MultibodyPlant, AxisMap]:
+    """Return rods that turn about y, the second axis counted the other way round, and a body that flies beside."""
+    plant = MultibodyPlant(0.0)
+    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -GRAVITY]))
+    plant.AddRigidBody("stone", SpatialInertia(1.0, np.zeros(3), UnitInertia.SolidSphere(0.1)))
+    joints, parent = [], plant.world_frame()
+    for index, (mass, length) in enumerate(zip(MASSES, LENGTHS, strict=True)):
+        middle = np.array([0.0, 0.0, -length / 2])
+        about_end = UnitInertia.ThinRod(length, np.array([0.0, 0.0, 1.0])).ShiftFromCenterOfMass(-middle)
+        link = plant.AddRigidBody(f"link_{index}", SpatialInertia(mass, middle, about_end))
+        frame = parent
+        if index:
+            ahead = RigidTransform(np.array([0.0, 0.0, -LENGTHS[index - 1]]))
+            frame = plant.AddFrame(FixedOffsetFrame(f"end_{index}", parent, ahead))
+        joints.append(
+            plant.AddJoint(RevoluteJoint(f"joint_{index}", frame, link.body_frame(), np.array([0.0, -1.0, 0.0])))
+        )
+        plant.AddJointActuator(f"motor_{index}", joints[-1])
+        parent = link.body_frame()
+    plant.Finalize()
+    for joint in joints:
+        joint.set_default_angle(0.7)  # which is not where they are asked to be
+    return plant, AxisMap.of_joints(plant, joints, SIGNS)
+
+
+def closed_form(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Return the torques of two rods (textbook of Craig, 6.7), of axes; q2 is counted the other way round."""
+    (m1, m2), (l1, l2) = MASSES, LENGTHS
+    (q1, q2), (v1, v2), (a1, a2) = SIGNS * q, SIGNS * v, SIGNS * a
+    cross = m2 * l1 * l2 / 2
+    inertia = np.array(
+        [
+            [m1 * l1**2 / 3 + m2 * (l1**2 + l2**2 / 3) + 2 * cross * np.cos(q2), m2 * l2**2 / 3 + cross * np.cos(q2)],
+            [m2 * l2**2 / 3 + cross * np.cos(q2), m2 * l2**2 / 3],
+        ]
+    )
+    coriolis = cross * np.sin(q2) * np.array([-(2 * v1 * v2 + v2**2), v1**2])
+    lower = m2 * GRAVITY * l2 / 2 * np.sin(q1 + q2)
+    weight = np.array([(m1 / 2 + m2) * GRAVITY * l1 * np.sin(q1) + lower, lower])
+    return SIGNS * (inertia @ np.array([a1, a2]) + coriolis + weight)
+
+
+def sources(builder: DiagramBuilder, values: dict[str, np.ndarray]) -> dict[str, OutputPort]:
+    return {
+        name: builder.AddNamedSystem(name, ConstantVectorSource(value)).get_output_port()
+        for name, value in values.items()
+    }
+
+
+def some_motion() -> dict[str, np.ndarray]:
+    random = np.random.default_rng(4)
+    return {
+        "reference": random.uniform(-2, 2, 2),
+        "state": random.uniform(-2, 2, 4),
+        "reference_velocity": random.uniform(-3, 3, 2),
+        "reference_acceleration": random.uniform(-5, 5, 2),
+    }
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_the_feedforward_is_the_closed_form_of_what_is_asked_for(moving: bool) -> None:
+    plant, axes = two_links()
+    builder, values = DiagramBuilder(), some_motion()
+    ports = sources(builder, values)
+    if not moving:
+        del ports["reference_velocity"], ports["reference_acceleration"]
+    (torque,) = add_feedforward(builder, plant, [(axes, ServoSignals(**ports))], name="model")
+    builder.ExportOutput(torque, "torque")
+    diagram = builder.Build()
+    rest = np.zeros(2)
+    motion = (values["reference_velocity"], values["reference_acceleration"]) if moving else (rest, rest)
+    found = diagram.GetOutputPort("torque").Eval(diagram.CreateDefaultContext())
+    np.testing.assert_allclose(found, closed_form(values["reference"], *motion), atol=1e-10)
+
+
+@pytest.mark.parametrize("pushed", [True, False])
+def test_the_computed_torque_is_that_of_the_acceleration_that_is_wanted(pushed: bool) -> None:
+    plant, axes = two_links()
+    builder, values = DiagramBuilder(), some_motion()
+    ports = sources(builder, {**values, **({"feedforward": np.array([1.0, 2.0])} if pushed else {})})
+    kp, kd = np.array([100.0, 50.0]), np.array([20.0, 3.0])
+    unlimited = np.full(2, np.inf)
+    gains = ServoGains(kp, np.zeros(2), kd, unlimited, unlimited)
+    q, v = np.hsplit(values["state"], 2)
+    whole = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
+    whole[axes.state_matrix.any(axis=0)] = 0.0
+    state = builder.AddSystem(ConstantVectorSource(whole + axes.state_matrix.T @ values["state"])).get_output_port()
+    torque = add_computed_torque(builder, plant, state, axes, ServoSignals(**ports), gains, name="law")
+    builder.ExportOutput(torque, "torque")
+    diagram = builder.Build()
+    wanted = values["reference_acceleration"] + kd * (values["reference_velocity"] - v) + kp * (values["reference"] - q)
+    expected = closed_form(q, v, wanted) + ([1.0, 2.0] if pushed else 0.0)
+    found = diagram.GetOutputPort("torque").Eval(diagram.CreateDefaultContext())
+    np.testing.assert_allclose(found, expected, atol=1e-10)

@@ -1,0 +1,192 @@
+"""How models begin to move, what holds their joints at the limits, and laws that read frames."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
+from test_mechanics import four_bar
+
+from simrob_drake import load_station, simulate
+from simrob_drake.simulink.fmi.unit import SteppedStation
+from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.mechanics.closures import body_poses, common_points
+
+TIGHT = {"solver.accuracy": 1e-6, "solver.max_step": 0.01}
+SENSOR = "sm_lib/Frames and\nTransforms/Transform\nSensor"
+
+
+def hinges(level, *given):
+    """Add hinges about the world's z with an inertia of 1 kg m² each, and return their SIDs."""
+    world = level.block(WORLD, "World")
+    joints = [level.block(REVOLUTE, "AB"[index], **parameters) for index, parameters in enumerate(given)]
+    for joint in joints:
+        rod = level.block(INERTIA, f"Rod {joint}", Mass="1", MomentsOfInertia="[1 1 1]")
+        level.connect(f"{world}#rconn:1", f"{joint}#lconn:1")
+        level.connect(f"{joint}#rconn:1", f"{rod}#rconn:1")
+    return world, joints
+
+
+def target(kind, value, unit, priority="High"):
+    name = f"{kind}Target"
+    return {f"{name}Specify": "on", f"{name}Value": value, f"{name}ValueUnits": unit, f"{name}Priority": priority}
+
+
+def test_joints_begin_at_their_speeds(tmp_path):
+    """Against a damper of 2 N·m·s/rad an inertia of 1 kg m² comes to v/2 (1 - exp(-2 t))."""
+    level = Level()
+    damped = {"DampingCoefficient": "2", "DampingCoefficientUnits": "N*m*s/rad"}
+    hinges(level, {**damped, **target("Velocity", "90", "deg/s"), **target("Position", "0.25", "rad")}, {})
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    result = simulate(load_station(station, TIGHT), duration=1.0, progress=False)
+    exact = 0.25 + np.pi / 4 * (1 - np.exp(-2 * result.times))
+    np.testing.assert_allclose(result["q.A"], exact, atol=1e-5)
+    np.testing.assert_allclose(result["q.B"], 0.0, atol=1e-12)
+    unit = SteppedStation(station)
+    unit.advance(0.5)
+    found = {element.name: unit.get(element) for element in unit.outputs}
+    assert found["position.A"] == pytest.approx(0.25 + np.pi / 4 * (1 - np.exp(-1)), abs=1e-3)
+
+
+def test_a_free_body_is_thrown(tmp_path):
+    """Its joint's follower is 0.1 m below the ball, so the ball's speed has a part of its spin."""
+    level = Level()
+    world = level.block(WORLD, "World")
+    spin = {"SphVelocityTargetSpecify": "on", "SphVelocityTargetValue": "[0 3 0]",
+            "SphVelocityTargetValueUnits": "rad/s", "SphVelocityTargetInFollowerFrame": "on"}  # fmt: skip
+    free = level.block("sm_lib/Joints/6-DOF Joint", "Free", PxVelocityTargetSpecify="on", PxVelocityTargetValue="2",
+                       SphPositionTargetSpecify="on", SphPositionTargetRotationMethod="StandardAxis",
+                       SphPositionTargetRotationAngle="pi/2", **spin)  # fmt: skip
+    up = level.block(TRANSFORM, "Up", TranslationMethod="Cartesian", TranslationCartesianOffset="[0 0 0.1]")
+    ball = level.block("sm_lib/Body Elements/Spherical Solid", "Ball", SphereRadius="0.05", Density="1000")
+    level.connect(f"{world}#rconn:1", f"{free}#lconn:1")
+    level.connect(f"{free}#rconn:1", f"{up}#lconn:1")
+    level.connect(f"{up}#rconn:1", f"{ball}#rconn:1")
+    station = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").station
+    result = simulate(station, duration=0.4, progress=False)
+    velocity = result.piece_velocity("Ball")
+    np.testing.assert_allclose(velocity[0, 3:], [-3, 0, 0], atol=1e-9)  # 90° about z put y along -x
+    np.testing.assert_allclose(velocity[0, :3], [2, 0.3, 0], atol=1e-9)
+    end = result.piece_pose("Ball")[-1, :3]
+    np.testing.assert_allclose(end, [0.8, 0.12, 0.1 - 9.80665 * 0.08], atol=1e-5)
+
+
+@pytest.mark.parametrize(("priority", "kept"), [("High", True), ("Low", False)])
+def test_a_loop_begins_at_speeds_that_keep_it_closed(tmp_path, priority, kept):
+    """One of two asked speeds can be had: that of the first hinge, or, where it is of low priority, of the second."""
+    level = four_bar()
+    for joint, speed, urgency in (("Joint1", "1", priority), ("Joint2", "1", "Low" if kept else "High")):
+        place = next(place for place, text in enumerate(level.blocks) if f'Name="{joint}"' in text)
+        asked = "".join(
+            f'<P Name="{key}">{text}</P>' for key, text in target("Velocity", speed, "rad/s", urgency).items()
+        )
+        level.blocks[place] = level.blocks[place].replace("<InstanceData>", f"<InstanceData>{asked}")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    (robot,) = imported.files.robots.values()
+    tree = robot.tree
+    starts = np.array([freedom.start for freedom in tree.freedoms])
+    speeds = np.array([freedom.start_speed for freedom in tree.freedoms])
+
+    def gap(q):
+        poses, link = body_poses(tree, q), tree.closures[0]
+        return [poses[link.base].multiply(a) - poses[link.follower].multiply(b) for a, b in common_points(link)]
+
+    rate = (np.array(gap(starts + 1e-6 * speeds)) - gap(starts - 1e-6 * speeds)) / 2e-6
+    np.testing.assert_allclose(rate, 0.0, atol=1e-6)
+    assert speeds[0 if kept else 1] == pytest.approx(1.0, abs=0.02)
+    assert any("so its loop closes" in entry.text for entry in imported.report.of("repaired"))
+    result = simulate(imported.station, duration=0.01, progress=False)
+    np.testing.assert_allclose(result.axes("v")[0], speeds, atol=1e-9)
+
+
+def test_each_joint_has_the_stops_of_its_own(tmp_path):
+    """Into a spring of k an inertia of 1 kg m² at 1 rad/s goes 1/sqrt(k) deep."""
+    level = Level()
+
+    def stop(stiffness):
+        figures = {"UpperLimitSpecify": "on", "UpperLimitBound": "0.1", "UpperLimitBoundUnits": "rad",
+                   "UpperLimitStiffness": stiffness, "UpperLimitStiffnessUnits": "N*m/rad", "UpperLimitDamping": "0",
+                   "UpperLimitDampingUnits": "N*m*s/rad"}  # fmt: skip
+        return {**target("Velocity", "1", "rad/s"), **figures}
+
+    hinges(level, stop("400"), stop("10000"))
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    config = load_station(imported.station, {**TIGHT, "sample_rate": 5000})
+    assert config.joint_stops.stiffness == {"A": 400.0, "B": 10000.0}
+    result = simulate(config, duration=0.2, progress=False)
+    assert result["q.A"].max() == pytest.approx(0.1 + 1 / 20, abs=1e-4)
+    assert result["q.B"].max() == pytest.approx(0.1 + 1 / 100, abs=1e-4)
+    assert imported.report.of("repaired") + imported.report.of("dropped") == []
+
+
+def test_laws_may_read_a_rotation_matrix(tmp_path):
+    """The angle of a hinge is atan2 of two entries of its frame's rotation matrix: T = -9 angle."""
+    level = Level()
+    driven = {"TorqueActuationMode": "InputTorque"}
+    world, (joint,) = hinges(level, {**driven, **target("Position", "0.5", "rad")})
+    sensor = level.block(SENSOR, "Sensor", SenseR="on", MeasurementFrame="World")
+    out = level.block(FROM_PHYSICS, "out", Unit="1")
+    parts = [
+        level.block("Selector", f"R{row}1", NumberOfDimensions="2", Indices=f"[{row}],1", IndexMode="One-based")
+        for row in (2, 1)
+    ]
+    angle = level.block("Trigonometry", "Angle", Operator="atan2")
+    gain, into = level.block("Gain", "k", Gain="-9"), level.block(TO_PHYSICS, "in", Unit="1")
+    level.connect(f"{world}#rconn:1", f"{sensor}#lconn:1")
+    level.connect(f"{joint}#rconn:1", f"{sensor}#rconn:1")
+    level.connect(f"{sensor}#rconn:2", f"{out}#lconn:1")
+    level.wire(f"{out}#out:1", *(f"{part}#in:1" for part in parts))
+    for number, part in enumerate(parts):
+        level.wire(f"{part}#out:1", f"{angle}#in:{number + 1}")
+    level.wire(f"{angle}#out:1", f"{gain}#in:1")
+    level.wire(f"{gain}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(load_station(imported.station, TIGHT), duration=1.5, progress=False)
+    np.testing.assert_allclose(result["q.A"], 0.5 * np.cos(3 * result.times), atol=2e-4)
+    assert not imported.report.of("dropped")
+
+
+def test_laws_may_read_where_frames_are(tmp_path):
+    """A is turned by the azimuth of its tip in the world, B by where its tip is in the frame of A."""
+    level = Level()
+    driven = {"TorqueActuationMode": "InputTorque"}
+    world, joints = hinges(
+        level, {**driven, **target("Position", "0.5", "rad")}, {**driven, **target("Velocity", "1", "rad/s")}
+    )
+    sensed = [
+        {"SenseAzim": "on", "SenseAzimDot": "on", "SenseDist": "on", "SenseR": "on"},
+        {"SenseY": "on", "SenseYDot": "on"},
+    ]
+    bases, axes = (f"{world}#rconn:1", f"{joints[0]}#rconn:1"), ("World", "Base")
+    gains = (("4", "0.5", "1"), ("9", "2"))
+    for index, joint in enumerate(joints):
+        tip = level.block(
+            TRANSFORM, f"Tip {index}", TranslationMethod="Cartesian", TranslationCartesianOffset="[2 0 0]"
+        )
+        sensor = level.block(SENSOR, f"Sensor {index}", MeasurementFrame=axes[index], **sensed[index])
+        level.connect(f"{joint}#rconn:1", f"{tip}#lconn:1")
+        level.connect(f"{tip}#rconn:1", f"{sensor}#rconn:1")
+        level.connect(bases[index], f"{sensor}#lconn:1")
+        law = level.block("Sum", f"Law {index}", Inputs="-" * len(gains[index]))
+        skipped = index == 0  # the rotation matrix is the first of the first sensor's ports
+        for number, gain in enumerate(gains[index]):
+            out = level.block(FROM_PHYSICS, f"out {index} {number}", Unit="inherit")
+            level.connect(f"{sensor}#rconn:{number + 2 + skipped}", f"{out}#lconn:1")
+            amplified = level.block("Gain", f"k {index} {number}", Gain=gain)
+            level.wire(f"{out}#out:1", f"{amplified}#in:1")
+            level.wire(f"{amplified}#out:1", f"{law}#in:{number + 1}")
+        into = level.block(TO_PHYSICS, f"in {index}", Unit="1")
+        level.wire(f"{law}#out:1", f"{into}#in:1")
+        level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    result = simulate(load_station(imported.station, {**TIGHT, "solver.accuracy": 1e-5}), duration=1.0, progress=False)
+
+    def motion(_, y):
+        qa, wa, qb, wb = y
+        seen, rate = 2 * np.sin(qb - qa), 2 * np.cos(qb - qa) * (wb - wa)
+        return wa, -4 * qa - wa - 0.5 * 2, wb, -9 * seen - 2 * rate
+
+    exact = solve_ivp(motion, (0, 1), [0.5, 0, 0, 1], rtol=1e-9, atol=1e-9, t_eval=result.times)
+    np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
+    np.testing.assert_allclose(result["q.B"], exact.y[2], atol=2e-4)
+    np.testing.assert_allclose(result["frame.Sensor_1.y"], 2 * np.sin(result["q.B"] - result["q.A"]), atol=1e-9)

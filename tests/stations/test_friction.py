@@ -1,0 +1,96 @@
+"""Rotors and Coulomb friction of joints in stations, against closed forms under every kind of solver."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import find_peaks
+
+from simrob_drake.results.block_diagram.picture import station_dot
+from simrob_drake.simulation import simulate
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.load import load_station
+
+MASS, ROTOR, GEAR, STIFFNESS, FRICTION = 1.0, 0.01, 10.0, 200.0, 10.0  # kg, kg, 1, N/m, N
+SLED = f"""
+dh:
+  convention: classical
+  rows: [{{type: prismatic, limit: [-2, 2], effort: 1000, mass: {MASS}, damping: 0}}]
+drives: {{rotor_inertia: {ROTOR}, gear_ratio: {GEAR}, friction: {FRICTION}, friction_speed: 0.002}}
+"""
+STATION = f"""
+robot: {{model: robot.yaml, base: [0, 0, 1, 0, 1.5707963267948966, 0]}}   # level: no weight along it
+servo: {{kp: {STIFFNESS}, kd: 0}}
+reference: {{kind: ramp, target_deg: 0.5, duration: 1.0e-3}}
+duration: 1.8
+sample_rate: 1000
+"""
+RADAU = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-4}
+CENIC = {"kind": "continuous", "scheme": "cenic", "max_step": 2e-4}
+DISCRETE = {"kind": "discrete", "time_step": 2e-4}
+
+
+@pytest.fixture
+def sled(tmp_path: Path) -> Path:
+    (tmp_path / "robot.yaml").write_text(SLED)
+    (tmp_path / "sled.yaml").write_text(STATION)
+    return tmp_path / "sled.yaml"
+
+
+@pytest.mark.parametrize(
+    ("solver", "realization", "tolerance"),
+    [
+        (RADAU, "per_joint", 2e-4),
+        (RADAU, "implicit", 2e-4),
+        ({"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 1e-4}, "per_joint", 2e-4),
+        (CENIC, "per_joint", 5e-3),  # of first order: a part of omega h / 2 of the way is lost at each
+        (CENIC, "implicit", 5e-3),
+        (DISCRETE, "implicit", 5e-3),
+        ({**DISCRETE, "scheme": "lagged"}, "per_joint", 5e-3),
+    ],
+)
+def test_a_sled_on_a_spring_loses_the_same_at_every_turn(
+    sled: Path, solver: dict[str, Any], realization: str, tolerance: float
+) -> None:
+    """It turns at x0 - 2 i c/k on either side, every pi sqrt((m + G² J) / k), and stops where c holds it.
+
+    What the law loses less for its v_s is a hundredth of that; in the end the sled creeps back, slower than v_s.
+    """
+    config = load_station(sled, {"solver": solver, "servo.realization": realization})
+    result = simulate(config, progress=False)
+    way = result["q.joint_1"] - 0.5
+    turns = np.sort(np.concatenate([find_peaks(way)[0], find_peaks(-way)[0]]))[:4]
+    amplitudes = 0.5 - 2 * FRICTION / STIFFNESS * np.arange(1, 5)  # 0.4, 0.3, 0.2, 0.1
+    np.testing.assert_allclose(np.abs(way[turns]), amplitudes, rtol=0, atol=tolerance)
+    half = np.pi * np.sqrt((MASS + GEAR**2 * ROTOR) / STIFFNESS)
+    np.testing.assert_allclose(result.times[turns], half * np.arange(1, 5), rtol=0, atol=3e-3)
+    assert abs(result["v.joint_1"][-1]) <= 0.002
+    early = (result.times > 0.01) & (result.times < half)  # the motor's torque is that of its servo alone
+    spring = STIFFNESS * (result["q_ref.joint_1"] - result["q.joint_1"])
+    np.testing.assert_allclose(result["tau.joint_1"][early], spring[early], rtol=0, atol=0.5)
+    assert station_dot(config)  # every block has its place in the picture
+    assert not [finding for finding in check_station(config) if finding.level == "warning"]
+
+
+def test_a_kinematic_station_tells_what_motors_give_against_it(sled: Path) -> None:
+    asked = {"mode": "kinematic", "reference": {"kind": "sine", "amplitude_deg": 0.3, "frequency": 0.5}}
+    result = simulate(load_station(sled, {**asked, "robot.drives": {"friction_speed": 0.5}}), progress=False)
+    time, turn = result.times, np.pi
+    speed, gain = 0.3 * turn * np.cos(turn * time), -0.3 * turn**2 * np.sin(turn * time)
+    expected = (MASS + GEAR**2 * ROTOR) * gain + FRICTION * np.clip(speed / 0.5, -1, 1)
+    np.testing.assert_allclose(result["tau.joint_1"], expected, rtol=0, atol=1e-9)
+
+
+def test_a_station_changes_friction(sled: Path) -> None:
+    """Without any the sled goes on swinging to the same place."""
+    result = simulate(load_station(sled, {"robot.drives.friction": 0, "solver": RADAU}), progress=False)
+    way = result["q.joint_1"] - 0.5
+    assert np.abs(way[find_peaks(way)[0]]) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_long_steps_of_cenic_do_not_let_it_chatter(sled: Path) -> None:
+    """Steps that could turn the motion around, c h / M = 0.1 m/s, leave a sled calm in the end."""
+    config = load_station(sled, {"solver": {**CENIC, "max_step": 0.02, "error_control": False}})
+    speed = simulate(config, duration=4, progress=False)["v.joint_1"][-500:]
+    assert np.ptp(speed) < 0.005

@@ -1,0 +1,159 @@
+"""Searches: what they cost, that they find what is there, go on where they were killed, and prove what they found."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from typing import get_args
+
+import numpy as np
+import pytest
+import yaml
+
+from simrob_drake import load_station, simulate
+from simrob_drake.cli.app import run_command
+from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
+from simrob_drake.tuning.measures import measures
+from simrob_drake.tuning.search import Enough, search
+from simrob_drake.tuning.study import Method, Range, Study
+from simrob_drake.tuning.study_folder import PROOF, STATION, TRIALS, StudyFolder
+
+PENDULUM = {
+    "station": "double_pendulum",
+    "overrides": {"duration": 0.3, "reference.duration": 0.2},
+    "vary": {"servo.kp": {"low": 10, "high": 1000, "start": 50, "log": True}, "servo.kd": {"low": 1, "high": 100}},
+    "cost": {"tracking_error": 1},
+    "trials": 6,
+    "together": 3,
+    "search": {"cases": [{}, {"gravity": 1.62}]},
+    "proof": {"cases": [{"gravity": 3.7}], "seeds": [7]},
+}
+
+
+def bowl(limit):
+    """Return costs that are least, 0, at 0.3 in six dimensions, the points that were asked for, and what they cost."""
+    asked, told = [], []
+
+    def costs(points):
+        for point in points:
+            if len(asked) == limit:
+                raise Enough
+            asked.append(point.copy())
+            told.append(float(np.arange(1, 7) @ (point - 0.3) ** 2))
+        return np.array(told[-len(points) :])
+
+    return costs, asked, told
+
+
+@pytest.mark.parametrize("method", get_args(Method))
+def test_every_method_comes_nearer_within_its_bounds_and_is_the_same_again(method):
+    runs = [bowl(60) for _ in range(2)]
+    for costs, _, _ in runs:
+        search(method, np.full(6, 0.8), costs, together=6, seed=3)
+    (_, first, told), (_, again, _) = runs
+    assert np.array_equal(first, again)
+    assert np.array_equal(first[0], np.full(6, 0.8))
+    assert np.min(first) >= 0
+    assert np.max(first) <= 1
+    assert min(told) < (0.9 if method == "random" else 0.6) * told[0]
+
+
+@pytest.mark.parametrize("log", [False, True])
+def test_a_range_goes_from_low_to_high_and_back(log):
+    one = Range(low=0.1, high=1000, log=log)
+    assert [one.value(part) for part in (-1, 0, 1, 2)] == pytest.approx([0.1, 0.1, 1000, 1000])
+    assert one.first == pytest.approx(10 if log else 500.05)
+    assert one.part(one.value(0.3)) == pytest.approx(0.3)
+
+
+def test_what_a_run_costs():
+    """Weights of measures, a price for what is beyond a limit, and a higher one for what does not go to its end."""
+    study = Study(**{**PENDULUM, "cost": {"work": 2, "overshoot": 3}, "limits": {"peak_torque": 0.5}, "failure": 10})
+    row = {"ended": "completed", "work": 4.0, "overshoot": 0.1, "peak_torque": 0.4, "stop_time": 1.0, "duration": 4.0}
+    assert study.costs(row) == pytest.approx(8.3)
+    assert study.costs({**row, "peak_torque": 0.75}) == pytest.approx(8.3 + 10 * 0.5)
+    assert study.costs({**row, "ended": "fall"}) == pytest.approx(17.5)
+    assert study.costs({"ended": "refused"}) == 20
+    with pytest.raises(InvalidConfig, match=r"cost\.overshoot: means nothing in this station"):
+        study.costs({**row, "overshoot": None})
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"vary": {}}, "vary"),
+        ({"vary": {"servo.kp": {"low": 2, "high": 1}}}, "low must be below high"),
+        ({"vary": {"servo.kp": {"low": 0, "high": 1, "log": True}}}, "low must be positive"),
+        ({"vary": {"servo.kp": {"low": 1, "high": 2, "start": 3}}}, "start must lie between"),
+        ({"vary": {"servo.kpp": {"low": 1, "high": 2}}}, "vary servo.kpp: unknown key; did you mean 'kp'"),
+        ({"cost": {"tracking_eror": 1}}, "did you mean 'tracking_error'"),
+        ({"limits": {"torque": 1}}, "no measure 'torque'"),
+        ({"search": {"cases": []}}, "search.cases"),
+        ({"search": {"cases": [{"servo.kp": 3}]}}, "search.cases.0.servo.kp: varies"),
+        ({"proof": {"cases": [{"gravty": 3}]}}, "proof.cases.0 gravty: unknown key; did you mean 'gravity'"),
+        ({"method": "annealing"}, "method"),
+        ({"station": "pendulum"}, "double_pendulum"),
+    ],
+)
+def test_a_study_that_cannot_be_is_told_before_any_run(changed, told, tmp_path):
+    file = tmp_path / "study.yaml"
+    file.write_text(yaml.safe_dump({**PENDULUM, **changed}))
+    with pytest.raises(SimrobError, match=told):
+        Study.read(file)
+
+
+class TestFolder:
+    def test_the_winner_is_proven_where_it_was_never_tried(self, tmp_path):
+        place = StudyFolder(tmp_path / "study", Study(**PENDULUM))
+        proof = place.run(workers=2, progress=False)
+        figures, cost = place.best
+        assert place.trials[0][0] == pytest.approx({"servo.kp": 50, "servo.kd": 50.5})
+        assert cost < 0.9 * place.trials[0][1]
+        under = {**PENDULUM["overrides"], **figures}
+        alone = [
+            measures(simulate(load_station("double_pendulum", {**under, **case})))["tracking_error"]
+            for case in ({}, {"gravity": 1.62}, {"gravity": 3.7})
+        ]
+        assert cost == pytest.approx(np.mean(alone[:2]), rel=1e-12)
+        assert [row["of"] for row in proof] == ["start", "best"]
+        assert proof[1]["cost"] == pytest.approx(alone[2], rel=1e-12)
+        assert load_station(tmp_path / "study" / STATION).servo.kp == figures["servo.kp"]
+        with (tmp_path / "study" / TRIALS).open() as trials, (tmp_path / "study" / PROOF).open() as proven:
+            assert [float(row["cost"]) for row in csv.DictReader(trials)] == [cost for _, cost in place.trials]
+            assert len(list(csv.DictReader(proven))) == 2
+
+    def test_more_trials_go_on_from_those_that_are_there(self, tmp_path):
+        """What is kept is not run again; together they are the trials of one search."""
+        whole = StudyFolder(tmp_path / "whole", Study(**PENDULUM))
+        whole.run(workers=1, progress=False)
+        StudyFolder(tmp_path / "parts", Study(**{**PENDULUM, "trials": 4})).run(workers=1, progress=False)
+        parts = StudyFolder(tmp_path / "parts", Study(**PENDULUM))
+        parts.run(workers=1, progress=False)
+        assert parts.trials == whole.trials
+
+    def test_another_study_is_refused(self, tmp_path):
+        StudyFolder(tmp_path / "study", Study(**PENDULUM))
+        with pytest.raises(OutputError, match="another study"):
+            StudyFolder(tmp_path / "study", Study(**{**PENDULUM, "seed": 1}))
+
+
+def test_the_command_goes_on_after_kill_9_and_compares_methods(tmp_path, capsys):
+    """No trial is lost or counted twice."""
+    (tmp_path / "gains.yaml").write_text(yaml.safe_dump({**PENDULUM, "trials": 8, "search": {}}))
+    methods = ["--method", "nelder_mead", "--method", "genetic"]
+    command = ["tune", str(tmp_path / "gains.yaml"), *methods, "--out", str(tmp_path / "out"), "--workers", "1"]
+    going = subprocess.Popen([sys.executable, "-m", "simrob_drake.cli", *command], start_new_session=True)
+    journal = tmp_path / "out/nelder_mead/trials.log"
+    while not journal.is_file() or journal.read_text().count("\n") < 5:
+        assert going.poll() is None
+        time.sleep(0.01)
+    os.killpg(going.pid, signal.SIGKILL)
+    going.wait()
+    assert run_command(command) == 0
+    assert "completed 1 of 1 1 of 1" in " ".join(capsys.readouterr().out.split())
+    for name in ("nelder_mead", "genetic"):
+        with (tmp_path / "out" / name / TRIALS).open() as file:
+            assert [int(row["trial"]) for row in csv.DictReader(file)] == list(range(1, 9))
+    assert (tmp_path / "out/convergence.png").is_file()

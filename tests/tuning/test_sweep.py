@@ -1,0 +1,218 @@
+"""Many runs of a station: which they are, what is measured of them, and that none is lost or made twice."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from distributed import LocalCluster
+
+from simrob_drake import load_station, simulate
+from simrob_drake.cli.app import run_command
+from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
+from simrob_drake.paths import diagrams_root
+from simrob_drake.tuning import cluster
+from simrob_drake.tuning.cluster import Cluster
+from simrob_drake.tuning.measures import measures
+from simrob_drake.tuning.processes import Processes
+from simrob_drake.tuning.sweep import Sweep
+from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
+from simrob_drake.tuning.variation import parsed
+from tests.tuning.dying import dies
+
+SHORT = {"duration": 0.2, "reference.duration": 0.1}
+WILD = {"duration": 1, "solver.max_step": 0.01, "servo.torque_limit": 1e12}
+PENDULUM = Sweep(station="double_pendulum", vary={"servo.kp": "20,40"}, overrides=SHORT)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("0.5,1,2", (0.5, 1, 2)),
+        ("cenic,discrete", ("cenic", "discrete")),
+        ("[0, 0, 1],[0, 0, 2]", ([0, 0, 1], [0, 0, 2])),
+        ("lin:0:1:5", (0, 0.25, 0.5, 0.75, 1)),
+        ("log:10:1000:3", pytest.approx((10, 100, 1000))),
+    ],
+)
+def test_values_are_listed_or_spread_over_a_range(text, values):
+    assert parsed("key", text).values == values
+
+
+@pytest.mark.parametrize(("text", "mean", "deviation"), [("normal:3:0.5", 3, 0.5), ("uniform:2:4", 3, 1 / 3**0.5)])
+def test_draws_are_those_of_their_distribution_and_of_their_seed(text, mean, deviation):
+    variation = parsed("key", text)
+    drawn = [variation.draw(seed, 0) for seed in range(2000)]
+    assert np.mean(drawn) == pytest.approx(mean, abs=0.05)
+    assert np.std(drawn) == pytest.approx(deviation, rel=0.05)
+    assert drawn[7] == variation.draw(7, 0) != variation.draw(7, 1)
+
+
+@pytest.mark.parametrize("text", ["", "1,null", "[1", "uniform:2:1", "uniform:1", "normal:0:-1", "uniform:0:1:5"])
+def test_values_that_are_none_are_refused(text):
+    with pytest.raises(SimrobError, match="--vary gain"):
+        parsed("gain", text)
+
+
+@pytest.mark.parametrize("grid", ["log:0:1:3", "log:-1:1:3", "lin:1:1:3", "lin:0:1:1", "lin:0:1:2.5", "lin:0:1"])
+def test_so_are_ranges_that_are_none(grid):
+    with pytest.raises(SimrobError, match="--vary gain"):
+        parsed("gain", grid)
+
+
+def test_every_combination_is_run_with_every_seed():
+    """Parts that are random have streams of their own, but for those that the user sets."""
+    sensors = {"one": {"kind": "imu"}, "two": {"kind": "imu"}, "own": {"kind": "imu", "seed": 7}}
+    vary = {"servo.kp": "50,100", "servo.kd": "uniform:1:2"}
+    overrides = {"sensors": sensors, "sensors.own.seed": 7}
+    cases = Sweep(station="humanoid_dynamic", vary=vary, overrides=overrides, seeds=3).cases()
+    assert [case.number for case in cases] == [1, 2, 3, 4, 5, 6]
+    assert [case.shown["servo.kp"] for case in cases] == [50, 50, 50, 100, 100, 100]
+    assert [case.seed for case in cases] == [0, 1, 2, 0, 1, 2]
+    assert [case.shown["servo.kd"] for case in cases[:3]] == [case.shown["servo.kd"] for case in cases[3:]]
+    seeds = [tuple(sensor.seed for sensor in case.config().sensors.values()) for case in cases[:3]]
+    assert seeds == [(0, 1000, 7), (1, 1001, 7), (2, 1002, 7)]
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"vary": {"servo.kpp": "1,2"}}, "--vary servo.kpp: unknown key; did you mean 'kp'"),
+        ({"vary": {"servo.kp": "-1,2"}}, "--vary servo.kp"),
+        ({"vary": {"duration": "1,2"}}, "--vary duration is given beside --set"),
+        ({"vary": {}}, "--vary is left out"),
+        ({"seeds": 2}, "--seeds is 2; it must be 1 where nothing is random"),
+        ({"vary": {"servo.kp": "lin:1:2:999", "servo.kd": "lin:1:2:999"}}, "at most 100000"),
+        ({"station": "doble_pendulum"}, "did you mean 'double_pendulum'"),
+    ],
+)
+def test_what_cannot_be_is_told_before_any_run(changed, told):
+    with pytest.raises(SimrobError, match=told):
+        PENDULUM.model_copy(update=changed).cases()
+
+
+@pytest.mark.parametrize("changed", [{"seeds": 0}, {"seeds": 1001}, {"sede": 1}, {"vary": {"servo.kp": 3}}])
+def test_a_sweep_of_other_content_is_none(changed):
+    with pytest.raises(InvalidConfig):
+        Sweep(**{**PENDULUM.model_dump(), **changed})
+
+
+def test_measures_are_those_of_the_signals():
+    """What has no way to go cannot overshoot; what diverged has no figures."""
+    run = simulate(load_station("irb120_dynamic"))
+    found = measures(run)
+    joints = [(run[f"q_ref.{axis}"], run[f"q.{axis}"]) for axis in map("joint_{}".format, range(1, 7))]
+    errors = [reference - position for reference, position in joints]
+    assert found["tracking_error"] == pytest.approx(np.linalg.norm(errors) / np.sqrt(np.size(errors)))
+    assert found["final_error"] == pytest.approx(max(abs(error[-1]) for error in errors))
+    assert found["overshoot"] == pytest.approx(max(max(q - r[-1]) / (r[-1] - r[0]) for r, q in joints))
+    assert found["overshoot"] > 0.01
+    still = simulate(load_station("double_pendulum", {"duration": 0.1, "reference": {"kind": "hold"}}))
+    assert measures(still)["overshoot"] is None
+    diverged = simulate(load_station("irb120_dynamic", {**WILD, "solver.scheme": "explicit_euler"}))
+    assert diverged.ending == "diverged"
+    assert measures(diverged) == {}
+
+
+class TestFolder:
+    def test_a_sweep_ends_as_table_and_plots_and_each_run_is_that_of_simulate(self, tmp_path):
+        rows = SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=2, progress=False)
+        with (tmp_path / "sweep" / TABLE).open() as file:
+            table = list(csv.DictReader(file))
+        assert [row["number"] for row in table] == ["1", "2"]
+        alone = measures(simulate(load_station("double_pendulum", {**SHORT, "servo.kp": 40})))
+        assert {name: rows[1][name] for name in alone} == alone
+        assert float(table[1]["tracking_error"]) == alone["tracking_error"]
+        assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {"over_servo.kp.png", "spread.png"}
+
+    def test_it_goes_on_where_it_was_killed(self, tmp_path):
+        """Lines that are whole count, half a line does not; nothing is made twice."""
+        whole = SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)
+        first = {**whole[0], "message": "kept"}
+        (tmp_path / "sweep/rows.jsonl").write_text(f'{json.dumps(first)}\n{{"number": 2, "ser')
+        assert SweepFolder.there(tmp_path / "sweep").run(workers=1, progress=False) == [first, whole[1]]
+
+    def test_another_sweep_is_refused_and_so_is_a_station_that_has_changed(self, tmp_path):
+        station = tmp_path / "own.yaml"
+        text = (diagrams_root() / "double_pendulum.yaml").read_text()
+        station.write_text(text)
+        SweepFolder(tmp_path / "sweep", PENDULUM.model_copy(update={"station": str(station)}))
+        with pytest.raises(OutputError, match="another sweep"):
+            SweepFolder(tmp_path / "sweep", PENDULUM)
+        station.write_text(text.replace("gravity: 9.81", "gravity: 1.62"))
+        with pytest.raises(InvalidConfig, match="has changed since"):
+            SweepFolder.there(tmp_path / "sweep")
+
+    def test_a_run_that_cannot_be_or_diverges_is_a_row(self, tmp_path):
+        sweep = Sweep(station="irb120_dynamic", vary={"solver.scheme": "cenic,nope,explicit_euler"}, overrides=WILD)
+        ends = [row["ended"] for row in SweepFolder(tmp_path / "sweep", sweep).run(workers=1, progress=False)]
+        assert ends == ["completed", "refused", "diverged"]
+
+
+def made_by(engine, tasks):
+    with engine as workers:
+        return sorted(workers.outcomes(dies, tasks, lambda task: -task[0]))
+
+
+def test_a_process_that_dies_takes_its_own_task_alone(tmp_path):
+    tasks = [(number, tmp_path / str(number)) for number in range(7)]
+    found = made_by(Processes(2), tasks)
+    assert found == [-3, 0, 1, 2, 4, 5, 6]
+
+
+def test_the_command_goes_on_after_kill_9(tmp_path):
+    folder = tmp_path / "sweep"
+    settings = [f"--set={key}={value}" for key, value in SHORT.items()]
+    vary = ["--vary", "servo.kp=lin:10:100:12"]
+    command = ["sweep", "double_pendulum", *vary, *settings, "--out", str(folder), "--workers", "1"]
+    going = subprocess.Popen([sys.executable, "-m", "simrob_drake.cli", *command], start_new_session=True)
+    while not (folder / "rows.jsonl").is_file() or not (folder / "rows.jsonl").read_text():
+        assert going.poll() is None
+        time.sleep(0.01)
+    os.killpg(going.pid, signal.SIGKILL)
+    going.wait()
+    assert 0 < len((folder / "rows.jsonl").read_text().splitlines()) < 12
+    assert run_command(command) == 0
+    rows = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
+    assert sorted(row["number"] for row in rows) == list(range(1, 13))
+
+
+def test_one_run_is_made_again(tmp_path, capsys):
+    SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)
+    assert run_command(["sweep", str(tmp_path / "sweep"), "--run", "2", "--no-recording"]) == 0
+    assert load_station(tmp_path / "sweep/run_2/station.yaml").servo.kp == 40
+    assert run_command(["sweep", str(tmp_path / "sweep"), "--run", "3"]) == 2
+    assert "a number of the table, 1 to 2" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+        yield local.scheduler_address
+
+
+class TestCluster:
+    def test_its_rows_are_those_of_this_machine(self, scheduler, tmp_path):
+        here = SweepFolder(tmp_path / "here", PENDULUM).run(workers=1, progress=False)
+        assert SweepFolder(tmp_path / "there", PENDULUM).run(scheduler=scheduler, progress=False) == here
+
+    def test_a_worker_that_dies_takes_its_own_task_alone(self, scheduler, tmp_path):
+        tasks = [(number, tmp_path / str(number)) for number in range(7)]
+        found = made_by(Cluster(scheduler), tasks)
+        assert found == [-3, 0, 1, 2, 4, 5, 6]
+
+    def test_workers_with_other_versions_are_refused(self, scheduler, monkeypatch):
+        monkeypatch.setattr(cluster, "python_version", lambda: "2.7")
+        with pytest.raises(SimrobError, match=r"has Python 3.*one whose workers have Python 2\.7"):
+            Cluster(scheduler)
+
+    @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "carrier-pigeon://x"])
+    def test_no_scheduler_there(self, address, monkeypatch):
+        monkeypatch.setattr(cluster, "_PATIENCE", 1)
+        with pytest.raises(SimrobError, match="the address of a Dask that answers"):
+            Cluster(address)
