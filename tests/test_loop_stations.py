@@ -199,6 +199,7 @@ def test_a_leg_s_screws_are_those_of_the_plant():
     ("robot", "force", "axis"),
     [
         ("humanoid", [31.7, 0, 0], "right_hip_roll"),  # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
+        ("humanoid", [26.7, 0, 0], "right_hip_roll"),  # a leg that came back sooner would set it rocking
         ("roid1", [11.7, 0, 0], "left_hip_pitch"),  # forward
         ("zjudancer", [0, 31.7, 0], "left_hip_pitch"),
     ],
