@@ -144,6 +144,24 @@ def written_at_once(file: Path, text: str) -> None:
 
 
 @contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Work in a folder that is there, and let no other process do so at the same time.
+
+    Raises:
+        OutputError: another one does.
+    """
+    with writing(folder):
+        lock = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError as problem:
+        raise OutputError(f"{folder}: another process is at work in it") from problem
+    finally:
+        os.close(lock)
+
+
+@contextmanager
 def _named(work: Path, target: Path) -> Iterator[None]:
     """Let errors name what the user asked for, and not where it grows."""
     try:

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from simrob_drake.errors import InvalidConfig, OutputError
-from simrob_drake.folders import check_folder, written_at_once
+from simrob_drake.folders import alone_in, check_folder, written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.stations.load import load_station, station_yaml
@@ -19,7 +19,7 @@ from simrob_drake.tuning.packages import needed
 from simrob_drake.tuning.rollout import Row, killed, rollout
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Conditions, Figures, Study
-from simrob_drake.tuning.sweep_folder import write_rows
+from simrob_drake.tuning.sweep_folder import station_digest, write_rows
 from simrob_drake.yaml_files import read_yaml, validated
 
 STUDY, STATION, TRIALS, PROOF = "study.yaml", "station.yaml", "trials.csv", "proof.csv"
@@ -41,6 +41,7 @@ class StudyFolder:
         Raises:
             SimrobError: a study that cannot be, or the extra ``tune`` is missing.
             OutputError: the folder holds something else, or cannot be written.
+            InvalidConfig: its station has changed since it began.
         """
         self.folder, self.study = folder, study
         study.check(folder / STUDY)
@@ -53,6 +54,11 @@ class StudyFolder:
             (folder / _JOURNAL).unlink(missing_ok=True)
         written_at_once(folder / STUDY, yaml.safe_dump(study.model_dump(mode="json"), sort_keys=False, width=120))
         self._kept = _journal(folder / _JOURNAL)
+        digest = station_digest(load_station(study.station, {**study.overrides, **study.start}))
+        if self._kept.user_attrs.get("station", digest) != digest:
+            changed = "has changed since this study began; begin another, or put it back"
+            raise InvalidConfig(folder / STUDY, study.station, changed)
+        self._kept.set_user_attr("station", digest)
         self.trials: list[tuple[Figures, float]] = [
             ({key: trial.params[key] for key in study.vary}, trial.value) for trial in self._kept.trials
         ]
@@ -80,6 +86,7 @@ class StudyFolder:
         study = self.study
         start = np.array([one.part(one.first) for one in study.vary.values()])
         with (
+            alone_in(self.folder),
             engine(workers=workers, scheduler=scheduler) as workers_,
             progress_bar(f"{study.trials} trials", study.trials, shown=progress) as move,
         ):
@@ -119,7 +126,8 @@ class StudyFolder:
 
     def _runs(self, workers: Engine, tried: list[Figures], under: Conditions) -> list[list[Row]]:
         """Return the rows of all runs of each set of figures."""
-        cases = [self.study.cases(figures, under, first=1000 * place) for place, figures in enumerate(tried)]
+        many = len(under.cases) * len(under.seeds)
+        cases = [self.study.cases(figures, under, first=many * place) for place, figures in enumerate(tried)]
         flat = [case for some in cases for case in some]
         rows = {row["number"]: row for row in workers.outcomes(rollout, flat, killed)}
         return [[rows[case.number] for case in some] for some in cases]

@@ -4,7 +4,6 @@ A line is added for each run and goes to the disk at once; so a sweep that was k
 """
 
 import csv
-import fcntl
 import hashlib
 import json
 import os
@@ -16,7 +15,7 @@ from typing import IO
 import yaml
 
 from simrob_drake.errors import InvalidConfig, OutputError
-from simrob_drake.folders import check_folder, replaced_at_once, writing, written_at_once
+from simrob_drake.folders import alone_in, check_folder, replaced_at_once, writing, written_at_once
 from simrob_drake.progress import progress_bar
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
@@ -63,7 +62,7 @@ class SweepFolder:
         """
         self.folder, self.sweep = folder, sweep
         self.cases = sweep.cases(allow_code=allow_code)
-        asked = _Asked(sweep=sweep, digest=_digest(self.cases[0].config()))
+        asked = _Asked(sweep=sweep, digest=station_digest(self.cases[0].config()))
         if not force and (folder / SWEEP).is_file():
             found = _asked(folder)
             if found.sweep != sweep:
@@ -107,7 +106,11 @@ class SweepFolder:
             OutputError: another process is at work on them, or the disk does not take them.
             InvalidParameter: no such scheduler.
         """
-        with self._journal() as journal, engine(workers=workers, scheduler=scheduler) as workers_:
+        with (
+            alone_in(self.folder),
+            self._journal() as journal,
+            engine(workers=workers, scheduler=scheduler) as workers_,
+        ):
             done = {row["number"] for row in self.rows()}
             left = [case for case in self.cases if case.number not in done]
             with progress_bar(f"{len(self.cases)} runs", len(self.cases), shown=progress) as move:
@@ -124,12 +127,8 @@ class SweepFolder:
 
     @contextmanager
     def _journal(self) -> Iterator[IO[str]]:
-        """Open the file of the runs to add to it, alone, and without the half of a line that a killed process left."""
+        """Open the file of the runs to add to it, without the half of a line that a killed process left."""
         with writing(self.folder / _ROWS), (self.folder / _ROWS).open("a+", encoding="utf-8", newline="\n") as journal:
-            try:
-                fcntl.flock(journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as problem:
-                raise OutputError(f"{self.folder}: another process is at work on this sweep") from problem
             whole = (self.folder / _ROWS).read_bytes().rpartition(b"\n")
             journal.truncate(len(whole[0]) + len(whole[1]))
             yield journal
@@ -153,5 +152,6 @@ def _asked(folder: Path) -> _Asked:
     return validated(_Asked, read_yaml(folder / SWEEP), folder / SWEEP)
 
 
-def _digest(config: StationConfig) -> str:
+def station_digest(config: StationConfig) -> str:
+    """Return a short text that is another one for another station."""
     return hashlib.sha256(station_yaml(config).encode()).hexdigest()[:16]

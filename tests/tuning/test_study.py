@@ -15,6 +15,8 @@ import yaml
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
+from simrob_drake.folders import alone_in
+from simrob_drake.paths import diagrams_root
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Method, Range, Study
@@ -132,6 +134,17 @@ class TestFolder:
         parts = StudyFolder(tmp_path / "parts", Study(**PENDULUM))
         parts.run(workers=1, progress=False)
         assert parts.trials == whole.trials
+
+    def test_a_station_that_has_changed_is_refused_and_so_is_a_second_process(self, tmp_path):
+        text = (diagrams_root() / "double_pendulum.yaml").read_text()
+        (tmp_path / "own.yaml").write_text(text)
+        study = Study(**{**PENDULUM, "station": str(tmp_path / "own.yaml")})
+        place = StudyFolder(tmp_path / "study", study)
+        with alone_in(tmp_path / "study"), pytest.raises(OutputError, match="another process is at work"):
+            place.run(workers=1, progress=False)
+        (tmp_path / "own.yaml").write_text(text.replace("gravity: 9.81", "gravity: 1.62"))
+        with pytest.raises(InvalidConfig, match="has changed since"):
+            StudyFolder(tmp_path / "study", study)
 
     def test_another_study_is_refused(self, tmp_path):
         StudyFolder(tmp_path / "study", Study(**PENDULUM))
