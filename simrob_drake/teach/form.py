@@ -1,0 +1,190 @@
+"""A form for every key of a station, made from the schema of station files: plain fields, for whatever draws them."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import yaml
+
+from simrob_drake.yaml_files import parse_yaml
+
+FieldKind = Literal["number", "text", "choice", "switch", "value", "section", "entries"]
+"""How a key is entered: the first three by themselves, ``value`` as YAML (a list, or figures by axis); a ``section``
+is there or not, and into ``entries`` new ones can be put by name."""
+
+Node = Mapping[str, Any]
+
+_UNIT = re.compile(r"\[([^\]]+)\]")
+_WIDE = 1_000  # columns of a YAML text: it stays in one line
+
+
+@dataclass(frozen=True)
+class Field:
+    """A key of a station.
+
+    Attributes:
+        key: dotted, as ``load_station`` takes it: ``servo.kp``.
+        kind: how it is entered.
+        help: what it is.
+        unit: of its numbers; empty where it has none, or where each has its own.
+        value: what the station says, None where it says nothing.
+        default: what holds where nothing is said.
+        choices: of a choice; of entries the kinds that a new one can have.
+        low: smallest number, None where there is no bound.
+        high: largest number, likewise.
+        removable: whether a section can be taken out of the station.
+    """
+
+    key: str
+    kind: FieldKind
+    help: str = ""
+    unit: str = ""
+    value: Any = None
+    default: Any = None
+    choices: tuple[str, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    removable: bool = False
+
+    @property
+    def top(self) -> str:
+        """The section of the file that it stands in."""
+        return self.key.partition(".")[0]
+
+
+def form_fields(schema: Node, content: Mapping[str, Any]) -> list[Field]:
+    """Return the fields of a station.
+
+    Args:
+        schema: of station files, :func:`simrob_drake.stations.schema.station_schema`.
+        content: of the station's file, as :func:`simrob_drake.stations.load.station_yaml` writes it.
+    """
+    walk = _Walk(schema)
+    keys = [key for key in schema["properties"] if key != "robot"]
+    if "robot" in content:
+        keys[keys.index("robots")] = "robot"
+    return [field for key in keys for field in walk.fields(key, schema["properties"][key], content.get(key))]
+
+
+def as_text(value: Any) -> str:
+    """Return a value as it is typed into a field: empty for None, YAML in one line for lists and mappings."""
+    if value is None or isinstance(value, str):
+        return value or ""
+    text: str = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=_WIDE)
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
+def as_value(field: Field, text: str) -> Any:
+    """Return what a text that was typed into a field stands for; what it says where it is empty is the default.
+
+    Raises:
+        InvalidConfig: it is no YAML.
+    """
+    if not text.strip():
+        return field.default
+    return text.strip() if field.kind in ("text", "choice") else parse_yaml(text, field.key)
+
+
+class _Walk:
+    """Goes through a schema beside the content of a file."""
+
+    def __init__(self, schema: Node) -> None:
+        self._definitions: Node = schema["$defs"]
+
+    def fields(self, key: str, node: Node, value: Any) -> Iterator[Field]:
+        """Give the fields of a key and all below it."""
+        branches = self._branches(node)
+        sections = [branch for branch in branches if "properties" in branch]
+        optional = any(branch.get("type") == "null" for branch in branches)
+        about, default = _about(node, key), node.get("default")
+        entries = next((b for b in branches if self._holds_sections(b)), None)
+        if entries is not None:
+            yield from self._entries(key, node, entries["additionalProperties"], value or {})
+        elif not sections:
+            yield _leaf(key, branches, node, value)
+        elif optional and value is None:
+            yield Field(key, "section", about, value=False, default=default, removable=True)
+        else:
+            if optional:
+                yield Field(key, "section", about, value=True, default=default, removable=True)
+            given = value if isinstance(value, Mapping) else default or {}
+            kinds = tuple(kind for section in sections if (kind := _kind(section)))
+            kind = str(given.get("kind", ""))
+            if len(kinds) > 1:
+                yield Field(f"{key}.kind", "choice", about, value=kind, default=kind, choices=kinds)
+            yield from self._section(key, _of_kind(sections, kind), given)
+
+    def _section(self, key: str, section: Node, value: Mapping[str, Any]) -> Iterator[Field]:
+        """Give the fields of a section whose kind is settled."""
+        for name, child in section["properties"].items():
+            if "const" not in child:
+                yield from self.fields(f"{key}.{name}", child, value.get(name))
+
+    def _entries(self, key: str, node: Node, entry: Node, value: Mapping[str, Any]) -> Iterator[Field]:
+        """Give what new entries can be of, and the entries that are there; one of another kind is another entry."""
+        sections = [branch for branch in self._branches(entry) if "properties" in branch]
+        kinds = tuple(kind for section in sections if (kind := _kind(section)))
+        yield Field(key, "entries", _about(node, key), choices=kinds, default={})
+        for name, given in value.items():
+            section = _of_kind(sections, given.get("kind", name))
+            about, removable = _about(section, key), key in REMOVABLE_ENTRIES
+            yield Field(f"{key}.{name}", "section", about, value=True, removable=removable)
+            yield from self._section(f"{key}.{name}", section, given)
+
+    def _holds_sections(self, node: Node) -> bool:
+        inner = node.get("additionalProperties")
+        return isinstance(inner, Mapping) and all("properties" in branch for branch in self._branches(inner))
+
+    def _branches(self, node: Node) -> list[Node]:
+        """Return the alternatives that a node allows, references followed."""
+        if "$ref" in node:
+            return self._branches(self._definitions[node["$ref"].rpartition("/")[2]])
+        alternatives = node.get("anyOf") or node.get("oneOf")
+        return [branch for one in alternatives for branch in self._branches(one)] if alternatives else [node]
+
+
+def _leaf(key: str, branches: list[Node], node: Node, value: Any) -> Field:
+    """Return the field of a key that is no section."""
+    types = {branch.get("type") for branch in branches} - {"null"}
+    choices = tuple(choice for branch in branches for choice in branch.get("enum", ()))
+    kind: FieldKind = "value"
+    if choices and types <= {"string"}:
+        kind = "choice"
+    elif types == {"boolean"}:
+        kind = "switch"
+    elif types == {"string"}:
+        kind = "text"
+    elif types <= {"number", "integer"}:
+        kind = "number"
+    bounds = {name: number for branch in branches for name, number in branch.items() if name in _BOUNDS}
+    low, high = (next((bounds[name] for name in names if name in bounds), None) for names in (_LOW, _HIGH))
+    about = _about(node, key)
+    return Field(key, kind, about, _unit(key, about), value, node.get("default"), choices, low, high)
+
+
+_LOW, _HIGH = ("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum")
+_BOUNDS = _LOW + _HIGH
+
+
+def _about(node: Node, key: str) -> str:
+    """Return what a key is, in one line; the keys of poses and figures without a word are called by their name."""
+    told = " ".join(str(node.get("description", "")).split())
+    return told or key.rpartition(".")[2].replace("_", " ")
+
+
+def _unit(key: str, about: str) -> str:
+    if key.endswith("_deg"):
+        return "deg"
+    found = _UNIT.search(about)
+    unit = re.split("[,;]", found[1])[0] if found else ""
+    return "" if unit.startswith("x y z") else unit
+
+
+def _kind(section: Node) -> str | None:
+    kind: str | None = section["properties"].get("kind", {}).get("const")
+    return kind
+
+
+def _of_kind(sections: list[Node], kind: str) -> Node:
+    return next((section for section in sections if _kind(section) == kind), sections[0])

@@ -1,0 +1,1 @@
+"""What the pendant shows: a shell that all share, and a tab for each kind of use."""
