@@ -27,6 +27,7 @@ ROAD = [
     "programs",
     "tuning",
     "simulink",
+    "teach",
     "cli",
 ]
 BASE = {

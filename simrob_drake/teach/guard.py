@@ -2,7 +2,6 @@
 
 import secrets
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -85,14 +84,8 @@ def _all(scope: Scope, name: bytes) -> list[str]:
 
 
 def _cookie(scope: Scope, name: str) -> str:
-    for line in _all(scope, b"cookie"):
-        try:
-            found = SimpleCookie(line).get(name)
-        except CookieError:
-            continue
-        if found is not None:
-            return found.value
-    return ""
+    pairs = (pair.strip().partition("=") for line in _all(scope, b"cookie") for pair in line.split(";"))
+    return next((value for key, _, value in pairs if key == name), "")
 
 
 async def _refuse(scope: Scope, send: Send, why: str) -> None:

@@ -1,4 +1,4 @@
-"""How a part of a page follows its session: in the page's own loop, no faster than an eye, and only the latest counts."""
+"""How a part of a page follows its session: in the page's loop, no faster than an eye, and only the latest counts."""
 
 from collections.abc import Callable
 from typing import Protocol
