@@ -24,7 +24,7 @@ from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml, validated
 ONLY_ROBOT = "robot"
 """The name of the robot of a station that says ``robot:`` instead of ``robots:``."""
 
-_ENTRIES = ("pieces", "sensors", "monitors", "forces", "controllers")
+ENTRIES = ("pieces", "sensors", "monitors", "forces", "controllers")
 """Sections of entries by name, which an override can take out: `pieces.load=null`."""
 
 _ROBOTS = (ONLY_ROBOT, "robots")
@@ -158,7 +158,7 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
     """Set the value under a dotted key."""
     node = _section_of(content, key, where)
     section = key[-2] if len(key) > 1 else ""
-    if value is None and section in _ENTRIES and len(key) == 2 and key[-1] in node:
+    if value is None and section in ENTRIES and len(key) == 2 and key[-1] in node:
         del node[key[-1]]
         return
     if key[0] in _ROBOTS and key[-1] in _ORIGINS and value is not None:

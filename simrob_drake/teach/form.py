@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import yaml
 
+from simrob_drake.stations.load import ENTRIES
 from simrob_drake.yaml_files import parse_yaml
 
 FieldKind = Literal["number", "text", "choice", "switch", "value", "section", "entries"]
@@ -128,7 +129,7 @@ class _Walk:
         yield Field(key, "entries", _about(node, key), choices=kinds, default={})
         for name, given in value.items():
             section = _of_kind(sections, given.get("kind", name))
-            about, removable = _about(section, key), key in REMOVABLE_ENTRIES
+            about, removable = _about(section, key), key in ENTRIES
             yield Field(f"{key}.{name}", "section", about, value=True, removable=removable)
             yield from self._section(f"{key}.{name}", section, given)
 
