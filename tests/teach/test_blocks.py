@@ -66,7 +66,7 @@ def test_parts_have_the_columns_they_declare():
     assert blocks["controller.press"].keys == ("controllers.press",)
     balance = told("humanoid_balance")
     height = told("humanoid_height")
-    assert height["controller.height to sensor"] == height["controller.height"]
+    assert height["controller.height to  sensor"] == height["controller.height"]
     assert balance["force.push.source"] == balance["force.push"]
     assert balance["force.push"].signals == tuple(f"applied_force.push.{axis}" for axis in "xyz")
     assert balance["plant"].holds("servo.kp")  # implicit: the servos are in the plant
