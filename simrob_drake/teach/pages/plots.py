@@ -1,0 +1,149 @@
+"""Live plots: the last values of a run's signals as curves, in degrees where they are angles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import pi
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from nicegui import ui
+
+from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.session import Session
+
+_PAUSE = 0.2
+"""From one picture to the next [s]: more often costs, and shows no more."""
+_POINTS = 200  # of a curve: more than that does not show in it
+_AT_ONCE = 6  # curves of a signal that are drawn until others are chosen
+_COLOURS = ("#2f86d0", "#e08214", "#4d9f21", "#c44fae", "#01a0a0", "#b5761f", "#f4729b", "#888888")
+"""They can be told apart on white and on black."""
+_AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
+"""Units that are shown in others, and how many of these one is."""
+_FIRST = ("position", "torque")  # signals that are shown at first
+_VIEWERS: WeakKeyDictionary[Session, WeakKeyDictionary[ui.element, tuple[str, ...]]] = WeakKeyDictionary()
+
+
+def build(session: Session, t: Words) -> None:
+    """Build plots of the signals that the user chooses, one below the other."""
+    titles = {signal["name"]: signal.get("title") or signal["name"] for signal in session.description["signals"]}
+    first = [name for name in titles if name.rpartition(".")[2] in _FIRST]
+    choice = ui.select(titles, value=first, label=t("plots.signals"), multiple=True, with_input=True)
+    choice.classes("w-full").props("use-chips")
+    place = ui.column().classes("w-full gap-2")
+
+    def show() -> None:
+        place.clear()
+        with place:
+            for name in choice.value:
+                scope(session, t, name)
+
+    choice.on_value_change(show)
+    show()
+
+
+def scope(session: Session, t: Words, signal: str) -> ui.element:
+    """Build the plot of one signal; :meth:`~nicegui.Element.delete` it to have done with it.
+
+    Args:
+        session: whose run.
+        t: the words.
+        signal: its name, of ``session.description["signals"]``.
+    """
+    return _Scope(session, t, signal).element
+
+
+class _Scope:
+    """The plot of one signal, and the choice of its curves."""
+
+    def __init__(self, session: Session, t: Words, name: str) -> None:
+        self._session, self._name = session, name
+        signal = next(signal for signal in session.description["signals"] if signal["name"] == name)
+        unit, self._factor = _AS_SHOWN.get(signal["unit"], (signal["unit"], 1.0))
+        self._columns: tuple[str, ...] = tuple(signal.get("columns") or ())
+        self._drawn: object = None
+        with ui.column().classes("w-full gap-0") as self.element:
+            with ui.row().classes("w-full items-center no-wrap"):
+                ui.label(f"{signal.get('title') or name}{f' [{unit}]' if unit else ''}").classes("font-bold")
+                self._choice = ui.select({}, value=[], label=t("plots.curves"), multiple=True, clearable=True)
+                self._choice.props("dense use-chips").classes("grow min-w-0")
+            self._chart = ui.echart({}, renderer="svg").classes("w-full h-56 simrob-plot")
+            self._chart.props(f'role=img aria-label="{signal.get("title") or name}"')
+        ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
+        self._offer(len(self._columns))
+        self._choice.on_value_change(self._forget)
+        watch(session, self.element, [name])
+        with self.element:
+            ui.timer(_PAUSE, self._look)
+
+    def _offer(self, count: int) -> None:
+        """Let the user choose among so many curves."""
+        names = self._columns if len(self._columns) == count else tuple(str(number + 1) for number in range(count))
+        self._choice.set_options(dict(enumerate(names)), value=list(range(min(count, _AT_ONCE))))
+        self._choice.set_visibility(count > 1)
+
+    def _forget(self) -> None:
+        self._drawn = None
+
+    def _look(self) -> None:
+        """Draw what has come since the last look."""
+        ring = self._session.history.get(self._name) or ()
+        seen = (len(ring), ring[0][0], ring[-1]) if ring else ()
+        if seen == self._drawn:
+            return
+        self._drawn = seen
+        rows = thinned(list(ring), _POINTS)
+        count = len(as_list(rows[0][1])) if rows else len(self._columns)
+        if len(self._choice.options) != count:
+            self._offer(count)
+        chosen = [column for column in self._choice.value or () if column < count]
+        source = [
+            [time, *(values[i] * self._factor for i in chosen)] for time, value in rows if (values := as_list(value))
+        ]
+        names = [self._choice.options[column] for column in chosen]
+        self._chart.props["options"] = _picture(names, [_COLOURS[i % len(_COLOURS)] for i in chosen], source)
+
+
+def watch(session: Session, viewer: ui.element, signals: Iterable[str]) -> None:
+    """Have signals in ``session.values`` and ``history`` as long as an element is there, of whatever tab."""
+    viewers = _VIEWERS.setdefault(session, WeakKeyDictionary())
+    viewers[viewer] = tuple(signals)
+    session.watch(sorted({name for element, names in viewers.items() if not element.is_deleted for name in names}))
+
+
+def as_list(value: Any) -> Sequence[float]:
+    """Return the numbers of a signal's value."""
+    return [value] if isinstance(value, (int, float)) else value
+
+
+def thinned(rows: list[Any], count: int) -> list[Any]:
+    """Return so many rows at most, evenly spread, with the first and the last."""
+    if len(rows) <= count:
+        return rows
+    return [rows[round(number * (len(rows) - 1) / (count - 1))] for number in range(count)]
+
+
+def _picture(names: Sequence[str], colours: Sequence[str], source: Sequence[Sequence[float]]) -> dict[str, Any]:
+    """Return what ECharts draws: a curve for each column of the rows behind the first, which is the time [s]."""
+    faint = {"splitLine": {"lineStyle": {"color": "#8884"}}, "axisLine": {"lineStyle": {"color": "#888"}}}
+    ends = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True}}
+    upright = {"type": "value", "scale": True, **faint}
+    time = {
+        "type": "value",
+        "min": "dataMin",
+        "max": "dataMax",
+        "name": "t [s]",
+        "nameLocation": "middle",
+        "nameGap": 22,
+    }
+    look = {"type": "line", "showSymbol": False, "silent": True}
+    return {
+        "animation": False,
+        "color": list(colours),
+        "grid": {"left": 56, "right": 12, "top": 30, "bottom": 40},
+        "legend": {"type": "scroll", "top": 0},
+        "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax", **name, **faint, **ends},
+        "yAxis": {"type": "value", "scale": True, **faint},
+        "dataset": {"source": list(source)},
+        "series": [{**look, "name": name, "encode": {"x": 0, "y": row + 1}} for row, name in enumerate(names)],
+    }
