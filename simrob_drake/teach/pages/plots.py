@@ -127,15 +127,7 @@ def _picture(names: Sequence[str], colours: Sequence[str], source: Sequence[Sequ
     """Return what ECharts draws: a curve for each column of the rows behind the first, which is the time [s]."""
     faint = {"splitLine": {"lineStyle": {"color": "#8884"}}, "axisLine": {"lineStyle": {"color": "#888"}}}
     ends = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True}}
-    upright = {"type": "value", "scale": True, **faint}
-    time = {
-        "type": "value",
-        "min": "dataMin",
-        "max": "dataMax",
-        "name": "t [s]",
-        "nameLocation": "middle",
-        "nameGap": 22,
-    }
+    name = {"name": "t [s]", "nameLocation": "middle", "nameGap": 22}
     look = {"type": "line", "showSymbol": False, "silent": True}
     return {
         "animation": False,
