@@ -1,4 +1,4 @@
-"""The distance between two bodies."""
+"""The distances between shapes, and a block that measures that of two bodies."""
 
 from collections.abc import Collection
 from itertools import product
@@ -31,11 +31,52 @@ _RIM = np.arange(16) * np.pi / 8  # angles of the points that stand for the rim 
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
+Pair = tuple[GeometryId, GeometryId]
+
+
+class Distances:
+    """The signed distances of pairs of shapes, wherever they are.
+
+    Drake finds them for all pairs of convex shapes (a mesh counts as its convex hull), but of half spaces for spheres
+    alone; of other shapes the lowest point is looked up here.
+
+    Attributes:
+        pairs: in the order of the distances: those with half spaces come last.
+    """
+
+    def __init__(self, pairs: Collection[Pair], inspector: SceneGraphInspector) -> None:
+        """Look at the shapes of pairs that can touch."""
+        flat = [self._is_flat(inspector, *pair) for pair in pairs]
+        self._above = [self._over_plane(inspector, *pair) for pair, is_flat in zip(pairs, flat, strict=True) if is_flat]
+        self._between = [pair for pair, is_flat in zip(pairs, flat, strict=True) if not is_flat]
+        self.pairs = [*self._between, *(pair for pair, is_flat in zip(pairs, flat, strict=True) if is_flat)]
+
+    def of(self, query: QueryObject) -> Vector:
+        """Return the distances, negative where shapes are in each other, shape (k,) [m]."""
+        found = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._between]
+        for shape_id, shape, corners, plane in self._above:
+            base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
+            found.append(lowest_points(shape, base @ query.GetPoseInWorld(shape_id), corners)[:, 2].min())
+        return np.array(found)
+
+    @staticmethod
+    def _is_flat(inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> bool:
+        return any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in (first, second))
+
+    @staticmethod
+    def _over_plane(
+        inspector: SceneGraphInspector, first: GeometryId, second: GeometryId
+    ) -> tuple[GeometryId, Shape, Vector, GeometryId | RigidTransform]:
+        """Return the shape over a half space, its corners, and the half space, or the world in it where it stands."""
+        if isinstance(inspector.GetShape(first), HalfSpace):
+            first, second = second, first
+        stands = inspector.GetFrameId(second) == inspector.world_frame_id()
+        plane = inspector.GetPoseInFrame(second).inverse() if stands else second
+        return first, inspector.GetShape(first).Clone(), shape_corners(inspector, first), plane
+
+
 class DistanceSensor(Block):
     """Measure the signed distance between two sets of shapes: that of the nearest, or deepest, pair.
-
-    Drake finds it for all pairs of convex shapes (a mesh counts as its convex hull), but of half spaces for spheres
-    alone; of other shapes the lowest point is looked up here.
 
     Ports:
         in  ``query``: of the scene graph.
@@ -56,34 +97,12 @@ class DistanceSensor(Block):
             names = " and ".join(inspector.GetName(next(iter(shapes))) for shapes in (body, other))
             expected = "two things that can touch; parts of one robot can with contact.self_collision: true"
             raise InvalidParameter("distance sensor", f"between {names}", expected)
-        self._pairs = [pair for pair in pairs if not self._is_flat(inspector, *pair)]
-        self._above = [self._over_plane(inspector, *pair) for pair in pairs if self._is_flat(inspector, *pair)]
+        self._distances = Distances(pairs, inspector)
         self._query = self.DeclareAbstractInputPort("query", Value[QueryObject]())
         self.DeclareVectorOutputPort("distance", 1, weakly(self._calc_distance))
 
-    @staticmethod
-    def _is_flat(inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> bool:
-        return any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in (first, second))
-
-    @staticmethod
-    def _over_plane(
-        inspector: SceneGraphInspector, first: GeometryId, second: GeometryId
-    ) -> tuple[GeometryId, Shape, Vector, GeometryId | RigidTransform]:
-        """Return the shape over a half space, its corners, and the half space, or the world in it where it stands."""
-        if isinstance(inspector.GetShape(first), HalfSpace):
-            first, second = second, first
-        stands = inspector.GetFrameId(second) == inspector.world_frame_id()
-        plane = inspector.GetPoseInFrame(second).inverse() if stands else second
-        return first, inspector.GetShape(first).Clone(), shape_corners(inspector, first), plane
-
     def _calc_distance(self, context: Context, output: BasicVector) -> None:
-        query = self._query.Eval(context)
-        distances = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._pairs]
-        for shape_id, shape, corners, plane in self._above:
-            base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
-            points = lowest_points(shape, base @ query.GetPoseInWorld(shape_id), corners)
-            distances.append(float(points[:, 2].min()))
-        output.SetAtIndex(0, min(distances))
+        output.SetAtIndex(0, self._distances.of(self._query.Eval(context)).min())
 
 
 def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector:

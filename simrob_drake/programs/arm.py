@@ -23,7 +23,7 @@ from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
 from simrob_drake.programs.planner import Planner
 from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
 from simrob_drake.programs.timing import How
-from simrob_drake.programs.together import collision
+from simrob_drake.programs.together import collision, gaps
 from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
@@ -186,9 +186,11 @@ class Arm(CellRobot):
         if len(target) != 1:
             raise InvalidParameter("pose", f"{len(target)} poses", "one pose")
         limit, model = self.cell.robot(self.name).gains.torque_limit, self.cell.collision_model
+        gap = gaps(model, self.name, chain)
 
         def meant(q: Vector) -> Branch:
-            return Branch.of(chain, q, self.inverse_dynamics(q), limit, collision(model, self.name, self.reference, q))
+            met = collision(model, self.name, self.reference, q)
+            return Branch.of(chain, q, self.inverse_dynamics(q), limit, met, gap(q))
 
         return Branches.of(chain, target, begin, {} if held is None else held, meant)
 

@@ -1,4 +1,4 @@
-"""What each posture that brings an arm's tool to a pose means: torque to hold it, room to the limits, collisions."""
+"""What each posture that brings an arm's tool to a pose means: torque to hold it, room to limits and around it."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,6 +24,8 @@ class Branch:
         load: the largest share that is of an axis's limit, and the axis; above 1 it is more than the servo gives.
         room: the least distance of an axis to its limits [rad or m], and the axis; below 0 it is beyond them.
         collision: what would be in what; empty if nothing is.
+        gap: the least distance of the arm and what it carries to anything else, below 0 in it, and of what to what;
+            infinite with nothing around.
     """
 
     posture: Vector
@@ -31,15 +33,18 @@ class Branch:
     load: tuple[float, str]
     room: tuple[float, str]
     collision: str
+    gap: tuple[float, str]
 
     @classmethod
-    def of(cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str) -> "Branch":
+    def of(
+        cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: tuple[float, str]
+    ) -> "Branch":
         """Return what a posture (n,) means that takes so much torque (n,), of a limit (n,)."""
         loads = np.abs(torque) / limit
         rooms = np.minimum(posture - chain.lower, chain.upper - posture)
         most, least = int(np.argmax(loads)), int(np.argmin(rooms))
         load, room = (float(loads[most]), chain.names[most]), (float(rooms[least]), chain.names[least])
-        return cls(posture, torque, load, room, collision)
+        return cls(posture, torque, load, room, collision, gap)
 
     @property
     def usable(self) -> bool:
@@ -84,14 +89,15 @@ class Branches:
         if not self.found:
             return "no posture reaches the pose"
         turns = dict(zip(self.chain.names, self.chain.revolute.tolist(), strict=True))
-        rows = [["", *turns, "of the torque limit", "room to a limit", "would be in"]]
+        rows = [["", *turns, "of the torque limit", "room to a limit", "gap", "would be in"]]
         for branch in self.found:
             postures = (shown(value, turn) for value, turn in zip(branch.posture + 0.0, turns.values(), strict=True))
             load, room = (
                 f"{100 * branch.load[0]:.0f} % {branch.load[1]}",
                 shown(branch.room[0], turns[branch.room[1]]),
             )
-            rows.append(["*" * branch.usable, *postures, load, f"{room} {branch.room[1]}", branch.collision])
+            gap = f"{1e3 * branch.gap[0]:.0f} mm {branch.gap[1]}" if branch.gap[1] else ""
+            rows.append(["*" * branch.usable, *postures, load, f"{room} {branch.room[1]}", gap, branch.collision])
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         return "\n".join("  ".join(map(str.rjust, row, widths)).rstrip() for row in rows)
 

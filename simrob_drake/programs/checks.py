@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from pydrake.geometry import GeometryId, QueryObject
+from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.frames import Vector
@@ -134,8 +134,9 @@ def check_collisions(
     for row, time in enumerate(times):
         model.place_robots({name: postures[row] for name, postures in robots.items()})
         query = model.query()
+        inspector = query.inspector()
         found = [
-            (float(pair.depth), (_owner(model, query, pair.id_A), _owner(model, query, pair.id_B)))
+            (float(pair.depth), (owner(model, inspector, pair.id_A), owner(model, inspector, pair.id_B)))
             for pair in query.ComputePointPairPenetration()
             if pair.depth > touch
         ]
@@ -147,9 +148,8 @@ def check_collisions(
                 raise PathCollision(name, point=number, time=float(time), bodies=bodies, depth=depth)
 
 
-def _owner(model: StationModel, query: QueryObject, geometry: GeometryId) -> str:
+def owner(model: StationModel, inspector: SceneGraphInspector, geometry: GeometryId) -> str:
     """Return what a shape belongs to: a piece, a link of a robot, the floor."""
-    inspector = query.inspector()
     piece = piece_of_shape(model.resolved, inspector, geometry)
     if piece is not None:
         return piece

@@ -1,0 +1,148 @@
+"""What the pendant asks about an arm: where its tool is, where a jog leads, and what each branch of a pose means.
+
+All that goes in and out is plain data, as it crosses from process to process: positions of axes in degrees (metres of
+prismatic ones) by name, poses [x y z Rz Ry Rx] in m and degrees.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from simrob_drake.errors import InvalidParameter, quoted
+from simrob_drake.frames import Vector, as_transform, finite, pose_from_transform
+from simrob_drake.parts.site import WORLD
+from simrob_drake.programs.arm import Arm
+from simrob_drake.programs.branches import Branch
+from simrob_drake.programs.one_move import targets_on
+
+BASE, TOOL = "base", "tool"
+"""Frames of every arm: of its foot, and of its tool centre point where its reference has it."""
+
+_UNITS = np.repeat([1.0, np.deg2rad(1.0)], 3)
+_EASY = 2.0  # times slower than the joints can
+_TICK = 0.05  # s
+
+
+def frames(arm: Arm) -> list[str]:
+    """Return the frames that a tool can be jogged in: base, tool, world, and what stands around with its frames."""
+    pieces = arm.cell.model.resolved.pieces
+    around = [
+        name
+        for piece in pieces.values()
+        if piece.carrier != arm.name
+        for name in (piece.name, *(f"{piece.name}.{frame}" for frame in list(piece.model.frame_poses)[1:]))
+    ]
+    return [BASE, TOOL, WORLD, *around, *(robot for robot in arm.cell.config.robots if robot != arm.name)]
+
+
+def tool_pose(arm: Arm, frame: str = BASE) -> list[float]:
+    """Return the pose in a frame that the arm's reference gives its tool [m, deg]; measured ones are signals."""
+    return _told(_frame(arm, frame).inverse() @ _tool(arm))
+
+
+def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[float] | None = None) -> list[float]:
+    """Return the pose in the base after a jog along the axes of a frame; the tool turns about its own point.
+
+    Args:
+        arm: which is jogged.
+        delta: [x y z Rz Ry Rx], by how much [m, deg].
+        frame: of the axes, one of :func:`frames`.
+        start: the pose in the base that ``delta`` counts from, as the middle of sliders is; where its reference has it
+            unless given.
+    """
+    base = _frame(arm, BASE)
+    begin, by = _tool(arm) if start is None else base @ _pose(start, "start"), _pose(delta, "delta")
+    axes = begin.rotation() if frame == TOOL else _frame(arm, frame).rotation()
+    turn: RotationMatrix = axes @ by.rotation() @ axes.inverse() @ begin.rotation()
+    return _told(base.inverse() @ RigidTransform(turn, begin.translation() + axes @ by.translation()))
+
+
+def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, float]:
+    """Return the posture nearest to the arm's reference that brings its tool to a pose in a frame.
+
+    Raises:
+        Unreachable: tells why, and how near the best posture comes.
+    """
+    target = _frame(arm, frame) @ _pose(pose, "pose")
+    return _by_axis(arm, arm.joint(target, start=arm.reference))
+
+
+def jog(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = None) -> dict[str, Any]:
+    """Return the move that brings axes there, others staying, as a program's file has it.
+
+    Args:
+        arm: which is jogged.
+        targets_deg: by name or alias; those left out stay.
+        duration: of the move [s]; half as fast as the joints can unless given.
+
+    Raises:
+        JointLimitExceeded, UnknownName: tells what would do.
+    """
+    posture, model = arm.reference, arm.cell.robot(arm.name).model
+    for place, position in targets_on(model, targets_deg, "the jog").items():
+        posture[place] = position
+    time = _EASY * arm.plan.move_abs_j(posture, points=1).duration if duration is None else duration
+    move = {"targets": posture.tolist(), "duration": float(max(1, np.ceil(time / _TICK - 1e-9)) * _TICK)}
+    return {"move_abs_j": move if arm.cell.config.only_robot else {**move, "robot": arm.name}}
+
+
+def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE) -> list[dict[str, Any]]:
+    """Return every posture that brings the tool to a pose, usable ones first; without a pose, where it is now.
+
+    Each is ``{axes, torque, limit, load, room, gap, collision, usable}``: positions [deg or m], what holds them, the
+    limits of that [N·m or N] by axis; ``load`` ``{share, axis}`` of a limit, ``room`` ``{left, unit, axis}`` to a
+    joint's, ``gap`` ``{distance, between}`` to what is nearest [m], or None with nothing around; what would be in what;
+    and whether the arm can stand so.
+    """
+    target = _tool(arm) if pose is None else _frame(arm, frame) @ _pose(pose, "pose")
+    return [_meaning(arm, branch) for branch in arm.branches(target, start=arm.reference)]
+
+
+def _meaning(arm: Arm, branch: Branch) -> dict[str, Any]:
+    robot = arm.cell.robot(arm.name)
+    units, limits = dict(zip(arm.axes, robot.model.unit_names, strict=True)), robot.gains.torque_limit
+    (share, loaded), (left, near), (distance, between) = branch.load, branch.room, branch.gap
+    return {
+        "axes": _by_axis(arm, branch.posture),
+        "torque": dict(zip(arm.axes, branch.torque.tolist(), strict=True)),
+        "limit": dict(zip(arm.axes, limits.tolist(), strict=True)),
+        "load": {"share": share, "axis": loaded},
+        "room": {
+            "left": left / robot.model.user_units[arm.axes.index(near)].item(),
+            "unit": units[near],
+            "axis": near,
+        },
+        "gap": {"distance": distance, "between": between} if between else None,
+        "collision": branch.collision,
+        "usable": branch.usable,
+    }
+
+
+def _tool(arm: Arm) -> RigidTransform:
+    """Return where the reference has the tool, in the world."""
+    return arm.frame(arm)
+
+
+def _frame(arm: Arm, name: str) -> RigidTransform:
+    if name == TOOL:
+        return _tool(arm)
+    return arm.cell.robot(arm.name).base if name == BASE else arm.frame(name)
+
+
+def _by_axis(arm: Arm, posture: Vector) -> dict[str, float]:
+    values = posture / arm.cell.robot(arm.name).model.user_units + 0.0  # no -0
+    return dict(zip(arm.axes, values.tolist(), strict=True))
+
+
+def _pose(values: Sequence[float], name: str) -> RigidTransform:
+    found = finite(values)
+    if found.shape != _UNITS.shape:
+        raise InvalidParameter(name, quoted(values), "six finite numbers [x y z Rz Ry Rx] in m and degrees")
+    return as_transform(found * _UNITS)
+
+
+def _told(pose: RigidTransform) -> list[float]:
+    values: list[float] = (pose_from_transform(pose) / _UNITS + 0.0).tolist()
+    return values
