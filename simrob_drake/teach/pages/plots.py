@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import pi
 from typing import Any
-from weakref import WeakKeyDictionary
 
-from nicegui import ui
+from nicegui import context, ui
 
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
@@ -21,7 +20,6 @@ _COLOURS = ("#2f86d0", "#e08214", "#4d9f21", "#c44fae", "#01a0a0", "#b5761f", "#
 _AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
 _FIRST = ("position", "torque")  # signals that are shown at first
-_VIEWERS: WeakKeyDictionary[Session, WeakKeyDictionary[ui.element, tuple[str, ...]]] = WeakKeyDictionary()
 
 
 def build(session: Session, t: Words) -> None:
@@ -42,44 +40,55 @@ def build(session: Session, t: Words) -> None:
     show()
 
 
-def scope(session: Session, t: Words, signal: str) -> ui.element:
-    """Build the plot of one signal; :meth:`~nicegui.Element.delete` it to have done with it.
+def scope(session: Session, t: Words, signal: str, *, only: str = "") -> ui.element:
+    """Build the plot of one signal; it is watched until what is returned is deleted.
 
     Args:
         session: whose run.
         t: the words.
         signal: its name, of ``session.description["signals"]``.
+        only: the one of its columns to begin with, such as an axis; some of them unless given.
     """
-    return _Scope(session, t, signal).element
+    element = _Scope(session, t, signal, only).element
+    viewer = f"{context.client.id} {element.id}"
+
+    def hear(_: str) -> None:
+        if element.is_deleted:
+            forget()
+            session.watch((), viewer)
+
+    forget = session.listen(hear)
+    session.watch([signal], viewer)
+    return element
 
 
 class _Scope:
     """The plot of one signal, and the choice of its curves."""
 
-    def __init__(self, session: Session, t: Words, name: str) -> None:
-        self._session, self._name = session, name
-        signal = next(signal for signal in session.description["signals"] if signal["name"] == name)
-        unit, self._factor = _AS_SHOWN.get(signal["unit"], (signal["unit"], 1.0))
-        self._columns: tuple[str, ...] = tuple(signal.get("columns") or ())
+    def __init__(self, session: Session, t: Words, signal: str, only: str) -> None:
+        self._session, self._name, self._only = session, signal, only
+        about = next(one for one in session.description["signals"] if one["name"] == signal)
+        title = about.get("title") or signal
+        unit, self._factor = _AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
+        self._columns: tuple[str, ...] = tuple(about.get("columns") or ())
         self._drawn: object = None
+        ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         with ui.column().classes("w-full gap-0") as self.element:
             with ui.row().classes("w-full items-center no-wrap"):
-                ui.label(f"{signal.get('title') or name}{f' [{unit}]' if unit else ''}").classes("font-bold")
+                ui.label(f"{title}{f' [{unit}]' if unit else ''}").classes("font-bold")
                 self._choice = ui.select({}, value=[], label=t("plots.curves"), multiple=True, clearable=True)
                 self._choice.props("dense use-chips").classes("grow min-w-0")
             self._chart = ui.echart({}, renderer="svg").classes("w-full h-56 simrob-plot")
-            self._chart.props(f'role=img aria-label="{signal.get("title") or name}"')
-        ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
+            self._chart.props(f'role=img aria-label="{title}"')
+            ui.timer(_PAUSE, self._look)
         self._offer(len(self._columns))
         self._choice.on_value_change(self._forget)
-        watch(session, self.element, [name])
-        with self.element:
-            ui.timer(_PAUSE, self._look)
 
     def _offer(self, count: int) -> None:
         """Let the user choose among so many curves."""
         names = self._columns if len(self._columns) == count else tuple(str(number + 1) for number in range(count))
-        self._choice.set_options(dict(enumerate(names)), value=list(range(min(count, _AT_ONCE))))
+        first = [names.index(self._only)] if self._only in names else list(range(min(count, _AT_ONCE)))
+        self._choice.set_options(dict(enumerate(names)), value=first)
         self._choice.set_visibility(count > 1)
 
     def _forget(self) -> None:
@@ -102,13 +111,6 @@ class _Scope:
         ]
         names = [self._choice.options[column] for column in chosen]
         self._chart.props["options"] = _picture(names, [_COLOURS[i % len(_COLOURS)] for i in chosen], source)
-
-
-def watch(session: Session, viewer: ui.element, signals: Iterable[str]) -> None:
-    """Have signals in ``session.values`` and ``history`` as long as an element is there, of whatever tab."""
-    viewers = _VIEWERS.setdefault(session, WeakKeyDictionary())
-    viewers[viewer] = tuple(signals)
-    session.watch(sorted({name for element, names in viewers.items() if not element.is_deleted for name in names}))
 
 
 def as_list(value: Any) -> Sequence[float]:

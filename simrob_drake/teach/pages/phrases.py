@@ -1,0 +1,84 @@
+"""Axes, moves and changes of a program in words that a student reads."""
+
+import unicodedata
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from simrob_drake.teach.form import as_text
+from simrob_drake.teach.pages.words import Words
+
+Content = Mapping[str, Any]
+"""A move or a change as a program's file has it, an axis as a description has it."""
+
+_TOLD = ("walk", "act", "attach", "release", "wait", "play", "tool")  # kinds of move with words of their own
+_MINUS = "\N{MINUS SIGN}"
+_UNITS = {"deg": "°", "m": " m"}
+
+
+class Phrases:
+    """What pages call the axes of a robot, and what is done with them."""
+
+    def __init__(self, t: Words, axes: Iterable[Content]) -> None:
+        """Take the words, and the robot's axes."""
+        self.t = t
+        self._axes = {name: axis for axis in axes for name in (axis["name"], *axis["aliases"])}
+
+    def axis(self, name: str) -> str:
+        """Return what an axis is called, and which way is positive; its plain name where there are no words for it."""
+        known = self._axes[name]["name"] if name in self._axes else name
+        try:
+            return self.t(f"axes.{known}")
+        except KeyError:
+            return known.replace("_", " ")
+
+    def target(self, name: str, value: float) -> str:
+        """Return where an axis goes."""
+        return f"{self.axis(name)} {figure(value)}{self.unit(name)}"
+
+    def unit(self, name: str) -> str:
+        """Return what stands behind a number of an axis."""
+        return _UNITS[self._axes[name]["unit"]] if name in self._axes else ""
+
+    def move(self, move: Content) -> str:
+        """Return a move in one line."""
+        if "target_deg" in move:
+            axes = ", ".join(self.target(axis, value) for axis, value in move["target_deg"].items())
+            return self.t("legs.told_move", axes=axes, seconds=figure(move["duration"]))
+        kind, content = next(iter(move.items()))
+        if kind not in _TOLD:
+            return as_text(move)
+        first, *others = content.values() if isinstance(content, Mapping) else [content]
+        keys = list(content)[1:] if others else []
+        rest = ", ".join(f"{key.replace('_', ' ')} {as_text(value)}" for key, value in zip(keys, others, strict=True))
+        told = self.t(f"legs.told_{kind}", what=figure(first) if isinstance(first, (int, float)) else first)
+        return f"{told} ({rest})" if rest else told
+
+    def change(self, change: Content, grid: float) -> str:
+        """Return a change of a run in one line; ``grid`` is the program's [s]."""
+        if "push" in change:
+            push = change["push"]
+            force = " ".join(map(figure, push["force"]))
+            told = self.t("legs.told_push", at=push["at"], force=force, seconds=figure(push["duration"]))
+        elif "drag" in change:
+            drag = change["drag"]
+            told = self.t("legs.told_drag", at=drag["at"], seconds=figure(len(drag["targets"]) * grid))
+        else:
+            told = ", ".join(f"{key} = {as_text(value)}" for key, value in change["set"].items())
+        return self.t("legs.told_at", time=figure(change["time"]), what=told)
+
+
+def matches(search: str, texts: Iterable[str]) -> bool:
+    """Tell whether each word of a search stands in some texts; capitals and accents do not count."""
+    hay = " ".join(map(folded, texts))
+    return all(word in hay for word in folded(search).split())
+
+
+def folded(text: str) -> str:
+    """Return a text as it is compared: without capitals, accents and what joins words."""
+    parts = unicodedata.normalize("NFKD", text.replace("_", " ").casefold())
+    return "".join(letter for letter in parts if not unicodedata.combining(letter))
+
+
+def figure(value: float) -> str:
+    """Return a number as briefly as it can be read."""
+    return f"{round(value, 3) + 0.0:g}".replace("-", _MINUS)
