@@ -1,0 +1,162 @@
+"""Fields of a station on a page: each with its help below, and in its place what is wrong with what was typed."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any
+
+from nicegui import ui
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.teach.form import Field, as_text, as_value
+from simrob_drake.teach.pages.words import Words
+
+Give = Callable[[str, Any], Awaitable[str]]
+"""Takes a key and its new value, and returns what is wrong with it; nothing where it was done."""
+
+_LOOK = """
+.station-form .q-field__bottom {position: static; transform: none; padding-bottom: 8px; line-height: 1.3}
+.station-form .q-field--with-bottom {padding-bottom: 0}
+"""
+
+
+class FormView:
+    """A column of fields. Shown anew with the same keys only their values change, so that none loses the focus."""
+
+    def __init__(self, t: Words, give: Give, *, under: str = "") -> None:
+        """Make an empty column in the present place.
+
+        Args:
+            t: the words.
+            give: takes what the user enters.
+            under: what is left out of the names of the keys.
+        """
+        self._t, self._give, self._under = t, give, under
+        self._shape: object = None
+        self._update: list[Callable[[Field], object]] = []
+        ui.add_css(_LOOK)
+        self._place = ui.column().classes("station-form w-full gap-1")
+
+    def show(self, fields: Sequence[Field]) -> None:
+        """Show fields."""
+        shape = [(field.key, field.kind, field.choices) for field in fields]
+        if shape != self._shape:
+            self._shape = shape
+            self._place.clear()
+            with self._place:
+                self._update = [self._draw(field) for field in fields]
+        for update, field in zip(self._update, fields, strict=True):
+            update(field)
+
+    def _draw(self, field: Field) -> Callable[[Field], object]:
+        draw = {"switch": self._switch, "section": self._section, "choice": self._choice, "entries": self._entries}
+        return draw.get(field.kind, self._typed)(field)
+
+    def _name(self, field: Field) -> str:
+        return field.key.removeprefix(f"{self._under}.")
+
+    def _switch(self, field: Field) -> Callable[[Field], object]:
+        return self._switched(field, lambda on: on).update
+
+    def _section(self, field: Field) -> Callable[[Field], object]:
+        """Draw the heading of a section; one that may be missing has a switch."""
+        if field.removable:
+            return self._switched(field, lambda on: {} if on else None).update
+        ui.label(self._name(field)).classes("font-bold pt-2").tooltip(field.help)
+        return lambda new: None
+
+    def _switched(self, field: Field, value: Callable[[bool], Any]) -> "_Switch":
+        return _Switch(self._name(field), field, lambda on: self._give(field.key, value(on)))
+
+    def _choice(self, field: Field) -> Callable[[Field], object]:
+        select = ui.select(list(field.choices), label=self._name(field), value=field.value)
+        select.classes("w-full").props("dense").props["hint"] = field.help
+        shown = [field.value]
+
+        async def changed() -> None:
+            if select.value != shown[0]:
+                select.error = await self._give(field.key, select.value) or None
+
+        def update(new: Field) -> None:
+            shown[0] = new.value
+            select.value, select.error = new.value, None
+
+        select.on_value_change(changed)
+        return update
+
+    def _typed(self, field: Field) -> Callable[[Field], object]:
+        box = ui.input(self._name(field), suffix=field.unit or None, placeholder=as_text(field.default))
+        box.classes("w-full").props("dense").props["hint"] = self._help(field)
+        shown = [""]
+
+        async def typed() -> None:
+            if (text := box.value or "") == shown[0]:
+                box.error = None
+                return
+            try:
+                box.error = await self._give(field.key, as_value(field, text)) or None
+            except SimrobError as problem:
+                box.error = str(problem)
+
+        def update(new: Field) -> None:
+            text = as_text(new.value)
+            if text != shown[0]:
+                shown[0] = box.value = text
+                box.error = None
+
+        box.on("keydown.enter", typed).on("blur", typed)
+        return update
+
+    def _help(self, field: Field) -> str:
+        """Return what a field is, with its bounds and its default."""
+        bounds = [f"{sign} {bound:g}" for sign, bound in (("≥", field.low), ("≤", field.high)) if bound is not None]
+        default = as_text(field.default)
+        told = [*bounds, self._t("station.default", value=default) if default else ""]
+        return " · ".join(filter(None, (field.help, *told)))
+
+    def _entries(self, field: Field) -> Callable[[Field], object]:
+        """Draw what puts a new entry into a section of entries: its name, its kind, and its keys as YAML."""
+        with ui.row().classes("w-full items-start gap-2"):
+            name = ui.input(self._t("station.entry_name")).props("dense").classes("w-32")
+            kind = ui.select(list(field.choices), label=self._t("station.entry_kind")).props("dense").classes("w-36")
+            kind.set_visibility(bool(field.choices))
+            keys = ui.input(self._t("station.entry_keys"), placeholder="{force: [5, 0, 0]}")
+            keys.props("dense").classes("grow")
+
+            async def add() -> None:
+                try:
+                    entry = as_value(Field(f"{field.key}.{name.value}", "value", default={}), keys.value or "")
+                except SimrobError as problem:
+                    keys.error = str(problem)
+                    return
+                told = {"kind": kind.value} if kind.value else {}
+                whole = {**told, **entry} if isinstance(entry, dict) else entry
+                keys.error = await self._give(f"{field.key}.{name.value or ''}", whole) or None
+
+            ui.button(self._t("station.entry_add"), icon="add", on_click=add).props("flat dense")
+        return lambda new: None
+
+
+class _Switch:
+    """A switch of a field, with its help below, or what is wrong."""
+
+    def __init__(self, name: str, field: Field, give: Callable[[bool], Awaitable[str]]) -> None:
+        self._give, self._shown, self._help = give, bool(field.value), field.help
+        with ui.column().classes("w-full gap-0"):
+            self._switch = ui.switch(name, value=self._shown, on_change=self._changed).props("dense").classes("pt-2")
+            self._told = ui.label().classes("text-xs")
+        self._tell("")
+
+    async def _changed(self) -> None:
+        if self._switch.value != self._shown:
+            wrong = await self._give(self._switch.value)
+            self._tell(wrong)
+            if wrong:
+                self._switch.value = self._shown
+
+    def _tell(self, wrong: str) -> None:
+        self._told.text = wrong or self._help
+        self._told.classes(replace=f"text-xs {'text-negative' if wrong else 'opacity-70'}")
+
+    def update(self, field: Field) -> None:
+        """Show what the station has."""
+        self._shown = self._switch.value = bool(field.value)
+        self._tell("")

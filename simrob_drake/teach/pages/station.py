@@ -1,0 +1,212 @@
+"""The station's page: its blocks and their signals, what may end a run, a form for every key, what a check finds."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+from nicegui import background_tasks, ui
+
+from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.teach.blocks import told_by
+from simrob_drake.teach.form import Field, as_text, form_fields
+from simrob_drake.teach.pages.following import follow
+from simrob_drake.teach.pages.form_view import FormView
+from simrob_drake.teach.pages.picture import BlockPicture
+from simrob_drake.teach.pages.plots import Scope
+from simrob_drake.teach.pages.tuning import tuners
+from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.session import Session
+
+_MOST_FOUND = 25  # fields that a search shows
+_MOST_SCOPES = 3
+_MOST_ENDINGS = 10
+_ICONS = {"ok": ("check_circle", "text-positive"), "warning": ("warning", "text-warning")}
+
+
+def build(session: Session, t: Words) -> None:
+    """Build the page of a session's station in the present place."""
+    _Page(session, t)
+
+
+class _Page:
+    def __init__(self, session: Session, t: Words) -> None:
+        self._session, self._t = session, t
+        self._fields: list[Field] = []
+        self._content: dict[str, Any] = {}
+        self._endings: list[str] = []
+        self._scopes: list[Scope] = []
+        self._sections: dict[str, _Section] = {}
+        with ui.element("div").classes("w-full grid gap-4 grid-cols-1 xl:grid-cols-[2fr_1fr]"):
+            with _card(t("station.blocks"), t("station.blocks_help")):
+                self._wrong_picture = ui.label().classes("text-negative")
+                self._picture = BlockPicture(self._show_block)
+            with _card(t("station.block")) as self._panel:
+                self._block = ui.column().classes("w-full gap-2")
+        with _card(t("station.stops")):
+            self._stops = ui.column().classes("w-full gap-1")
+        with ui.element("div").classes("w-full grid gap-4 grid-cols-1 lg:grid-cols-[2fr_1fr]"):
+            with _card(t("station.keys"), t("station.keys_help")):
+                self._changed = ui.row().classes("gap-2 items-center")
+                self._sought = ui.input(t("station.search"), on_change=self._search)
+                self._sought.props("clearable dense").classes("w-full")
+                self._found = FormView(t, self._give)
+                self._form = ui.column().classes("w-full gap-0")
+            with _card(t("station.check")):
+                self._findings = ui.column().classes("w-full gap-1")
+        follow(session, self._refresh, "description")
+        follow(session, self._hear, "message")
+
+    async def _give(self, key: str, value: Any) -> str:
+        """Change a key of the station, while a run goes on that of the run; return what is wrong with it."""
+        session = self._session
+        if session.phase in ("running", "paused"):
+            done = await asyncio.wrap_future(session.change(key, value)) is not None
+        else:
+            done = session.set(key, value)
+        return "" if done else str(session.message)
+
+    def _refresh(self) -> None:
+        """Show the station as it is now."""
+        session = self._session
+        if not session.description:
+            return
+        self._content = yaml.safe_load(station_yaml(load_station(session.station, session.settings, allow_code=True)))
+        self._fields = form_fields(session.schema(), self._content)
+        self._show_form()
+        self._show_changed()
+        self._show_stops()
+        self._show_block(self._picture.chosen)
+        background_tasks.create(self._ask())
+
+    async def _ask(self) -> None:
+        """Ask the run's process for the picture, and for what a check finds."""
+        picture = await asyncio.wrap_future(self._session.picture())
+        self._wrong_picture.text = "" if picture else str(self._session.message)
+        if picture:
+            self._picture.show(picture)
+        findings = await asyncio.wrap_future(self._session.check())
+        self._findings.clear()
+        with self._findings:
+            for finding in findings or [{"level": "warning", "subject": "", "text": str(self._session.message)}]:
+                self._show_finding(finding)
+
+    def _show_finding(self, finding: Mapping[str, str]) -> None:
+        icon, colour = _ICONS.get(finding["level"], _ICONS["warning"])
+        with ui.row().classes("w-full no-wrap items-start gap-2"):
+            ui.icon(icon).classes(colour).props(f'aria-label="{self._t("station." + finding["level"])}" role=img')
+            ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
+
+    def _show_form(self) -> None:
+        """Show the keys, section by section; a section is built when it is opened for the first time."""
+        tops: dict[str, list[Field]] = {}
+        for field in self._fields:
+            alone = field.kind != "section" and "." not in field.key and field.kind != "entries"
+            tops.setdefault("" if alone else field.top, []).append(field)
+        if list(tops) != list(self._sections):
+            self._form.clear()
+            with self._form:
+                title = self._t("station.general")
+                self._sections = {top: _Section(top, top or title, self) for top in tops}
+        for top, fields in tops.items():
+            self._sections[top].show(fields)
+
+    def view(self, under: str = "") -> FormView:
+        """Make an empty column of fields in the present place, whose keys are told without what they are under."""
+        return FormView(self._t, self._give, under=under)
+
+    def _search(self) -> None:
+        """Show the fields whose key or help has all the words that are sought, in place of the sections."""
+        words = (self._sought.value or "").lower().split()
+        found = [f for f in self._fields if words and all(w in f"{f.key} {f.help}".lower() for w in words)]
+        self._found.show(found[:_MOST_FOUND])
+        self._form.set_visibility(not words)
+
+    def _show_changed(self) -> None:
+        """Show what is changed of the station, each to be taken back."""
+        self._changed.clear()
+        with self._changed:
+            for key, value in self._session.settings.items():
+                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="edit")
+                chip.on_value_change(lambda key=key: self._session.unset(key))
+
+    def _show_stops(self) -> None:
+        """Say what may end a run, and what did."""
+        self._stops.clear()
+        with self._stops:
+            monitors = [field for field in self._fields if field.top == "monitors" and field.key.count(".") == 1]
+            for monitor in monitors:
+                inner = [field for field in self._fields if field.key.startswith(f"{monitor.key}.")]
+                given = [_told(field) for field in inner if field.value not in (None, field.default)]
+                name = monitor.key.partition(".")[2]
+                ui.label(f"{name}: {', '.join(given)}. {monitor.help}").classes("text-sm")
+            if not monitors:
+                ui.label(self._t("station.no_monitors")).classes("text-sm opacity-70")
+            for ending in self._endings:
+                with ui.row().classes("no-wrap items-start gap-2"):
+                    ui.icon("flag")
+                    ui.label(ending).classes("text-sm font-bold min-w-0")
+
+    def _hear(self) -> None:
+        message = self._session.message
+        if message.key == "ended":
+            self._endings = [str(message), *self._endings][:_MOST_ENDINGS]
+            self._show_stops()
+
+    def _show_block(self, block: str) -> None:
+        """Show the parameters and the signals of a block."""
+        for scope in self._scopes:
+            scope.close()
+        self._scopes.clear()
+        self._block.clear()
+        with self._block:
+            if not block:
+                ui.label(self._t("station.choose_block")).classes("opacity-70")
+                return
+            signals = [signal["name"] for signal in self._session.description["signals"]]
+            told = told_by(block, self._content, signals)
+            ui.label(self._picture.labels.get(block, block)).classes("font-bold whitespace-pre-line")
+            fields = [field for field in self._fields if told.holds(field.key)]
+            shown = told.signals[:_MOST_SCOPES]
+            self._scopes = [Scope(self._session, self._t, name, only=told.axis) for name in shown]
+            tuners(fields, self._give)
+            with ui.expansion(self._t("station.parameters"), value=len(fields) < _MOST_FOUND).classes("w-full"):
+                self.view().show(fields)
+
+
+class _Section:
+    """A section of the form, folded; what stands in it is made when it is unfolded."""
+
+    def __init__(self, top: str, title: str, page: _Page) -> None:
+        self._fields: list[Field] = []
+        self._view: FormView | None = None
+        self._top, self._page = top, page
+        self._fold = ui.expansion(title, on_value_change=self._fill).classes("w-full").props("dense")
+
+    def show(self, fields: list[Field]) -> None:
+        """Show fields."""
+        self._fields = fields
+        self._fill()
+
+    def _fill(self) -> None:
+        if not self._fold.value:
+            return
+        if self._view is None:
+            with self._fold:
+                self._view = self._page.view(self._top)
+        self._view.show(self._fields)
+
+
+def _card(title: str, about: str = "") -> ui.card:
+    with ui.card().classes("w-full min-w-0") as card:
+        ui.label(title).classes("text-lg").props("role=heading aria-level=2")
+        if about:
+            ui.label(about).classes("text-sm opacity-70")
+    return card
+
+
+def _told(field: Field) -> str:
+    name = field.key.rpartition(".")[2].removesuffix("_deg").replace("_", " ")
+    return f"{name} {as_text(field.value)} {field.unit}".strip()
