@@ -3,11 +3,20 @@
 import logging
 import re
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, MeshcatVisualizerParams, QueryObject, Rgba, Role
+from pydrake.geometry import (
+    FrameId,
+    Meshcat,
+    MeshcatParams,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    QueryObject,
+    Rgba,
+    Role,
+)
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera
@@ -80,14 +89,19 @@ def draw_geometry(meshcat: Meshcat, query: QueryObject, prefixes: Prefixes, *, h
 def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
     """Return what moves the bodies in Meshcat's page to where they are now."""
     inspector = query.inspector()
-    found: list[Command] = []
-    for frame in inspector.GetAllFrameIds():
-        matrix = np.round(query.GetPoseInWorld(frame).GetAsMatrix4(), 7).ravel(order="F").tolist()
-        path = inspector.GetName(frame).replace("::", "/")
+    frames, found = inspector.GetAllFrameIds(), list[Command]()
+    for frame, (path, matrix) in zip(frames, placed(query, frames), strict=True):
         for prefix, role in prefixes.items():
             if inspector.NumGeometriesForFrameWithRole(frame, role) and frame != inspector.world_frame_id():
                 found.append({"type": "set_transform", "path": f"/drake/{prefix}/{path}", "matrix": matrix})
     return found
+
+
+def placed(query: QueryObject, frames: Sequence[FrameId]) -> Iterator[tuple[str, list[float]]]:
+    """Yield the path of each frame in Meshcat's tree, under a prefix, and the matrix of its pose, column by column."""
+    for frame in frames:
+        matrix = np.round(query.GetPoseInWorld(frame).GetAsMatrix4(), 7)
+        yield query.inspector().GetName(frame).replace("::", "/"), matrix.ravel(order="F").tolist()
 
 
 def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
