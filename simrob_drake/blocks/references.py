@@ -1,7 +1,7 @@
 """References: desired joint positions over time, as Drake trajectories and the sources that play them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -22,6 +22,7 @@ BLEND = (10.0, -15.0, 6.0)
 PEAK = 1.875
 """Largest over mean speed of it."""
 _JUMP = 1e-9  # rad or rad/s: what counts as a corner
+_RATE = 1000.0  # Hz
 _CUBIC = 4  # order of a spline, as of a polynomial of so many coefficients
 
 
@@ -51,7 +52,7 @@ class SineCourse:
         return np.asarray(self.centre + self.amplitude * np.sin(angles))
 
 
-Course: TypeAlias = "Trajectory | SineCourse"
+Course: TypeAlias = Trajectory | SineCourse
 """Desired joint positions over time: a trajectory (n, 1), which holds its ends, or a sine."""
 
 
@@ -211,6 +212,35 @@ def _rising(times: Vector, name: str) -> Vector:
         told = f"rising by {SHORTEST:g} s or more each [s]"
         raise InvalidParameter(name, f"{times[close[0]]:g}, {times[close[0] + 1]:g}", told)
     return times
+
+
+def later(course: Course, time: float) -> Course:
+    """Return a course as it goes on from a time on [s], which becomes zero; before it, it is what it was.
+
+    What is no polynomial, spline or sine is sampled a thousand times a second.
+    """
+    if isinstance(course, SineCourse):
+        return replace(course, phase=course.phase + 2 * np.pi * course.frequency * time)
+    if time >= course.end_time():
+        return hold(course_values(course, np.array([time]))[0])
+    return _moved(course, time)
+
+
+def _moved(trajectory: Trajectory, time: float) -> Trajectory:
+    if isinstance(trajectory, PiecewisePolynomial):
+        moved = trajectory.Clone()
+        moved.shiftRight(-time)
+        return moved
+    if isinstance(trajectory, BsplineTrajectory):
+        basis = trajectory.basis()
+        return BsplineTrajectory(
+            BsplineBasis(basis.order(), [knot - time for knot in basis.knots()]), trajectory.control_points()
+        )
+    if isinstance(trajectory, CompositeTrajectory):
+        segments = range(trajectory.get_number_of_segments())
+        return CompositeTrajectory([_moved(trajectory.segment(number), time) for number in segments])
+    times, *samples = hermite_samples(trajectory, trajectory.start_time(), trajectory.end_time(), _RATE)
+    return hermite(times - time, *samples)
 
 
 def corner_times(trajectory: Course) -> list[float]:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.frames import Vector
-from simrob_drake.programs.moves import Brief, Named
+from simrob_drake.programs.moves import Brief, Named, PlayMove, WaitMove
 from simrob_drake.programs.plan import Check
 from simrob_drake.programs.timing import How, Profile
 from simrob_drake.quantities import Duration, Pose, Positive
@@ -135,13 +135,6 @@ class MoveCMove(Strict):
 PlannedMove = MoveAbsJMove | MoveJMove | MoveLMove | MoveCMove
 
 
-class WaitMove(Strict):
-    """All robots hold their places."""
-
-    wait: Duration
-    """How long [s]."""
-
-
 class ToolMove(Strict):
     """A robot uses another tool; it takes no time."""
 
@@ -157,10 +150,16 @@ class TogetherMove(Brief):
     """Of all [s]; until the last one ends unless given."""
 
 
-ArmMove = PlannedMove | WaitMove | ToolMove | TogetherMove
+ArmMove = PlannedMove | WaitMove | PlayMove | ToolMove | TogetherMove
 PLANNED: dict[str, type[Any]] = {next(iter(kind.model_fields)): kind for kind in get_args(PlannedMove)}
 """By the names of the methods."""
-ARM_KINDS: dict[str, type[ArmMove]] = {**PLANNED, "wait": WaitMove, "tool": ToolMove, "together": TogetherMove}
+ARM_KINDS: dict[str, type[ArmMove]] = {
+    **PLANNED,
+    "wait": WaitMove,
+    "play": PlayMove,
+    "tool": ToolMove,
+    "together": TogetherMove,
+}
 """By the key that tells them apart."""
 
 

@@ -1,7 +1,8 @@
 """A program of arms, move by move: looked at before anything moves, and run.
 
 What a dynamic station does is known only once it is done. So the look at a program stands its robots where each move
-leads them, without a simulation; it ends before a move that depends on a piece that was let fall.
+leads them, without a simulation; it ends before a move that depends on a piece that was let fall, and before the
+station's own references.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.programs.arm_moves import PlannedMove, TogetherMove, ToolMove, WaitMove, in_si, said
+from simrob_drake.programs.arm_moves import PlannedMove, TogetherMove, ToolMove, in_si, said
 from simrob_drake.programs.hands import apply
-from simrob_drake.programs.moves import AttachMove, JointMove, ReleaseMove
+from simrob_drake.programs.moves import AttachMove, JointMove, PlayMove, ReleaseMove, WaitMove
 from simrob_drake.programs.one_move import move_name, naming, targets_on
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.program import AnyMove, Program
@@ -73,7 +74,7 @@ def rehearse(cell: Workcell, program: Program, file: str = "") -> tuple[int, flo
         raise InvalidParameter(file or "the program", state, "one with moves, such as move_abs_j")
     fallen, whole = set[str](), 0.0
     for number, move in enumerate(program.moves):
-        if not fallen.isdisjoint(_names(move)):
+        if isinstance(move, PlayMove) or not fallen.isdisjoint(_names(move)):
             return number, whole
         with naming(move_name(number, len(program.moves), file)):
             whole += _done(cell, move, program.robot, lambda plans, duration: _stand(cell, plans, duration)) or 0.0
@@ -85,6 +86,8 @@ def _done(cell: Workcell, move: AnyMove, robot: str | None, run: _Run) -> Any:
     """Do a move, and return what ``run`` gives; None of what takes no time."""
     if isinstance(move, WaitMove):
         return run([], move.wait)
+    if isinstance(move, PlayMove):
+        return cell.play(move.play)
     if isinstance(move, TogetherMove):
         return run([_plan(cell, one, robot) for one in move.together], move.duration)
     if isinstance(move, PlannedMove | JointMove):
@@ -143,5 +146,5 @@ def _names(move: AnyMove) -> Iterator[str]:
             yield wobj.split(".", 1)[0]
 
 
-ARM_ONLY = PlannedMove | WaitMove | ToolMove | TogetherMove
+ARM_ONLY = PlannedMove | ToolMove | TogetherMove
 """Moves by which a program is one of arms."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -40,6 +39,8 @@ from simrob_drake.programs.moves import (
 )
 from simrob_drake.programs.one_move import targets_on
 from simrob_drake.programs.program import Program, counted
+from simrob_drake.programs.snapshot import Snapshot
+from simrob_drake.programs.timeline import following
 from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
@@ -47,15 +48,6 @@ from simrob_drake.results.whole import joined
 from simrob_drake.simulation import Reference
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """What :meth:`LeggedRobot.undo` goes back to."""
-
-    program: Program
-    state: State | None
-    config: StationConfig
 
 
 class LeggedRobot(LeggedGeometry):
@@ -198,7 +190,7 @@ class LeggedRobot(LeggedGeometry):
         instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
         given = program if isinstance(program, Program) else Program.load(program)
         file = "" if given is program else str(program)
-        return self._perform(stages_of_program(self, given, self.cell.config, file))[-1]
+        return self._perform_all(given, self.cell.config, file)
 
     def planned(self, program: Program) -> tuple[Reference, float]:
         """Return the reference that a program of joint moves is from where the robot is, and its duration [s].
@@ -255,7 +247,7 @@ class LeggedRobot(LeggedGeometry):
             SimrobError: what cannot be done from the start; names the move.
         """
         program = self.program if automatic is None else self.program.with_automatic(automatic)
-        return self._perform(stages_of_program(self, program, self._start), from_start=True)[-1]
+        return self._perform_all(program, self._start, from_start=True)
 
     def add_reference(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> None:
         """Store targets as a cell for :meth:`simulate` with ``automatic`` (AddRef), which lasts until they are reached.
@@ -282,7 +274,7 @@ class LeggedRobot(LeggedGeometry):
 
         Args:
             index: of the move, counted from 0; negative numbers count from the end.
-            move: in place of its targets [deg], or of the whole move: as :meth:`insert` takes it.
+            move: in place of its targets [deg] or the whole move, as :meth:`insert` takes it.
             duration: in place of the duration [s] of a move of joints.
 
         Raises:
@@ -354,6 +346,12 @@ class LeggedRobot(LeggedGeometry):
         """Do moves from the last state, perhaps store them, and return the runs."""
         return self._perform(stages_of(self, moves, self.cell.config), store=moves if truth(store, "store") else ())
 
+    def _perform_all(
+        self, program: Program, station: StationConfig, file: str = "", *, from_start: bool = False
+    ) -> SimulationResult:
+        with following(self.cell, program.grid, program.changes):
+            return self._perform(stages_of_program(self, program, station, file), from_start=from_start)[-1]
+
     def _perform(
         self, stages: Sequence[Stage], *, store: Sequence[LegMove] = (), from_start: bool = False
     ) -> list[SimulationResult]:
@@ -382,7 +380,7 @@ class LeggedRobot(LeggedGeometry):
 
     def _back_to_start(self) -> None:
         self.cell.change(self._start)
-        self.cell.state = State.at_start_of(self._start)
+        self.cell.state, self.cell.timeline.now = State.at_start_of(self._start), 0.0
 
     def _replace(self, program: Program, file: str = "") -> None:
         check_program(self, program, self._start, file)
@@ -393,8 +391,8 @@ class LeggedRobot(LeggedGeometry):
         self._past.append(snapshot or self._snapshot())
 
     def _snapshot(self) -> Snapshot:
-        return Snapshot(self.program, self.cell.state, self.cell.config)
+        return Snapshot(self.program, self.cell.state, self.cell.config, self.cell.timeline.now)
 
     def _restore(self, snapshot: Snapshot) -> None:
-        self.program, self.cell.state = snapshot.program, snapshot.state
+        self.program, self.cell.state, self.cell.timeline.now = snapshot.program, snapshot.state, snapshot.now
         self.cell.change(snapshot.config)

@@ -21,7 +21,17 @@ from simrob_drake.programs.hands import apply, taker
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.legged_geometry import LeggedGeometry
 from simrob_drake.programs.model import StationModel, reparented
-from simrob_drake.programs.moves import LEG_KINDS, ActMove, AttachMove, JointMove, LegMove, ReleaseMove, WalkMove
+from simrob_drake.programs.moves import (
+    LEG_KINDS,
+    ActMove,
+    AttachMove,
+    JointMove,
+    LegMove,
+    PlayMove,
+    ReleaseMove,
+    WaitMove,
+    WalkMove,
+)
 from simrob_drake.programs.one_move import move_name, naming, targets_on
 from simrob_drake.programs.ongoing import GOES_ON
 from simrob_drake.programs.program import Program
@@ -58,6 +68,10 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[LegMove], station: StationC
             name = move_name(number, len(moves), file)
             if isinstance(move, JointMove):
                 targets_on(robot.model, move.target_deg, name, move.duration)
+                continue
+            if isinstance(move, WaitMove | PlayMove):
+                stages.append(partial(_let_pass, move=move))
+                changed = changed or isinstance(move, PlayMove)
                 continue
             with naming(name if len(moves) > 1 or file else ""):
                 if isinstance(move, AttachMove | ReleaseMove):
@@ -141,6 +155,10 @@ def _walk_anew(robot: LeggedGeometry, move: WalkMove | ActMove, name: str) -> Si
 def _move_joints(robot: LeggedGeometry, moves: Sequence[LegMove]) -> SimulationResult:
     reference, duration = joint_reference(robot, moves)
     return robot.cell.follow({robot.name: reference}, duration)
+
+
+def _let_pass(robot: LeggedGeometry, move: WaitMove | PlayMove) -> SimulationResult:
+    return robot.cell.wait(move.wait) if isinstance(move, WaitMove) else robot.cell.play(move.play)
 
 
 def _hand_over(robot: LeggedGeometry, move: AttachMove | ReleaseMove, name: str) -> None:

@@ -161,7 +161,21 @@ class ReleaseMove(Strict):
     release: Release
 
 
-LegMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove
+class WaitMove(Strict):
+    """All robots hold their places."""
+
+    wait: Duration
+    """How long [s]."""
+
+
+class PlayMove(Strict):
+    """All robots follow the references of the station's file, from where they are."""
+
+    play: Duration
+    """How long [s]."""
+
+
+LegMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove | WaitMove | PlayMove
 LEG_KINDS: dict[str, type[LegMove]] = {next(iter(kind.model_fields)): kind for kind in get_args(LegMove)}
 """By the key that tells them apart, the first field."""
 

@@ -17,17 +17,19 @@ from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.arm_moves import ArmMove, Tool, ToolMove
 from simrob_drake.programs.grasps import let_go, taken
 from simrob_drake.programs.model import StationModel, reparented
-from simrob_drake.programs.moves import Attach, AttachMove, Release, ReleaseMove, checked
+from simrob_drake.programs.moves import Attach, AttachMove, PlayMove, Release, ReleaseMove, checked
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.tape import Take, Tape
 from simrob_drake.programs.targets import HasTool, WorkObject
 from simrob_drake.programs.telling import in_words, told_pose, told_run
+from simrob_drake.programs.timed import run_timed
+from simrob_drake.programs.timeline import Timeline
 from simrob_drake.programs.together import check_moves
-from simrob_drake.programs.trajectories import Stretch, rest, trajectory
+from simrob_drake.programs.trajectories import Stretch, rest, trajectory, until
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.record.state import State, free_joint
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation import Reference, Runner
+from simrob_drake.simulation import OnStep, Reference, Runner
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import StationLike, config_of
@@ -49,6 +51,8 @@ class OngoingStation:
         state: where it is; None before the first run.
         tape: what was recorded.
         progress: show a bar on a terminal while it runs; off at first.
+        timeline: what happens to it beside what its robots do.
+        watcher: is told of each step of a run, as ``on_step`` of :func:`simrob_drake.simulate`, in the window's place.
     """
 
     def __init__(self, station: StationLike, overrides: dict[str, Any] | None = None) -> None:
@@ -70,7 +74,10 @@ class OngoingStation:
         self.state = State.at_start_of(self.config)
         self.tape = Tape()
         self.progress = False
+        self.timeline = Timeline()
+        self.watcher: OnStep | None = None
         self._window: LiveView | None = None
+        self._runner: Runner | None = None
         self._model = StationModel(self.config)
 
     def __repr__(self) -> str:
@@ -159,7 +166,7 @@ class OngoingStation:
             raise InvalidParameter("plans", "empty", "some, such as arm.plan.move_l(...), or a duration to wait")
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         own = {plan.robot: plan.stretches for plan in plans}
-        stretches = {robot: _until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
+        stretches = {robot: until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
         references = {robot: trajectory(motion) for robot, motion in stretches.items()}
         move = told_run(plans, duration, self.frame, several=len(self.config.robots) > 1)
         return self._run(references, end, stretches, move)
@@ -206,16 +213,17 @@ class OngoingStation:
     ) -> SimulationResult:
         """Run references of all robots, and record that; ``move`` is what a program's file would say."""
         config, start = self.config, self.state
-        result = self._runner.run(
-            reference=references,
-            duration=duration,
-            start=start,
-            progress=self.progress,
-            on_step=self._window.on_step if self._window else None,
-        )
+        if self.timeline.grid is not None:
+            result = run_timed(self, references, duration)
+        else:
+            runner, progress = self.runner_of(config), self.progress
+            result = runner.run(
+                reference=references, duration=duration, start=start, progress=progress, on_step=self.on_step
+            )
         result = replace(result, did="" if move is None else in_words(move, several=len(config.robots) > 1))
         if result.ending in GOES_ON:
             self.state = result.final_state
+            self.timeline.now += result.stop_time
             self.tape.keep(Take(config, start, references, duration, result, stretches, move))
         if self._window:
             self._window.add_paths(result)
@@ -224,6 +232,11 @@ class OngoingStation:
     def wait(self, duration: float) -> SimulationResult:
         """Let time pass [s] while all robots hold their places; on a dynamic station they settle."""
         return self.run(duration=duration)
+
+    def play(self, duration: float) -> SimulationResult:
+        """Let all robots follow the references of the station's file for a time [s], from where they are."""
+        self.tape.note(None)
+        return self._run({}, seconds(duration), move=PlayMove(play=duration))
 
     def attach(
         self, piece: str, parent: str = WORLD, *, frame: str | None = None, pose: PoseLike | None = None
@@ -307,8 +320,7 @@ class OngoingStation:
             raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
         model = StationModel(config)  # if it cannot be built, all stays as it was
         self.config, self._model = config, model
-        for made in ("_collision_model", "_runner"):
-            self.__dict__.pop(made, None)
+        self.__dict__.pop("_collision_model", None)
         if self._window:
             self._window.draw(config, self._shown_state())
 
@@ -358,9 +370,16 @@ class OngoingStation:
 
         return self.state or State(of_all(self.position), of_all(self.velocity), of_all(self.reference))
 
-    @cached_property
-    def _runner(self) -> Runner:
-        return Runner(self.config)
+    def runner_of(self, config: StationConfig) -> Runner:
+        """Return what runs the station as a configuration of it says; the last one is kept."""
+        if self._runner is None or self._runner.config != config:
+            self._runner = Runner(config)
+        return self._runner
+
+    @property
+    def on_step(self) -> OnStep | None:
+        """What is told of each step of a run."""
+        return self.watcher or (self._window.on_step if self._window else None)
 
     @cached_property
     def _collision_model(self) -> StationModel:
@@ -377,11 +396,3 @@ def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
     if found.shape != (axes,):
         raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")
     return found
-
-
-def _until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[Stretch, ...]:
-    """Return motions with a rest behind them, so that they last until ``end`` [s]."""
-    begin = float(stretches[-1].times[-1]) if stretches else 0.0
-    if begin >= end:
-        return stretches
-    return (*stretches, rest(stretches[-1].postures[-1] if stretches else posture, begin, end))

@@ -15,6 +15,8 @@ from simrob_drake.given import instance, path
 from simrob_drake.programs.arm_moves import ARM_KINDS, ArmMove
 from simrob_drake.programs.automatic import Automatic, pace_of
 from simrob_drake.programs.moves import LEG_KINDS, JointMove, LegMove
+from simrob_drake.programs.timeline import Change
+from simrob_drake.quantities import Duration
 from simrob_drake.yaml_files import Strict, read_yaml, validated
 
 AnyMove = LegMove | ArmMove
@@ -29,10 +31,11 @@ def _as_usual(given: Any) -> Any:
 class Program(Strict):
     """What a robot is told: moves, and cells for a sequencer. Every change gives a new program.
 
-    A move is ``{target_deg, duration}``, ``{walk: {steps, amplitude, gait, ...}}``, ``{act: bow}``, ``{attach: box}``
-    or ``{release: box}``; of an arm also ``{move_l: {targets, wobj, speed, ...}}``, likewise ``move_abs_j``, ``move_j``
-    and ``move_c``, ``{tool: pencil}``, ``{wait: 0.5}`` or ``{together: [...]}``. :mod:`simrob_drake.programs.moves` and
-    :mod:`simrob_drake.programs.arm_moves` have all keys.
+    A move is ``{target_deg, duration}``, ``{walk: {steps, amplitude, gait, ...}}``, ``{act: bow}``, ``{attach: box}``,
+    ``{release: box}``, ``{wait: 0.5}`` or ``{play: 5}``; of an arm also ``{move_l: {targets, wobj, speed, ...}}``,
+    likewise ``move_abs_j``, ``move_j`` and ``move_c``, ``{tool: pencil}`` or ``{together: [...]}``.
+    :mod:`simrob_drake.programs.moves` and :mod:`simrob_drake.programs.arm_moves` have all keys,
+    :mod:`simrob_drake.programs.timeline` those of changes.
     """
 
     description: str = ""
@@ -45,6 +48,10 @@ class Program(Strict):
     """One after the other, from where the robot stands at the start."""
     references: tuple[JointMove, ...] = ()
     """Cells (SimRob's ``joint{k}``) that a sequencer goes through, each for as long as it takes."""
+    grid: Duration | None = None
+    """Runs are cut at multiples of this time [s], from each of which they can be repeated; 0.05 with changes."""
+    changes: tuple[Change, ...] = ()
+    """What happens to the station while the moves run: settings, pushes, drags."""
     automatic: Annotated[Automatic | None, BeforeValidator(_as_usual)] = None
     """How references are run instead of moves, in the robot's own time: `{tolerance_deg: 3}`, or `true`."""
 

@@ -11,8 +11,8 @@ from simrob_drake.frames import POSE_SIZE, PoseLike, as_transform, pose_from_tra
 from simrob_drake.kinematics.poses import pose_matrices
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.parts.site import WORLD
-from simrob_drake.programs.arm_moves import PLANNED, ArmMove, PlannedMove, TogetherMove, ToolMove, WaitMove, said
-from simrob_drake.programs.moves import plain
+from simrob_drake.programs.arm_moves import PLANNED, ArmMove, PlannedMove, TogetherMove, ToolMove, said
+from simrob_drake.programs.moves import PlayMove, WaitMove, plain
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.targets import HasTool, PoseTargets, WorkObject, is_place
 
@@ -103,7 +103,7 @@ def in_words(move: ArmMove, *, several: bool) -> str:
     """Return what a run does, in a few words; whose move it is where there are several robots."""
     if isinstance(move, TogetherMove):
         return ", ".join(in_words(one, several=several) for one in move.together)
-    if isinstance(move, WaitMove | ToolMove):
+    if isinstance(move, WaitMove | PlayMove | ToolMove):
         return next(iter(type(move).model_fields))
     name, own = said(move)
     return f"{name} of {own.robot}" if several else name

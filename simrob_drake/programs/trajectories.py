@@ -92,3 +92,11 @@ def trajectory(stretches: Sequence[Stretch]) -> Trajectory:
         basis = BsplineBasis(_DEGREE + 1, fitted.t.tolist())
         curves.append(BsplineTrajectory(basis, list(fitted.c[:, :, np.newaxis])))
     return curves[0] if len(curves) == 1 else CompositeTrajectory(curves)
+
+
+def until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[Stretch, ...]:
+    """Return motions with a rest behind them, so that they last until ``end`` [s]."""
+    begin = float(stretches[-1].times[-1]) if stretches else 0.0
+    if begin >= end:
+        return stretches
+    return (*stretches, rest(stretches[-1].postures[-1] if stretches else posture, begin, end))

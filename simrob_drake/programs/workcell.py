@@ -11,6 +11,7 @@ from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.arm_program import perform, rehearse
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION, RecordedStation
+from simrob_drake.programs.timeline import following
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
 
@@ -54,7 +55,8 @@ class Workcell(RecordedStation):
         rehearse(trial, given, file)
         config, state, entries = self.config, self.state, list(self.tape.entries)
         try:
-            runs = perform(self, given, file)
+            with following(self, given.grid, given.changes):
+                runs = perform(self, given, file)
         except BaseException:
             self._change(config)
             self.state, self.tape.entries = state, entries

@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.beside import done_beside
-from simrob_drake.blocks.references import Samples, hermite_samples
+from simrob_drake.blocks.references import Samples, SineCourse, hermite_samples
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
@@ -137,6 +137,9 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
         way: Interpolation = "cubic" if config.follows_speed(robot) else "linear"  # as simulate() joins samples
         if isinstance(given, Trajectory):
             way, samples = "hermite", _rows_of(given, config.duration)
+        elif isinstance(given, SineCourse):
+            times = np.linspace(0.0, config.duration, int(config.duration * _TRAJECTORY_RATE) + 2)
+            way, samples = "cubic", (times, given.values(times))
         elif given is not None:
             samples = given
         elif isinstance(reference, Table):

@@ -25,7 +25,12 @@ class StationDiagrams:
     """
 
     def __init__(
-        self, station: ResolvedStation, courses: Mapping[str, Course], blocks: Mapping[str, LeafSystem]
+        self,
+        station: ResolvedStation,
+        courses: Mapping[str, Course],
+        blocks: Mapping[str, LeafSystem],
+        *,
+        watched: bool = False,
     ) -> None:
         """Prepare the diagrams; they are built when they are needed.
 
@@ -33,8 +38,9 @@ class StationDiagrams:
             station: resolved.
             courses: what each robot is asked.
             blocks: the station's controllers and other blocks of the user's own, by name.
+            watched: step the one with everything, since somebody looks at it meanwhile.
         """
-        self._station, self._blocks = station, blocks
+        self._station, self._blocks, self._watched = station, blocks, watched
         self.courses, self.forces = dict(courses), dict(station.config.forces)
 
     def fits(self, courses: Mapping[str, Course]) -> bool:
@@ -66,7 +72,7 @@ class StationDiagrams:
 
     def stepped(self, time: float) -> ClosedStation:
         """Return the diagram to be stepped from a time on [s], up to the next edge."""
-        if self._blocks:
+        if self._blocks or self._watched:
             return self.whole
         pushes = [force for force in self.forces.values() if isinstance(force, Push)]
         only_pushes = self._station.scheme == "cenic" and pushes and len(pushes) == len(self.forces)

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, OutputPort
-from pydrake.trajectories import Trajectory
 
-from simrob_drake.blocks.references import Samples
+from simrob_drake.blocks.references import Course, Samples
 from simrob_drake.frames import Vector
 from simrob_drake.given import truth
 from simrob_drake.progress import note, progress_bar
@@ -53,7 +52,7 @@ class Run:
         *,
         progress: bool,
         on_step: OnStep | None,
-        references: dict[str, Trajectory | Samples],
+        references: dict[str, Course | Samples],
         start: State | None,
     ) -> SimulationResult:
         """Step, and return what happened."""
@@ -104,11 +103,14 @@ class Run:
         self.forget()
         if outcome.ending == "monitor":
             outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
+        config = self.config
+        if outcome.ending == "completed" and sampler.history.end < config.duration:  # it was ended at a tick
+            config = config.model_copy(update={"duration": sampler.history.end})
         outcome, times, values = self._sampled(sampler, outcome)
         positions = ports.plant.plant.num_positions()
         has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
         result = SimulationResult(
-            config=self.config,
+            config=config,
             plant=ports.plant,
             ending=outcome.ending,
             stopped_by=outcome.stopped_by,

@@ -15,7 +15,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
 from simrob_drake.simulation.run import OnStep, Run
-from simrob_drake.simulation.stepping import Stepper
+from simrob_drake.simulation.stepping import Stepper, Ticks
 from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
 from simrob_drake.stations.closed import ClosedStation, check_course, station_courses
 from simrob_drake.stations.config import StationConfig
@@ -105,6 +105,7 @@ class Runner:
         pushes: Mapping[str, Any] | None = None,
         progress: bool = False,
         on_step: OnStep | None = None,
+        ticks: Ticks | None = None,
     ) -> SimulationResult:
         """Run the station, as :func:`simulate` does.
 
@@ -115,6 +116,7 @@ class Runner:
             pushes: in place of the configuration's, by name: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
             progress: show a bar on a terminal.
             on_step: as of :func:`simulate`.
+            ticks: even times at which stepping begins anew, and may end.
 
         Raises:
             SimrobError: input that cannot be run at all.
@@ -129,9 +131,9 @@ class Runner:
         for robot in self._station.robots.values():
             if f"{robot.prefix}reference" not in driven:
                 check_course(robot, courses[robot.name], config.duration)
-        diagrams = self._diagrams_for(config, courses)
+        diagrams = self._diagrams_for(config, courses, watched=ticks is not None)
         diagrams.play(courses, config.forces)
-        stepper = Stepper(config, diagrams.stepped, diagrams.edges, blocks=self._blocks)
+        stepper = Stepper(config, diagrams.stepped, diagrams.edges, blocks=self._blocks, ticks=ticks)
         if start is not None:
             start.put(stepper.built.diagram, stepper.built.ports, stepper.simulator.get_mutable_context())
         whole = diagrams.whole
@@ -139,11 +141,19 @@ class Runner:
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
         result = run.result(progress=progress, on_step=on_step, references=given, start=start)
-        return replace(result, config=config.model_copy(update={"controllers": own}))
+        return replace(result, config=result.config.model_copy(update={"controllers": own}))
 
-    def _diagrams_for(self, config: StationConfig, courses: Mapping[str, Course]) -> StationDiagrams:
+    def courses(self, reference: Reference | Mapping[str, Reference] | None, start: State | None) -> dict[str, Course]:
+        """Return what each robot is asked in a run that begins in a state, as :meth:`run` takes them all.
+
+        Raises:
+            SimrobError: a reference that does not fit its robot.
+        """
+        return station_courses(self._station, by_robot(self.config, reference), start.references if start else None)
+
+    def _diagrams_for(self, config: StationConfig, courses: Mapping[str, Course], *, watched: bool) -> StationDiagrams:
         """Return the diagrams for a run: those of other runs, if forces act at the same places."""
-        places = tuple((name, force.kind, force.at) for name, force in config.forces.items())
+        places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
         known = self._diagrams.get(places)
         if known is None or not known.fits(courses):
             if self._diagrams and self._blocks:
@@ -153,7 +163,7 @@ class Runner:
             if config.forces != self.config.forces:
                 station = resolve(station.config.model_copy(update={"forces": config.forces}))
                 check_parts(station)
-            known = self._diagrams[places] = StationDiagrams(station, courses, self._blocks)
+            known = self._diagrams[places] = StationDiagrams(station, courses, self._blocks, watched=watched)
         return known
 
 

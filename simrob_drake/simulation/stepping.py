@@ -1,15 +1,21 @@
 """Step a station from edge to edge, and tell how a run ended."""
 
-from collections.abc import Callable, Mapping
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from traceback import walk_tb
 
+import numpy as np
 from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, LeafSystem
 
+from simrob_drake.frames import Vector
+from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.results.record.history import History, Recorder
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
+from simrob_drake.results.record.state import State
 from simrob_drake.results.record.watch import Watch
 from simrob_drake.simulation.flight import Flight
 from simrob_drake.simulation.pace import creeping
@@ -18,7 +24,56 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solve import apply_solver, stepped_by
 from simrob_drake.stations.steps import likely_cause
 
+_ROUNDING = 1e-9  # s
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A station in the middle of a run; it is not to be kept.
+
+    Attributes:
+        time: since the run began [s].
+    """
+
+    time: float
+    _built: ClosedStation
+    _context: Context
+
+    def value(self, output: str) -> Vector:
+        """Return what an output of the station gives now, such as ``position``."""
+        port = self._built.ports.outputs[output]
+        return np.array(port.Eval(port.get_system().GetMyContextFromRoot(self._context)))
+
+    def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
+        """Let pushes and drags go on in another way from now on."""
+        self._built.play_forces(forces)
+
+    def state(self) -> State:
+        """Return the whole state, from which a run can begin."""
+        return State.of(self._built.diagram, self._built.ports, self._context)
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """Moments at even times of a run from which on all depends on nothing but the state that was reached.
+
+    There a solver forgets what it learned of the steps before: so a run can be done again from each of these moments,
+    or ended at one and gone on with by another run, to the last bit.
+    """
+
+    every: float
+    """Time from one to the next [s]."""
+    tell: Callable[[Moment], bool] = lambda moment: False
+    """Is told of each that was reached, before the run goes on; True ends the run there."""
+
+    def times(self, end: float, edges: Sequence[float]) -> list[float]:
+        """Return the moments within a run and its end, as they stand in ``edges`` where they stand there [s]."""
+        count = int(np.ceil(end / self.every - _ROUNDING))
+        times = [round(self.every * number, 12) for number in range(1, count)] + [end]
+        known = np.array([np.inf, *edges])
+        near = [known[np.abs(known - time).argmin()] for time in times]
+        return [float(edge) if abs(edge - time) < _ROUNDING else time for edge, time in zip(near, times, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -47,6 +102,7 @@ class Stepper:
         edges: list[float],
         *,
         blocks: Mapping[str, LeafSystem],
+        ticks: Ticks | None = None,
     ) -> None:
         """Prepare to step.
 
@@ -55,9 +111,14 @@ class Stepper:
             diagram_at: the diagram to be stepped from a time on [s].
             edges: times at which a step must end, in their order [s].
             blocks: of the user's own, by name.
+            ticks: at which stepping begins anew.
         """
         self._config, self._diagram_at, self._blocks = config, diagram_at, blocks
         self._edges = [edge for edge in edges if 0 < edge < config.duration] + [config.duration]
+        self._ticks, self._moments = ticks, set[float]()
+        if ticks is not None:
+            self._moments = set(ticks.times(config.duration, self._edges))
+            self._edges = sorted({*self._edges, *self._moments})
         self.built = diagram_at(0.0)
         used = {id(built): built for built in map(diagram_at, [0.0, *self._edges[:-1]])}
         self._simulators = {key: self._simulator(built) for key, built in used.items()}
@@ -92,7 +153,7 @@ class Stepper:
             return self._diverged(recorder, RuntimeError("a state ran away to infinity"))
         if status.reason() == _ENDED:
             return Outcome("monitor", status.system().get_name().rpartition(".")[2], status.message())
-        return Outcome("completed", None, f"ran to its end at {self._config.duration:g} s")
+        return Outcome("completed", None, f"ran to its end at {self.simulator.get_context().get_time():.6g} s")
 
     def step(self, history: History, time: float) -> History:
         """Return the state at ``time`` [s], stepped anew from the last recorded one before it.
@@ -117,7 +178,26 @@ class Stepper:
                 break
             self._change_diagram(recorder)
             status = self.simulator.AdvanceTo(edge)
+            if edge in self._moments and status.reason() != _ENDED and self._at_tick(edge, recorder):
+                break
         return status
+
+    def _at_tick(self, time: float, recorder: Recorder) -> bool:
+        """Tell of a tick, and whether the run ends with it; else begin anew there."""
+        assert self._ticks is not None  # who told of the moments
+        ended = recorder.look() or self._ticks.tell(Moment(time, self.built, self.simulator.get_context()))
+        if not ended and time < self._edges[-1]:
+            self._begin_anew(recorder)
+        return ended
+
+    def _begin_anew(self, recorder: Recorder) -> None:
+        """Let the simulator forget all but the state: it takes an integrator that is new."""
+        context = self.simulator.get_mutable_context()
+        time = context.get_time()
+        apply_solver(self.simulator, self._config)
+        context.SetTime(time)  # which a new integrator sets to zero
+        recorder.attach(self.simulator, self.pace())
+        self._initialize_in_motion()
 
     def _change_diagram(self, recorder: Recorder) -> None:
         """Go on with the diagram of this stretch, in the state that was reached."""
@@ -128,6 +208,10 @@ class Stepper:
         self.built = built
         _copy_state(context, self.simulator.get_mutable_context())
         recorder.attach(self.simulator, self.pace())
+        self._initialize_in_motion()
+
+    def _initialize_in_motion(self) -> None:
+        """Let the simulator go on with long steps, since nothing begins here."""
         integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())

@@ -7,14 +7,14 @@ import numpy.typing as npt
 from pydantic import ValidationError
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.blocks.references import Samples
+from simrob_drake.blocks.references import Course, Samples, SineCourse
 from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.frames import Vector, numbers
 from simrob_drake.given import instance, seconds
 from simrob_drake.parts.forces.push import Push
 from simrob_drake.stations.config import StationConfig, check_effort
 
-Reference: TypeAlias = Trajectory | npt.ArrayLike | Samples
+Reference: TypeAlias = Course | npt.ArrayLike | Samples
 """A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
 
 
@@ -51,7 +51,7 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
     return config.model_copy(update={"forces": {**others, **made}})
 
 
-def by_robot(config: StationConfig, reference: Any) -> dict[str, Trajectory | Samples]:
+def by_robot(config: StationConfig, reference: Any) -> dict[str, Course | Samples]:
     """Return references by robot, arrays split into times and positions.
 
     Raises:
@@ -67,7 +67,9 @@ def by_robot(config: StationConfig, reference: Any) -> dict[str, Trajectory | Sa
     return {one_of("robot", name, config.robots): _trajectory_or_samples(one) for name, one in reference.items()}
 
 
-def _trajectory_or_samples(reference: Any) -> Trajectory | Samples:
+def _trajectory_or_samples(reference: Any) -> Course | Samples:
+    if isinstance(reference, SineCourse):
+        return reference
     if isinstance(reference, Trajectory):
         empty = isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1
         if empty or not reference.rows() or reference.cols() != 1:

@@ -23,7 +23,7 @@ from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.parts.forces import Drag, ForceConfig, Push
 from simrob_drake.parts.site import ResolvedRobot, StationRobot
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
@@ -55,9 +55,13 @@ class ClosedStation:
             if self.courses[robot] is not courses[robot]:  # a copy of it takes time and memory
                 self.courses[robot] = courses[robot]
                 player.UpdateTrajectory(courses[robot])
+        self.play_forces(forces)
+
+    def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
+        """Let the sources give other pushes and drags at the same places."""
         for name, force in forces.items():
             place = f"force.{name}.source"
-            if isinstance(force, Push) and self.diagram.HasSubsystemNamed(place):
+            if isinstance(force, Push | Drag) and self.diagram.HasSubsystemNamed(place):
                 self.diagram.GetSubsystemByName(place).UpdateTrajectory(force.course())
 
 
@@ -123,7 +127,7 @@ def _add_source(
 
 def station_courses(
     station: ResolvedStation,
-    given: Mapping[str, Trajectory | Samples] | None = None,
+    given: Mapping[str, Course | Samples] | None = None,
     starts: Mapping[str, Vector] | None = None,
 ) -> dict[str, Course]:
     """Return what each robot is asked, by name: what is given, else what the configuration says.

@@ -95,10 +95,27 @@ def _culprits(path: Path, overrides: Mapping[str, Any], wrong: str, allow_code: 
 def _loaded(path: Path, overrides: Mapping[str, Any], where: Path | str, allow_code: bool) -> StationConfig:
     """Return the configuration of a station's file; ``where`` is to blame for what is wrong with it."""
     content = _with_absolute_paths(read_yaml(path), path.parent)
+    return _configured({"name": path.stem, **content}, overrides, where, allow_code)
+
+
+def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
+    """Return a configuration with changes, as :func:`load_station` takes them.
+
+    Raises:
+        InvalidConfig: an entry that cannot be; the message names ``where``, key and what would be right.
+    """
+    if not settings:
+        return config
+    return _configured(yaml.safe_load(station_yaml(config)), settings, where, allow_code=True)
+
+
+def _configured(
+    content: dict[str, Any], overrides: Mapping[str, Any], where: Path | str, allow_code: bool
+) -> StationConfig:
     for key, value in sorted(overrides.items(), key=lambda entry: not entry[0].endswith(".kind")):
         _override(content, key.split("."), value, where)
     content = _with_absolute_paths(content, Path.cwd())
-    content = {"name": path.stem, **_without_sugar(content, where)}
+    content = _without_sugar(content, where)
     try:
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:

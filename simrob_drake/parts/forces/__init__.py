@@ -4,11 +4,12 @@ from typing import Annotated
 
 from pydantic import Field
 
+from simrob_drake.parts.forces.drag import Drag
 from simrob_drake.parts.forces.push import Push
 from simrob_drake.parts.forces.sine import SineForce
 from simrob_drake.parts.kinds import named_by_kind
 
-ForceConfig = Annotated[Push | SineForce, Field(discriminator="kind")]
+ForceConfig = Annotated[Push | Drag | SineForce, Field(discriminator="kind")]
 Forces = Annotated[dict[str, ForceConfig], named_by_kind(ForceConfig)]
 
-__all__ = ["ForceConfig", "Forces", "Push"]
+__all__ = ["Drag", "ForceConfig", "Forces", "Push"]

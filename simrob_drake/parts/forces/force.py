@@ -2,7 +2,7 @@
 
 import numpy as np
 from pydrake.multibody.tree import Frame
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.errors import InvalidParameter, UnknownName
@@ -17,12 +17,23 @@ class ForceSection(Strict):
     """A section of ``forces``: a force on a body over time.
 
     A kind has its key ``kind``, its ``edges``, and the methods ``source()``, which gives a block whose first output is
-    the force, and ``caption()``, which tells it in words.
+    the force, or what :meth:`shaped` makes one of, and ``caption()``, which tells it in words.
     """
 
     at: str | None = None
     """Where it acts: a robot (at the centre of mass of its root link, along that link's axes), or a tool, link or piece
     (at its origin, along its axes). The only robot unless given: its tool, or its root link if it floats."""
+
+    @property
+    def offset(self) -> Vector:
+        """Where it acts beside that, along those axes, shape (3,) [m]."""
+        return np.zeros(3)
+
+    def shaped(
+        self, builder: DiagramBuilder, site: Site, name: str, frame: Frame, point: Vector, given: OutputPort
+    ) -> OutputPort:
+        """Return the force (3) [N] at a point (3,) [m] of a frame, along its axes, made of what the source gives."""
+        return given
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that forces count in the station, and that there is what it acts on."""
@@ -49,7 +60,9 @@ def add_force(
     """
     place = section._place_name(f"forces.{name}", site.station)
     frame, point = _place(site, place)
-    force = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
+    given = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
+    point = point + section.offset
+    force = section.shaped(builder, site, f"force.{name}", frame, point, given)
     block = add_external_force(builder, site.plant.plant, frame, name=f"force.{name}", point=point)
     builder.Connect(force, block.get_command_input_port())
     site.draw(f"force.{name}", "robot", f"Force '{name}'\nat {place}")

@@ -6,9 +6,8 @@ from typing import Literal, Self
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults
-from pydrake.trajectories import Trajectory
 
-from simrob_drake.blocks.references import Samples
+from simrob_drake.blocks.references import Course, Samples
 from simrob_drake.errors import one_of
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.controllers.sequencer import Sequencer
@@ -70,7 +69,7 @@ class RecordedRun:
     signal_time: float
     final_state: State
     start: State | None = None
-    references: dict[str, Trajectory | Samples] = field(default_factory=dict)
+    references: dict[str, Course | Samples] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     contacts_at: Callable[[Vector], Iterator[ContactResults]] | None = None
     did: str = ""

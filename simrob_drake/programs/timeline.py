@@ -1,0 +1,178 @@
+"""What happens to a station at moments of its own, whatever its robots are told: settings, pushes, drags.
+
+Runs are cut at a grid of time, so that each can be repeated from any moment of it to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from simrob_drake.parts.forces import Drag, ForceConfig, Push
+from simrob_drake.programs.moves import Brief
+from simrob_drake.quantities import Duration, Instant, Positive, Triple
+from simrob_drake.simulation import Moment
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import ONLY_ROBOT, with_settings
+
+GRID = 0.05
+"""From one moment of the grid to the next, unless told otherwise [s]."""
+_SERVO = "servo."
+
+
+class PushNow(Brief):
+    """A constant force for a while; see :class:`~simrob_drake.parts.forces.push.Push`."""
+
+    at: str | None = None
+    """What is pushed: a robot, link, tool or piece; the only robot unless given."""
+    force: Triple
+    """Along x, y and z of what is pushed [N]."""
+    duration: Duration = 0.1
+    """How long it lasts [s]."""
+
+
+class DragNow(Brief):
+    """A spring that pulls a point after a target; see :class:`~simrob_drake.parts.forces.drag.Drag`."""
+
+    at: str | None = None
+    """What is pulled: a robot, link, tool or piece; the only robot unless given."""
+    point: Triple = (0.0, 0.0, 0.0)
+    """Where it pulls, in the frame of that [m]."""
+    targets: Annotated[tuple[Triple, ...], Field(min_length=1)]
+    """Where to, in the world, one for each step of the program's grid [m]."""
+    stiffness: Positive | None = None
+    """Of the spring [N/m]; a quarter of a metre pulls with the weight of the robot or piece unless given."""
+
+
+class Change(Brief):
+    """Something that happens while a program runs."""
+
+    time: Instant
+    """When, from the start of the program [s]; moved to its grid."""
+    set: Annotated[dict[str, Any], Field(min_length=1)] | None = None
+    """Keys of the station and their new values, such as `{servo.kp: 500}`; they hold from then on."""
+    push: PushNow | None = None
+    """A push."""
+    drag: DragNow | None = None
+    """A drag."""
+
+    @model_validator(mode="after")
+    def _one_thing(self) -> Self:
+        if sum(thing is not None for thing in (self.set, self.push, self.drag)) != 1:
+            raise ValueError("a change is one of set, push and drag")
+        return self
+
+
+class Timeline:
+    """The grid of a station's runs, and what happens at its moments.
+
+    Attributes:
+        grid: from one moment to the next [s]; None: runs go through, and nothing happens.
+        changes: what happens, in order of time.
+        now: time of the station since the timeline began [s].
+        tell: is told of each moment while a station runs, with the time since the timeline began; it may add changes
+            for it. True ends what runs.
+    """
+
+    def __init__(
+        self,
+        grid: float | None = None,
+        changes: Sequence[Change] = (),
+        tell: Callable[[float, Moment], bool] = lambda time, moment: False,
+    ) -> None:
+        """Begin a timeline; changes without a grid are made on the usual one."""
+        self.grid = GRID if grid is None and changes else grid
+        self.changes = sorted(changes, key=lambda change: change.time)
+        self.now, self.tell = 0.0, tell
+
+    def steps(self, time: float) -> int:
+        """Return the number of the moment of the grid that is nearest to a time [s]."""
+        return int(np.rint(time / self._step))
+
+    def whole(self, duration: float) -> float:
+        """Return a duration [s] as long or longer that ends on the grid."""
+        return self.time_of(int(np.ceil(duration / self._step - 1e-6)))
+
+    def time_of(self, number: int) -> float:
+        """Return the time of a moment of the grid [s]."""
+        return round(number * self._step, 12)
+
+    def part(self, end: float) -> float:
+        """Return how long nothing changes from now on [s], up to ``end`` of the timeline."""
+        now = self.steps(self.now)
+        later = (number for change in self.changes if (number := self.steps(change.time)) > now)
+        return self.time_of(min(next(later, self.steps(end)), self.steps(end)) - now)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the settings that hold now, by key."""
+        now = self.steps(self.now)
+        told = [change.set for change in self.changes if change.set and self.steps(change.time) <= now]
+        return {key: value for one in told for key, value in one.items()}
+
+    def station(self, config: StationConfig, duration: float) -> StationConfig:
+        """Return a station as it is from now on for a time [s] in which no setting changes.
+
+        Raises:
+            InvalidConfig: a setting that cannot be.
+        """
+        changed = with_settings(config, _for_robots(self.settings(), config), "changes of the program")
+        forces = {**changed.forces, **self.forces(duration)}
+        return changed.model_copy(update={"forces": forces})
+
+    def forces(self, duration: float) -> dict[str, ForceConfig]:
+        """Return the pushes and drags that act from now on for a time [s], by name, in a run that begins now."""
+        first, last = self.steps(self.now), self.steps(self.now + duration)
+        found = dict[str, ForceConfig]()
+        for number, change in enumerate(self.changes):
+            begin = self.steps(change.time)
+            if change.push is not None and begin < last:
+                push = change.push
+                left = self.time_of(begin - first) + push.duration
+                start = max(self.time_of(begin - first), 0.0)
+                if left > start:
+                    place = {"at": push.at, "force": push.force}
+                    found[f"push_{number}"] = Push(kind="push", start=start, duration=left - start, **place)
+            if change.drag is not None and begin < last and begin + len(change.drag.targets) > first:
+                drag = change.drag
+                found[f"drag_{number}"] = Drag(
+                    kind="drag",
+                    at=drag.at,
+                    point=drag.point,
+                    start=max(self.time_of(begin - first), 0.0),
+                    targets=drag.targets[max(first - begin, 0) :],
+                    each=self._step,
+                    stiffness=drag.stiffness,
+                )
+        return found
+
+    @property
+    def _step(self) -> float:
+        return GRID if self.grid is None else self.grid
+
+
+@contextmanager
+def following(holder: Any, grid: float | None, changes: Sequence[Change]) -> Iterator[None]:
+    """Let a station (what has a ``timeline``) follow the one of a program meanwhile, unless it follows one already."""
+    before = holder.timeline
+    if before.grid is None:
+        holder.timeline = Timeline(grid, changes)
+    try:
+        yield
+    finally:
+        holder.timeline = before
+
+
+def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str, Any]:
+    """Return settings; those of the station's servos are meant for robots with servos of their own, too."""
+    found = dict(settings)
+    alone = list(config.robots) == [ONLY_ROBOT]
+    for robot, entry in config.robots.items():
+        section = ONLY_ROBOT if alone else f"robots.{robot}"
+        if entry.servo is not None:
+            own = {f"{section}.{key}": value for key, value in settings.items() if key.startswith(_SERVO)}
+            found = {**own, **found}
+    return found
