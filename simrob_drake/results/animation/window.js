@@ -1,4 +1,4 @@
-// What makes Meshcat's page a window of a run: it does what the run tells, and tells of sliders and buttons.
+// What makes Meshcat's page a window of a run: it does what the run tells, and tells of sliders, buttons and drags.
 (() => {
   const waiting = new Map();
   let busy = false;
@@ -14,9 +14,24 @@
   };
 
   const bytes = (text) => Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  const copy = ({ source, path, color, opacity }) => {
+    const steps = (text) => text.split("/").filter(Boolean);
+    const object = viewer.scene_tree.find(steps(source)).object.clone();
+    object.position.set(0, 0, 0); // its path has the pose
+    object.quaternion.identity();
+    object.traverse((part) => {
+      if (!part.isMesh) return;
+      part.material = [part.material].flat()[0].clone();
+      part.material.color.set(color);
+      Object.assign(part.material, { opacity, transparent: true, depthWrite: false });
+    });
+    viewer.set_object(steps(path), object);
+    viewer.set_dirty();
+  };
   const obey = (command) => {
     if (typeof command === "string") viewer.handle_command_bytearray(bytes(command));
     else if (command.type === "asset") casAssets[command.name] = command.url;
+    else if (command.type === "copy") copy(command);
     else viewer.handle_command(command);
     if (command.type === "set_control") viewer.gui.open();
   };
@@ -26,4 +41,68 @@
     events.close();
     document.title = "ended";
   });
+  if (!drags) return;
+
+  // A body is dragged with Shift, or with the page around in the mood for it (window.dragging).
+  const { Vector2, Vector3, Plane, Raycaster, Line, BufferGeometry, LineBasicMaterial } = MeshCat.THREE;
+  const canvas = viewer.renderer.domElement;
+  const ray = new Raycaster();
+  const line = new Line(new BufferGeometry(), new LineBasicMaterial({ color: 0xd0208a, depthTest: false }));
+  line.frustumCulled = false;
+  let held = null; // {body, name, point, plane}
+
+  const aim = ({ clientX, clientY }) => {
+    const { left, top, width, height } = canvas.getBoundingClientRect();
+    const place = new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
+    ray.setFromCamera(place, viewer.camera);
+  };
+  const picked = () => {
+    const root = viewer.scene_tree.find(["drake", "station"]).object;
+    const meshes = [];
+    root.traverseVisible((object) => object.isMesh && meshes.push(object));
+    const [hit] = ray.intersectObjects(meshes, false);
+    if (!hit) return null;
+    const branch = [];
+    for (let object = hit.object; object !== root; object = object.parent) branch.unshift(object);
+    const [owner, body] = branch; // robot or piece, and link
+    return body && { body, name: `${owner.name}/${body.name}`, at: hit.point, point: body.worldToLocal(hit.point.clone()) };
+  };
+  const said = (target) => [held.name, held.point.toArray(), target && target.toArray()];
+  const report = (target) => window.tell("drag", said(target));
+  const end = () => {
+    if (!held) return;
+    report(null);
+    held = null;
+    viewer.scene.remove(line);
+    viewer.set_dirty();
+  };
+  const move = (event) => {
+    if (!held) return;
+    aim(event);
+    const target = ray.ray.intersectPlane(held.plane, new Vector3());
+    if (!target) return;
+    const local = viewer.scene.worldToLocal(target); // the scene's axes are Drake's
+    const grip = viewer.scene.worldToLocal(held.body.localToWorld(held.point.clone()));
+    line.geometry.setFromPoints([grip, local]);
+    viewer.set_dirty();
+    report(local);
+  };
+  const start = (event) => {
+    if (event.button !== 0 || !(event.shiftKey || window.dragging)) return;
+    aim(event);
+    const hit = picked();
+    if (!hit) return;
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    const ahead = viewer.camera.getWorldDirection(new Vector3());
+    held = { ...hit, plane: new Plane().setFromNormalAndCoplanarPoint(ahead, hit.at) };
+    canvas.setPointerCapture(event.pointerId);
+    viewer.scene.add(line);
+    move(event);
+  };
+  canvas.addEventListener("pointerdown", start, true);
+  canvas.addEventListener("pointermove", move, true);
+  ["pointerup", "pointercancel", "lostpointercapture"].forEach((name) => canvas.addEventListener(name, end, true));
+  window.addEventListener("blur", end);
+  window.addEventListener("pagehide", () => held && navigator.sendBeacon("told", JSON.stringify(["drag", said(null)])));
 })();

@@ -7,7 +7,7 @@ that anybody sends is ever parsed but a short list of a name and a number.
 import json
 import math
 import secrets
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -19,8 +19,15 @@ _HOST = "127.0.0.1"
 _NAMES = (_HOST, "localhost")  # of this computer, in a page's address; any other leads here by a trick
 _FIRST_PORT, _PORTS = 7000, 100
 _SCRIPT = Path(__file__).with_suffix(".js")
+_DRAG = "drag"
+_FAR = 1e6  # m; nobody drags farther
 _LONGEST = 512  # bytes of a message
 _BREATH = 5.0  # s without news after which a word keeps the connection, and finds out whether anybody is there
+
+
+Drag = Callable[[str, list[float], list[float] | None], object]
+"""Takes the body that a user drags, as it is called in Meshcat's tree (``robot/link``), the point in its frame (3) [m]
+that was picked, and where in the world the pointer is (3) [m]; None there ends it."""
 
 
 @dataclass
@@ -42,32 +49,30 @@ class Control:
         return {"type": "set_control", "name": name, "callback": f"(value) => tell({told}, value)", **limits}
 
 
-class Window:
-    """Meshcat's page in a browser on this computer, at an address that nobody can guess.
+class Board:
+    """What Meshcat's page shows in every browser that looks, and what its users set there, whoever serves it.
 
     Attributes:
-        url: where to look.
-        controls: what the page's user may set, by name.
+        controls: what the users may set, by name.
+        page: the page, to be served in a folder beside its ``events`` and what is ``told``.
     """
 
-    def __init__(self, controls: dict[str, Control] | None = None) -> None:
-        """Open the window.
+    def __init__(self, controls: dict[str, Control] | None = None, *, on_drag: Drag | None = None) -> None:
+        """Begin with an empty page.
 
         Args:
-            controls: what the page's user may set, by name.
+            controls: what the users may set, by name.
+            on_drag: called while a user drags a body, see :data:`Drag`.
         """
         self.controls = controls or {}
+        self._on_drag = on_drag
         self._news = Condition()
         self._told: dict[str, Sequence[Command]] = {}
         self._versions: dict[str, int] = {}
         self._open = True
-        script = f"<script>{_SCRIPT.read_text(encoding='utf-8')}</script>"
         before, end, after = empty_page().rpartition("</body>")
-        self._server = _server(self)
-        self.page = f"{before}{script}{end}{after}".encode()
-        self.path = f"/{secrets.token_urlsafe(9)}/"
-        self.url = f"http://{_HOST}:{self._server.server_port}{self.path}"
-        Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
+        script = f"const drags = {json.dumps(on_drag is not None)};\n{_SCRIPT.read_text(encoding='utf-8')}"
+        self.page = f"{before}<script>{script}</script>{end}{after}".encode()
 
     def tell(self, subject: str, commands: Sequence[Command]) -> None:
         """Tell all pages, and those that come later, in place of what they were told of the same subject."""
@@ -77,17 +82,30 @@ class Window:
             self._news.notify_all()
 
     def hear(self, message: bytes) -> None:
-        """Set a control to what a page says: a list of its name and a number, in JSON. All else is not heard."""
+        """Hear of a control that is set to a number, or of a dragged body: lists in JSON. All else is not heard."""
         try:
             name, given = json.loads(message)
+            if name == _DRAG and self._on_drag is not None:
+                body, point, target = given
+                self._on_drag(str(body), _place(point), None if target is None else _place(target))
+                return
             control, value = self.controls[name], float(given)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
         if math.isfinite(value):
             control.value = min(max(value, control.low), control.high)
 
+    def events(self) -> Iterator[bytes]:
+        """Yield what a page is to know from now on, as server-sent events, until the board is closed."""
+        menu = [control.command(name) for name, control in self.controls.items()]
+        yield f"data: {json.dumps(menu)}\n\n".encode()
+        known: dict[str, int] = {}
+        while (news := self.news(known)) is not None:
+            yield news
+        yield b"event: end\ndata:\n\n"
+
     def news(self, known: dict[str, int]) -> bytes | None:
-        """Wait for what a page does not know, and return it as an event; None when the window is closed."""
+        """Wait for what a page does not know, and return it as an event; None when the board is closed."""
         with self._news:
             self._news.wait_for(lambda: known != self._versions or not self._open, timeout=_BREATH)
             if not self._open:
@@ -96,17 +114,54 @@ class Window:
         return f"data: {json.dumps(new)}\n\n".encode() if new else b": nothing new\n\n"
 
     def close(self) -> None:
-        """Close the window and its port."""
+        """Tell the pages that nothing more will come."""
         with self._news:
             self._open = False
             self._news.notify_all()
-        self._server.shutdown()
-        self._server.server_close()
 
     def _new(self, known: dict[str, int]) -> list[str]:
         new = [subject for subject, version in self._versions.items() if known.get(subject) != version]
         known.update(self._versions)
         return new
+
+
+def is_short(length: str) -> bool:
+    """Tell whether a message of a length, as its header says it, is one that a page of ours may send."""
+    return length.isascii() and length.isdigit() and len(length) < 9 and int(length) <= _LONGEST
+
+
+def _place(given: Sequence[float]) -> list[float]:
+    """Return a place (3) [m] that a page tells."""
+    x, y, z = (float(value) for value in given)
+    if not all(abs(value) < _FAR for value in (x, y, z)):
+        raise ValueError
+    return [x, y, z]
+
+
+class Window(Board):
+    """A board in a browser on this computer, at an address that nobody can guess.
+
+    Attributes of :class:`Board`, and:
+        url: where to look.
+    """
+
+    def __init__(self, controls: dict[str, Control] | None = None) -> None:
+        """Open the window.
+
+        Args:
+            controls: what the page's user may set, by name.
+        """
+        super().__init__(controls)
+        self._server = _server(self)
+        self.path = f"/{secrets.token_urlsafe(9)}/"
+        self.url = f"http://{_HOST}:{self._server.server_port}{self.path}"
+        Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
+
+    def close(self) -> None:
+        """Close the window and its port."""
+        super().close()
+        self._server.shutdown()
+        self._server.server_close()
 
 
 class _Server(ThreadingHTTPServer):
@@ -144,12 +199,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(200, "text/html; charset=utf-8", window.page)
         elif self.path == f"{window.path}events":
             self._answer(200, "text/event-stream")
-            menu = [control.command(name) for name, control in window.controls.items()]
-            self.wfile.write(f"data: {json.dumps(menu)}\n\n".encode())
-            known: dict[str, int] = {}
-            while (news := window.news(known)) is not None:
-                self.wfile.write(news)
-            self.wfile.write(b"event: end\ndata:\n\n")
+            for event in window.events():
+                self.wfile.write(event)
         else:
             self._answer(404)
 
@@ -158,7 +209,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self._allowed():
             length = self.headers.get("Content-Length", "")
             known = self.path == f"{self.server.window.path}told"
-            if known and length.isascii() and length.isdigit() and len(length) < 9 and int(length) <= _LONGEST:
+            if known and is_short(length):
                 self.server.window.hear(self.rfile.read(int(length)))
             self._answer(204 if known else 404)
 

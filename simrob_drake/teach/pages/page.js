@@ -1,0 +1,23 @@
+// Keys press the buttons that say so in aria-keyshortcuts, wherever the focus is but where something is typed.
+(() => {
+  const called = ({ key, ctrlKey, metaKey, altKey, shiftKey }) => {
+    const name = key === " " ? "Space" : key.length === 1 ? key.toUpperCase() : key;
+    const letter = /^([A-Z]|..+)$/.test(name); // what Shift makes another sign of is that sign
+    return [(ctrlKey || metaKey) && "Control", altKey && "Alt", shiftKey && letter && "Shift", name].filter(Boolean).join("+");
+  };
+  const takes = (target, key) => {
+    if (target.closest?.("input, textarea, select, [contenteditable]")) return true;
+    return (key === "Space" || key === "Enter") && target.closest?.("button, a, summary, [role], [tabindex='0']");
+  };
+  window.pressed = (event) => {
+    const key = called(event);
+    if (takes(event.target, key) || document.querySelector(".q-dialog")) return;
+    const button = document.querySelector(`[aria-keyshortcuts="${CSS.escape(key)}"]`);
+    if (!button || button.disabled || !button.checkVisibility()) return;
+    event.preventDefault();
+    button.click();
+  };
+  document.addEventListener("keydown", window.pressed);
+  window.hasWebGL = () => !!document.createElement("canvas").getContext("webgl2");
+  window.viewShown = (frame) => frame.contentWindow.addEventListener("keydown", window.pressed); // while it has the focus
+})();

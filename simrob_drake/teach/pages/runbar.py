@@ -1,0 +1,88 @@
+"""The bar that runs what is taught: play, pause, tick, stop, pace, and the way back through all that was run."""
+
+from nicegui import ui
+
+from simrob_drake.teach.pages.buttons import icon_button, told
+from simrob_drake.teach.pages.following import follow
+from simrob_drake.teach.pendant import Pendant
+
+PACES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+_FASTEST = "max"
+
+
+def build(pendant: Pendant) -> None:
+    """Build the bar, and the line of messages below it."""
+    session, t = pendant.session, pendant.t
+    with ui.element("div").classes("pendant-run").props("role=toolbar") as bar:
+        told(bar, t("run.bar"))
+        start = icon_button("skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home")
+        play = icon_button("play_arrow", t("run.play"), lambda: _play(pendant), keys="Space")
+        tick = icon_button("redo", t("run.tick"), session.one_tick, keys=".")
+        stop = icon_button("stop", t("run.stop"), session.stop, keys="Shift+S")
+        scrubber = ui.slider(min=0.0, max=1.0, step=0.05)
+        scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
+        told(scrubber, t("run.scrub"))
+        clock = ui.label().classes("pendant-time")
+        _pace(pendant)
+    message = ui.label().classes("pendant-message").props("role=status aria-live=polite")
+
+    def phase() -> None:
+        running = session.phase == "running"
+        play.props["icon"] = "pause" if running else "play_arrow"
+        told(play, t("run.pause" if running else "run.play"))
+        play.set_enabled(session.phase != "opening" and not (_at_end(pendant) and session.pending))
+        stop.set_enabled(session.phase in ("running", "paused"))
+        tick.set_enabled(session.phase == "paused" or _behind(pendant))
+        start.set_enabled(session.phase != "opening")
+        time()
+
+    def time() -> None:
+        scrubber.props["max"] = max(pendant.reach, session.program.grid)
+        scrubber.props["step"] = session.program.grid
+        scrubber.value = session.time
+        running = session.phase == "running"
+        clock.text = t("run.time", time=f"{session.time:.2f}", reach=f"{pendant.reach:.2f}") + (
+            f"  {t('run.ratio', ratio=f'{session.ratio:.1f}')}" if running else ""
+        )
+
+    def tell() -> None:
+        notice = session.message
+        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else str(notice)
+        message.classes(add="pendant-wrong" if notice.wrong else "", remove="" if notice.wrong else "pendant-wrong")
+
+    follow(session, phase, "phase", "program", "description")
+    follow(session, time, "tick")
+    follow(session, tell, "message")
+
+
+def _behind(pendant: Pendant) -> bool:
+    """Tell whether a moment is shown that was run before others."""
+    return pendant.session.time < pendant.reach - pendant.session.program.grid / 2
+
+
+def _at_end(pendant: Pendant) -> bool:
+    return pendant.session.phase == "idle" and not _behind(pendant)
+
+
+def _play(pendant: Pendant) -> None:
+    """Pause, go on, or run all from the start, whichever comes next."""
+    session = pendant.session
+    if session.phase == "running":
+        session.pause()
+    elif _at_end(pendant):
+        session.simulate()
+    else:
+        session.go_on()
+
+
+def _pace(pendant: Pendant) -> None:
+    session, t = pendant.session, pendant.t
+    options = {**{str(pace): f"{pace:g} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
+    paces = {**{str(pace): pace for pace in PACES}, _FASTEST: None}
+    select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
+    select.on_value_change(lambda event: session.set_pace(paces[event.value]))
+
+    def show() -> None:
+        select.set_value(str(session.pace) if session.pace is not None else _FASTEST)
+
+    follow(session, show, "phase")

@@ -1,0 +1,83 @@
+"""What all tabs of the pendant share: what is taught, the view of it, and how the pages look."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from simrob_drake.results.animation.window import Board
+from simrob_drake.teach.pages.words import words
+from simrob_drake.teach.session import Session
+
+Opener = Callable[[str | Path], Session]
+
+
+class Pendant:
+    """One session at a time, and the view that is told of it.
+
+    Attributes:
+        session: of what is taught now.
+        board: the view in three dimensions.
+        reach: until when there is a run to go back in [s].
+        language, t: of the pages, and its words.
+        dark: whether the pages are dark; None: as the browser likes it.
+    """
+
+    def __init__(self, open_session: Opener, subject: str | Path, *, language: str = "en") -> None:
+        """Open the first subject.
+
+        Args:
+            open_session: opens a robot, a station or a file.
+            subject: the first.
+            language: of the pages, ``en`` or ``es``.
+
+        Raises:
+            SimrobError: no such subject or language.
+        """
+        self.dark: bool | None = None
+        self.speak(language)
+        self._open_session = open_session
+        self.session = open_session(subject)
+        self.board = Board(on_drag=self._drag)
+        self._begin()
+
+    def speak(self, language: str) -> None:
+        """Set the language of pages that are built from now on.
+
+        Raises:
+            UnknownName: there is no such language.
+        """
+        self.t, self.language = words(language), language
+
+    def load(self, subject: str | Path) -> None:
+        """Open another subject in place of the present one.
+
+        Raises:
+            SimrobError: no such subject; the present one stays.
+        """
+        following = self._open_session(subject)
+        self.session.close()
+        self.session = following
+        self._begin()
+
+    def close(self) -> None:
+        """End the session and its run."""
+        self.session.close()
+
+    def _begin(self) -> None:
+        self.board.tell("scene", [{"type": "delete", "path": "/drake"}])
+        self.reach = 0.0
+        self.session.listen(self._reach)
+        self.session.listen_to_view(lambda news: self.board.tell(news["subject"], news["commands"]))
+
+    def _reach(self, _: str) -> None:
+        """Note how far a run has come; what came after a moment that it goes on from is forgotten."""
+        now, running = self.session.time, self.session.phase == "running"
+        self.reach = now if running else max(self.reach, now)
+
+    def _drag(self, body: str, point: list[float], target: list[float] | None) -> None:
+        """Pass on what is dragged in the view, by the name that the station knows it by."""
+        owner, _, link = body.partition("/")
+        known: Any = self.session.description.get("bodies", ())
+        at = next((name for name in (f"{owner}.{link}", link, owner) if name in known), None)
+        if at is not None:
+            self.session.drag(at, point, target)

@@ -1,0 +1,75 @@
+"""A session without a run, for the shell of the page: it notes what it is told to do, and says what a test lets it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from pydrake.geometry import Role
+
+from simrob_drake import load_station
+from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
+from simrob_drake.results.animation.drawn import commands, draw_geometry, look
+from simrob_drake.results.animation.scene import Scene
+from simrob_drake.teach.notices import Notice
+from simrob_drake.teach.session import Session
+
+_KINDS = {"humanoid": "legs", "roid1": "legs", "irb120": "arm"}
+
+
+def drawing(station):
+    """What a run tells the view of a station at its start."""
+    scene = Scene(load_station(station))
+    scene.place(scene.initial)
+    prefixes = {"station": Role.kIllustration}
+    camera = camera_on(scene.extents(scene.initial[np.newaxis]), aspect=WINDOW_ASPECT, azimuth=side(scene.station))
+
+    def draw(meshcat):
+        draw_geometry(meshcat, scene.query(), prefixes)
+        look(meshcat, camera)
+
+    return commands(draw)
+
+
+class StubSession(Session):
+    def __init__(self, subject="humanoid", *, station=None, drawn=()):
+        super().__init__()
+        self.subject, self.robot, self.station = subject, subject, station or f"{subject}_dynamic"
+        self.calls, self._hearers, self._lookers, self._drawn = [], [], [], drawn
+        self.program = SimpleNamespace(grid=0.05, moves=[])
+        self.closed = False
+
+    def listen(self, callback):
+        self._hearers.append(callback)
+        return lambda: self._hearers.remove(callback) if callback in self._hearers else None
+
+    def listen_to_view(self, callback):
+        self._lookers.append(callback)
+        if self._drawn:
+            callback({"subject": "scene", "commands": self._drawn})
+        return lambda: self._lookers.remove(callback)
+
+    def told(self, *topics, **news):
+        """Let something change, and the listeners hear of it."""
+        vars(self).update(news)
+        for topic in topics:
+            for hearer in list(self._hearers):
+                hearer(topic)
+
+    def opened(self, bodies=()):
+        robot = {"model": self.robot, "kind": _KINDS.get(self.robot, "other")}
+        self.told("description", "phase", phase="idle", description={"robots": {self.robot: robot}, "bodies": bodies})
+
+    def close(self):
+        self.closed = True
+
+
+def _noting(name):
+    def note(self, *given, **named):
+        self.calls.append((name, *given, *named.items()))
+
+    return note
+
+
+for _name in ("pause", "go_on", "one_tick", "stop", "set_pace", "rewind", "simulate", "undo", "redo", "drag"):
+    setattr(StubSession, _name, _noting(_name))
+
+__all__ = ["Notice", "StubSession", "drawing"]
