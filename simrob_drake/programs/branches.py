@@ -24,8 +24,8 @@ class Branch:
         load: the largest share that is of an axis's limit, and the axis; above 1 it is more than the servo gives.
         room: the least distance of an axis to its limits [rad or m], and the axis; below 0 it is beyond them.
         collision: what would be in what; empty if nothing is.
-        gap: the least distance of the arm and what it carries to anything else, below 0 in it, and of what to what;
-            infinite with nothing around.
+        gap: the least distance of the arm and what it carries to anything else [m], below 0 in it, and of what to
+            what; infinite with nothing around.
     """
 
     posture: Vector
@@ -33,11 +33,11 @@ class Branch:
     load: tuple[float, str]
     room: tuple[float, str]
     collision: str
-    gap: tuple[float, str]
+    gap: tuple[float, str, str]
 
     @classmethod
     def of(
-        cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: tuple[float, str]
+        cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: tuple[float, str, str]
     ) -> "Branch":
         """Return what a posture (n,) means that takes so much torque (n,), of a limit (n,)."""
         loads = np.abs(torque) / limit
@@ -96,7 +96,8 @@ class Branches:
                 f"{100 * branch.load[0]:.0f} % {branch.load[1]}",
                 shown(branch.room[0], turns[branch.room[1]]),
             )
-            gap = f"{1e3 * branch.gap[0]:.0f} mm {branch.gap[1]}" if branch.gap[1] else ""
+            distance, nearest, other = branch.gap
+            gap = f"{1e3 * distance:.0f} mm {nearest} to {other}" if other else ""
             rows.append(["*" * branch.usable, *postures, load, f"{room} {branch.room[1]}", gap, branch.collision])
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         return "\n".join("  ".join(map(str.rjust, row, widths)).rstrip() for row in rows)

@@ -47,10 +47,10 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
     return ""
 
 
-def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tuple[float, str]]:
+def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tuple[float, str, str]]:
     """Return what tells of a robot's postures (n,) how far it and what it carries are from anything else [m].
 
-    Below 0 they are in it; the second value says what is how near to what. What no posture brings nearer, as a turning
+    Below 0 they are in it; the other values are what is so near to what. What no posture brings nearer, as a turning
     column to its floor, does not count. Infinite, and nothing, where there is nothing that could be met.
     """
     inspector, own = model.station.scene_graph.model_inspector(), model.robots[robot].instance
@@ -71,11 +71,12 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tu
 
     changes = np.ptp([distances(posture) for posture in random_postures(chain, _LOOKS, 0)], axis=0) > _SAME
 
-    def gap(posture: Vector) -> tuple[float, str]:
+    def gap(posture: Vector) -> tuple[float, str, str]:
         if not changes.any():
-            return np.inf, ""
+            return np.inf, "", ""
         found = np.where(changes, distances(posture), np.inf)
         nearest = int(found.argmin())
-        return float(found[nearest]), " to ".join(owner(model, inspector, shape) for shape in near.pairs[nearest])
+        first, second = (owner(model, inspector, shape) for shape in near.pairs[nearest])
+        return float(found[nearest]), first, second
 
     return gap

@@ -37,6 +37,26 @@ def frames(arm: Arm) -> list[str]:
     return [BASE, TOOL, WORLD, *around, *(robot for robot in arm.cell.config.robots if robot != arm.name)]
 
 
+def where(arm: Arm, frame: str = BASE) -> dict[str, Any]:
+    """Return what a page shows of an arm at rest, all as its reference has it.
+
+    ``{axes, pose, base_pose, tool, tools, frames, carried, around}``: positions [deg or m] by axis, the tool's pose in
+    the frame and in the base, which tool that is and which there are, :func:`frames`, and the pieces that the arm
+    carries and those that it does not.
+    """
+    robot, pieces = arm.cell.robot(arm.name), arm.cell.model.resolved.pieces.values()
+    return {
+        "axes": _by_axis(arm, arm.reference),
+        "pose": tool_pose(arm, frame),
+        "base_pose": tool_pose(arm),
+        "tool": robot.tcp,
+        "tools": arm.tools,
+        "frames": frames(arm),
+        "carried": [piece.name for piece in pieces if piece.carrier == arm.name],
+        "around": [piece.name for piece in pieces if piece.carrier != arm.name],
+    }
+
+
 def tool_pose(arm: Arm, frame: str = BASE) -> list[float]:
     """Return the pose in a frame that the arm's reference gives its tool [m, deg]; measured ones are signals."""
     return _told(_frame(arm, frame).inverse() @ _tool(arm))
@@ -93,8 +113,8 @@ def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE) -
 
     Each is ``{axes, torque, limit, load, room, gap, collision, usable}``: positions [deg or m], what holds them, the
     limits of that [N·m or N] by axis; ``load`` ``{share, axis}`` of a limit, ``room`` ``{left, unit, axis}`` to a
-    joint's, ``gap`` ``{distance, between}`` to what is nearest [m], or None with nothing around; what would be in what;
-    and whether the arm can stand so.
+    joint's, ``gap`` ``{distance, between: [what, what]}`` to what is nearest [m], or None with nothing around; what
+    would be in what; and whether the arm can stand so.
     """
     target = _tool(arm) if pose is None else _frame(arm, frame) @ _pose(pose, "pose")
     return [_meaning(arm, branch) for branch in arm.branches(target, start=arm.reference)]
@@ -103,7 +123,7 @@ def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE) -
 def _meaning(arm: Arm, branch: Branch) -> dict[str, Any]:
     robot = arm.cell.robot(arm.name)
     units, limits = dict(zip(arm.axes, robot.model.unit_names, strict=True)), robot.gains.torque_limit
-    (share, loaded), (left, near), (distance, between) = branch.load, branch.room, branch.gap
+    (share, loaded), (left, near), (distance, *between) = branch.load, branch.room, branch.gap
     return {
         "axes": _by_axis(arm, branch.posture),
         "torque": dict(zip(arm.axes, branch.torque.tolist(), strict=True)),
@@ -114,7 +134,7 @@ def _meaning(arm: Arm, branch: Branch) -> dict[str, Any]:
             "unit": units[near],
             "axis": near,
         },
-        "gap": {"distance": distance, "between": between} if between else None,
+        "gap": {"distance": distance, "between": between} if all(between) else None,
         "collision": branch.collision,
         "usable": branch.usable,
     }

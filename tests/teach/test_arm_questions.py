@@ -59,6 +59,19 @@ def test_the_tool_is_where_forward_kinematics_has_it_in_every_frame():
         ask.tool_pose(arm, "chess_bord")
 
 
+def test_a_page_is_told_where_an_arm_is_and_what_it_can_take():
+    arm = Arm("irb120_workcell")
+    told = json.loads(json.dumps(ask.where(arm, "board")))
+    assert told["axes"] == pytest.approx(dict.fromkeys(arm.axes, 0.0) | {"joint_5": 90.0})
+    assert told["tool"] in told["tools"]
+    assert told["carried"] == ["gripper", "pencil"]
+    assert told["around"] == ["board", "inclined_table", "half_sphere", "cylinder"]
+    assert told["pose"] == ask.tool_pose(arm, "board")
+    assert told["base_pose"] == ask.tool_pose(arm)
+    arm.tool("tool0")
+    assert ask.where(arm)["tool"] == "tool0"
+
+
 def test_a_jog_goes_along_the_axes_of_its_frame_and_turns_about_the_tool(arm):
     base, begin = RigidTransform(RollPitchYaw(0.3, -0.4, 0.5), TURNED[:3]), world(ask.tool_pose(arm, "world"))
     way, turn = [0.03, -0.02, 0.05], world([0, 0, 0, 20, -10, 5]).rotation()
@@ -160,7 +173,7 @@ BALL = {
 def test_the_gap_to_the_floor_is_the_balls_height_without_its_radius(height, met):
     arm = Arm(load_station("irb120_dynamic", BALL), tool="load")
     found = ask.branches(arm, [0.35, 0.1, height, 0, 0, 180], "world")
-    nearest = [branch for branch in found if branch["gap"]["between"] == "load to floor"]
+    nearest = [branch for branch in found if branch["gap"]["between"] == ["load", "floor"]]
     assert nearest
     for branch in nearest:
         assert branch["gap"]["distance"] == pytest.approx(height - 0.06, abs=1e-9)
@@ -172,7 +185,7 @@ def test_the_gap_of_two_balls_is_the_distance_of_their_middles():
     other = {"pieces.other": {"model": "ball", "parent": "world", "pose": [0.35, 0.25, 0.08, 0, 0, 0]}}
     arm = Arm(load_station("irb120_dynamic", BALL | other), tool="load")
     found = ask.branches(arm, [0.35, 0.1, 0.12, 0, 0, 180], "world")
-    gaps = [branch["gap"]["distance"] for branch in found if branch["gap"]["between"] == "load to other"]
+    gaps = [branch["gap"]["distance"] for branch in found if branch["gap"]["between"] == ["load", "other"]]
     np.testing.assert_allclose(gaps, np.hypot(0.15, 0.04) - 0.12, atol=1e-6)
     assert gaps
 
