@@ -178,7 +178,7 @@ def _unit(key: str, about: str) -> str:
     if key.endswith("_deg"):
         return "deg"
     found = _UNIT.search(about)
-    unit = re.split("[,;]", found[1])[0] if found else ""
+    unit = re.split("[,;]| or ", found[1])[0] if found else ""  # of axes that turn; the help tells of those that slide
     return "" if unit.startswith("x y z") else unit
 
 

@@ -12,6 +12,7 @@ from simrob_drake.teach.pages.words import Words
 Give = Callable[[str, Any], Awaitable[str]]
 """Takes a key and its new value, and returns what is wrong with it; nothing where it was done."""
 
+_HUGE = 1e6  # bounds from here on are nothing that a user meets
 _LOOK = """
 .station-form .q-field__bottom {position: static; transform: none; padding-bottom: 8px; line-height: 1.3}
 .station-form .q-field--with-bottom {padding-bottom: 0}
@@ -107,7 +108,8 @@ class FormView:
 
     def _help(self, field: Field) -> str:
         """Return what a field is, with its bounds and its default."""
-        bounds = [f"{sign} {bound:g}" for sign, bound in (("≥", field.low), ("≤", field.high)) if bound is not None]
+        ends = (("≥", field.low), ("≤", field.high))
+        bounds = [f"{sign} {bound:g}" for sign, bound in ends if bound is not None and abs(bound) < _HUGE]
         default = as_text(field.default)
         told = [*bounds, self._t("station.default", value=default) if default else ""]
         return " · ".join(filter(None, (field.help, *told)))

@@ -15,13 +15,14 @@ from simrob_drake.teach.form import Field, as_text, form_fields
 from simrob_drake.teach.pages.following import follow
 from simrob_drake.teach.pages.form_view import FormView
 from simrob_drake.teach.pages.picture import BlockPicture
-from simrob_drake.teach.pages.plots import Scope
+from simrob_drake.teach.pages.plots import scope
 from simrob_drake.teach.pages.tuning import tuners
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 _MOST_FOUND = 25  # fields that a search shows
 _MOST_SCOPES = 3
+_FEW = 6  # fields that a block shows unfolded
 _MOST_ENDINGS = 10
 _ICONS = {"ok": ("check_circle", "text-positive"), "warning": ("warning", "text-warning")}
 
@@ -37,17 +38,16 @@ class _Page:
         self._fields: list[Field] = []
         self._content: dict[str, Any] = {}
         self._endings: list[str] = []
-        self._scopes: list[Scope] = []
         self._sections: dict[str, _Section] = {}
-        with ui.element("div").classes("w-full grid gap-4 grid-cols-1 xl:grid-cols-[2fr_1fr]"):
+        with _grid("xl:grid-cols-[2fr_1fr] xl:grid-rows-[auto_1fr]"):
             with _card(t("station.blocks"), t("station.blocks_help")):
                 self._wrong_picture = ui.label().classes("text-negative")
                 self._picture = BlockPicture(self._show_block)
-            with _card(t("station.block")) as self._panel:
+            with _card(t("station.block")).classes("xl:row-span-2"):
                 self._block = ui.column().classes("w-full gap-2")
-        with _card(t("station.stops")):
-            self._stops = ui.column().classes("w-full gap-1")
-        with ui.element("div").classes("w-full grid gap-4 grid-cols-1 lg:grid-cols-[2fr_1fr]"):
+            with _card(t("station.stops")):
+                self._stops = ui.column().classes("w-full gap-1")
+        with _grid("lg:grid-cols-[2fr_1fr]"):
             with _card(t("station.keys"), t("station.keys_help")):
                 self._changed = ui.row().classes("gap-2 items-center")
                 self._sought = ui.input(t("station.search"), on_change=self._search)
@@ -140,8 +140,8 @@ class _Page:
             for monitor in monitors:
                 inner = [field for field in self._fields if field.key.startswith(f"{monitor.key}.")]
                 given = [_told(field) for field in inner if field.value not in (None, field.default)]
-                name = monitor.key.partition(".")[2]
-                ui.label(f"{name}: {', '.join(given)}. {monitor.help}").classes("text-sm")
+                name = monitor.key.partition(".")[2] + (f" ({', '.join(given)})" if given else "")
+                ui.label(f"{name}: {monitor.help}").classes("text-sm")
             if not monitors:
                 ui.label(self._t("station.no_monitors")).classes("text-sm opacity-70")
             for ending in self._endings:
@@ -157,9 +157,6 @@ class _Page:
 
     def _show_block(self, block: str) -> None:
         """Show the parameters and the signals of a block."""
-        for scope in self._scopes:
-            scope.close()
-        self._scopes.clear()
         self._block.clear()
         with self._block:
             if not block:
@@ -169,10 +166,10 @@ class _Page:
             told = told_by(block, self._content, signals)
             ui.label(self._picture.labels.get(block, block)).classes("font-bold whitespace-pre-line")
             fields = [field for field in self._fields if told.holds(field.key)]
-            shown = told.signals[:_MOST_SCOPES]
-            self._scopes = [Scope(self._session, self._t, name, only=told.axis) for name in shown]
+            for name in told.signals[:_MOST_SCOPES]:
+                scope(self._session, self._t, name, only=told.axis)
             tuners(fields, self._give)
-            with ui.expansion(self._t("station.parameters"), value=len(fields) < _MOST_FOUND).classes("w-full"):
+            with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
                 self.view().show(fields)
 
 
@@ -197,6 +194,10 @@ class _Section:
             with self._fold:
                 self._view = self._page.view(self._top)
         self._view.show(self._fields)
+
+
+def _grid(columns: str) -> ui.element:
+    return ui.element("div").classes(f"w-full grid gap-4 items-start grid-cols-1 {columns}")
 
 
 def _card(title: str, about: str = "") -> ui.card:
