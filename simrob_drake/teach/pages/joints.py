@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
-from typing import Any
 
 from nicegui import ui
 
+from simrob_drake.teach.pages.buttons import icon_button, told
+from simrob_drake.teach.pages.fields import NumberField
 from simrob_drake.teach.pages.phrases import Content, Phrases, figure, matches
 
+STEPS = {"deg": 1.0, "m": 0.01}
+"""Of fields and sliders, by unit."""
 _SIDE = {"deg": 180.0, "m": 1.0}
 """How far a slider goes to either side where an axis has no limit."""
-_STEP = {"deg": 1.0, "m": 0.01}
-_SET = "bg-primary/15 rounded"  # how a joint looks that was set
-_DIGITS = 3  # behind the point, of a joint that was not set
+_DIGITS = 2  # behind the point, of a joint that was not set
+_SET = "bg-primary/15"  # how a joint looks that was set
 
 
 class Joints:
@@ -40,20 +42,20 @@ class Joints:
     @property
     def targets(self) -> dict[str, float]:
         """Where joints are to go that were set, and can [deg or m], by axis."""
-        return {row.name: row.value for row in self._rows if row.is_set and not row.wrong}
+        return {row.name: row.value for row in self._rows if row.is_set and row.value is not None}
 
     def refuse_wrong(self) -> bool:
         """Tell whether a target cannot be, and take the user to the first."""
-        wrong = next((row for row in self._rows if row.wrong), None)
+        wrong = next((row for row in self._rows if row.is_set and row.value is None), None)
         if wrong is not None:
             self._search.value = ""
-            wrong.field.run_method("focus")
+            wrong.number.needed()
         return wrong is not None
 
     def settle(self) -> None:
         """Count no joint as set any more; each shows the number that it has."""
         for row in self._rows:
-            row.settle(row.value if row.is_set and not row.wrong else None)
+            row.settle(row.value if row.is_set else None)
 
     def follow(self, values: Mapping[str, float]) -> None:
         """Show where joints are [deg or m] that are not set."""
@@ -76,40 +78,27 @@ class _Row:
     ) -> None:
         self.name: str = axis["name"]
         self.is_set = self._quiet = False
-        self._t, self._unit, self._changed = phrases.t, phrases.unit(self.name), changed
-        self._low, self._high = axis["low"], axis["high"]
-        self._at = round(float(axis["now"]), _DIGITS)
-        words = phrases.axis(self.name)
+        self._changed, self._at = changed, round(float(axis["now"]), _DIGITS)
+        words, unit = phrases.axis(self.name), phrases.unit(self.name)
         self.called = (words, self.name, *axis["aliases"])
-        step, side = _STEP[axis["unit"]], _SIDE[axis["unit"]]
-        low, high = max(self._low, -side), min(self._high, side)
-        with ui.row().classes("w-full items-center gap-x-3 gap-y-0 px-2") as self.element:
+        with ui.row().classes("w-full items-center gap-x-3 gap-y-0 px-2 rounded") as self.element:
             with ui.column().classes("gap-0 grow").style("flex-basis: 13rem"):
                 ui.label(words)
                 ui.label(" · ".join([*axis["aliases"], self.name])).classes("text-xs opacity-70")
-            self.field = ui.number(value=self._at, step=step, suffix=self._unit.strip(), validation=self._problem)
-            self.field.props(f'dense outlined aria-label="{words}"').classes("w-28").on("keydown.enter", entered)
+            self.number = axis_field(phrases, axis, self._at)
+            self.number.field.classes("w-28").on("keydown.enter", entered)
             with ui.column().classes("gap-0 grow").style("flex-basis: 9rem"):
-                self._slider = ui.slider(min=low, max=high, step=step, value=self._at)
-                self._slider.props(f'dense aria-label="{words}"').classes("w-full px-2")
-                with ui.row().classes("w-full justify-between text-xs opacity-70"):
-                    ui.label(self._limit(low))
-                    ui.label(self._limit(high))
-            back = ui.button(icon="undo", on_click=self._take_back).props("flat dense round")
-            self._back = back.props(f'aria-label="{self._t("legs.take_back")}"').tooltip(self._t("legs.take_back"))
+                self._slider = _slider(axis, unit, self._at)
+                told(self._slider, words)
+            self._back = icon_button("undo", f"{phrases.t('legs.take_back')}: {words}", self._take_back)
         self._mark()
-        self.field.on_value_change(self._typed)
-        self._slider.on_value_change(self._slid)
+        self.number.field.on_value_change(lambda: self._set(self.number.field.value))
+        self._slider.on_value_change(lambda: self._set(self._slider.value))
 
     @property
-    def value(self) -> float:
-        """Where it is to go [deg or m]."""
-        return self._at if self.field.value is None else float(self.field.value)
-
-    @property
-    def wrong(self) -> bool:
-        """Whether it cannot go there."""
-        return self._problem(self.field.value) is not None
+    def value(self) -> float | None:
+        """Where it is to go [deg or m]; None where it cannot."""
+        return self.number.value
 
     def settle(self, value: float | None) -> None:
         """Show where the joint is, the same as before where that is None, and count it as not set."""
@@ -119,40 +108,48 @@ class _Row:
 
     def _show(self, value: float) -> None:
         self._quiet = True
-        self.field.value = self._slider.value = value
+        self.number.field.value = self._slider.value = value
         self._quiet = False
         self._mark()
 
     def _mark(self) -> None:
-        if self.is_set:
-            self.element.classes(_SET)
-        else:
-            self.element.classes(remove=_SET)
+        self.element.classes(add=_SET if self.is_set else "", remove="" if self.is_set else _SET)
         self._back.style(f"visibility: {'visible' if self.is_set else 'hidden'}")
 
     def _take_back(self) -> None:
         self.settle(None)
         self._changed()
 
-    def _typed(self) -> None:
-        if not self._quiet:
-            self._set(self.field.value)
-
-    def _slid(self) -> None:
-        if not self._quiet:
-            self._set(self._slider.value)
-
     def _set(self, value: float | None) -> None:
+        if self._quiet:
+            return
         self.is_set = value is not None
-        if value is not None and self._problem(value) is None:
+        if value is not None and self.number.problem(value) is None:
             self._show(value)
         self._mark()
         self._changed()
 
-    def _problem(self, value: Any) -> str | None:
-        if value is None or self._low <= value <= self._high:
-            return None
-        return self._t("legs.limits", low=self._limit(self._low), high=self._limit(self._high))
 
-    def _limit(self, value: float) -> str:
-        return f"{figure(value)}{self._unit}" if isfinite(value) else ""
+def axis_field(phrases: Phrases, axis: Content, value: float, *, titled: bool = False) -> NumberField:
+    """Build a field for the target of an axis [deg or m], which is refused beyond the limits."""
+    return NumberField(
+        phrases.t,
+        phrases.axis(axis["name"]),
+        value,
+        low=axis["low"],
+        high=axis["high"],
+        unit=phrases.unit(axis["name"]),
+        step=STEPS[axis["unit"]],
+        titled=titled,
+    )
+
+
+def _slider(axis: Content, unit: str, value: float) -> ui.slider:
+    """Build the slider of an axis, with its limits below it."""
+    side = _SIDE[axis["unit"]]
+    low, high = max(axis["low"], -side), min(axis["high"], side)
+    slider = ui.slider(min=low, max=high, step=STEPS[axis["unit"]], value=value).props("dense").classes("w-full px-2")
+    with ui.row().classes("w-full justify-between text-xs opacity-70"):
+        for limit in (axis["low"], axis["high"]):
+            ui.label(f"{figure(limit)}{unit}" if isfinite(limit) else "")
+    return slider

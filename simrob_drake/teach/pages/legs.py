@@ -1,0 +1,165 @@
+"""The page of a robot with legs, in the order of use: joints, a test, the program, a run of it."""
+
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import ui
+
+from simrob_drake.teach.pages import move_list, plots
+from simrob_drake.teach.pages.buttons import KEYS, told
+from simrob_drake.teach.pages.following import follow
+from simrob_drake.teach.pages.joints import Joints
+from simrob_drake.teach.pages.move_forms import duration_field, walk_form
+from simrob_drake.teach.pages.phrases import Content, Phrases
+from simrob_drake.teach.pages.words import Words
+from simrob_drake.teach.session import Session
+
+_KIND = "legs"
+
+
+def build(session: Session, t: Words) -> None:
+    """Build the page of a session's robot in the present place; it is built anew for another robot."""
+    place = ui.column().classes("w-full gap-4")
+    built: list[Any] = []
+
+    def show() -> None:
+        robot = session.description.get("robots", {}).get(session.robot, {})
+        if _what_counts(session, robot) == built:
+            return
+        built[:] = _what_counts(session, robot)
+        place.clear()
+        with place:
+            if robot.get("kind") == _KIND:
+                _build(session, t, robot)
+            else:
+                ui.label(t("legs.none"))
+
+    follow(session, show, "description")
+    show()
+
+
+def _what_counts(session: Session, robot: Content) -> list[Any]:
+    """Return what the page is built of."""
+    axes = [{key: value for key, value in axis.items() if key != "now"} for axis in robot.get("axes", ())]
+    return [{**robot, "axes": axes}, *(session.description.get(key) for key in ("pieces", "loops", "signals"))]
+
+
+def _build(session: Session, t: Words, robot: Content) -> None:
+    phrases = Phrases(t, robot["axes"])
+    _Teaching(session, phrases, robot)
+    with _card(t("legs.motions")):
+        _motions(session, t, robot)
+    if session.description.get("pieces"):
+        with _card(t("legs.pieces")):
+            _pieces(session, t, robot)
+    if session.description.get("loops"):
+        with _card(t("legs.loops")):
+            _loops(session, t)
+    with _card(t("legs.program")):
+        move_list.build(session, phrases, robot)
+    with ui.expansion(t("legs.plots")).classes("w-full border rounded") as expansion:
+        panel = ui.column().classes("w-full")
+
+    def show_plots() -> None:
+        panel.clear()
+        if expansion.value:
+            with panel:
+                plots.build(session, t)
+
+    expansion.on_value_change(show_plots)
+
+
+class _Teaching:
+    """The joints and the buttons, numbered in the order of use."""
+
+    def __init__(self, session: Session, phrases: Phrases, robot: Content) -> None:
+        self._session, self._phrases, t = session, phrases, phrases.t
+        with _card(t("legs.joints"), 1):
+            self._joints = Joints(phrases, robot["axes"], changed=self._tell, entered=self._test)
+            self._chosen = ui.label().classes("text-sm").props("aria-live=polite")
+            with ui.row().classes("w-full items-start gap-2"):
+                self._duration = duration_field(t)
+                self._duration.field.classes("w-32")
+                _button(t("legs.test"), self._test, 2, "Alt+T")
+            self._tested = ui.label().classes("text-sm").props("aria-live=polite")
+            with ui.row().classes("w-full items-center gap-2"):
+                _button(t("legs.add"), session.add, 3, "Alt+A")
+                _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
+                _button(t("legs.discard"), session.discard, keys="Alt+X").props("outline")
+                _button(t("legs.reset"), session.reset, keys="Alt+R").props("outline color=negative")
+        follow(session, self._tell, "program")
+        self._tell()
+
+    def _test(self) -> None:
+        seconds = self._duration.needed()
+        if seconds is not None and not self._joints.refuse_wrong():
+            self._session.test(self._joints.targets, seconds)
+            self._joints.settle()
+            self._tell()
+
+    def _tell(self) -> None:
+        """Say what would be tested, and what was."""
+        t, phrases = self._phrases.t, self._phrases
+        axes = ", ".join(phrases.target(axis, value) for axis, value in self._joints.targets.items())
+        self._chosen.text = t("legs.chosen", axes=axes) if axes else t("legs.choose")
+        moves = "; ".join(phrases.move(move) for move in self._session.pending)
+        self._tested.text = t("legs.tested", moves=moves) if moves else ""
+
+
+def _motions(session: Session, t: Words, robot: Content) -> None:
+    """Build what goes a step, walks, and acts."""
+    with ui.row().classes("w-full items-start gap-2"):
+        _button(t("legs.step"), session.step, keys="Alt+P")
+        if robot["gaits"]:
+            read = walk_form(t, robot["gaits"])
+
+            def walk() -> None:
+                content = read()
+                if content is not None:
+                    session.walk(**content)
+
+            _button(t("legs.walk"), walk, keys="Alt+W")
+    if robot["acts"]:
+        with ui.row().classes("w-full items-center gap-2"):
+            act = ui.select(robot["acts"], value=robot["acts"][0], label=t("legs.act")).props("dense outlined")
+            act.classes("w-40")
+            _button(t("legs.do"), lambda: session.act(act.value), keys="Alt+O")
+
+
+def _pieces(session: Session, t: Words, robot: Content) -> None:
+    """Build what takes pieces and leaves them."""
+    pieces, tools = session.description["pieces"], robot["tools"]
+    with ui.row().classes("w-full items-center gap-2"):
+        piece = ui.select(pieces, value=pieces[0], label=t("legs.piece")).props("dense outlined").classes("w-40")
+        tool = ui.select(tools, value=tools[0], label=t("legs.tool")).props("dense outlined").classes("w-40")
+        _button(t("legs.take"), lambda: session.attach(piece.value, tool.value))
+        _button(t("legs.leave"), lambda: session.release(piece.value))
+
+
+def _loops(session: Session, t: Words) -> None:
+    """Build a switch for each loop around the servos; the station is opened anew when one is switched."""
+    switches = {}
+    for loop in session.description["loops"]:
+        name = loop["name"]
+        switches[name] = ui.switch(name.replace("_", " "), value=loop["on"])
+        switches[name].on_value_change(lambda event, name=name: session.switch_loop(name, event.value))
+
+
+def _card(title: str, number: int = 0) -> ui.column:
+    with ui.column().classes("w-full gap-2 p-3 border rounded").props("role=group") as card:
+        told(card, title)
+        ui.html(_numbered(title, number), tag="h2", sanitize=False).classes("text-base font-bold")
+    return card
+
+
+def _button(text: str, on_click: Callable[[], object], number: int = 0, keys: str = "") -> ui.button:
+    """Build a button; ``number`` is its place in the order of use, ``keys`` press it."""
+    button = ui.button(_numbered(text, number), on_click=on_click).props("no-caps")
+    if keys:
+        button.props[KEYS] = keys
+        button.tooltip(keys)
+    return button
+
+
+def _numbered(text: str, number: int) -> str:
+    return f"{number}. {text}" if number else text
