@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
-from nicegui import background_tasks, ui
+from nicegui import background_tasks, context, ui
 
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.teach.blocks import told_by
@@ -24,7 +24,10 @@ _MOST_FOUND = 25  # fields that a search shows
 _MOST_SCOPES = 3
 _FEW = 6  # fields that a block shows unfolded
 _MOST_ENDINGS = 10
-_ICONS = {"ok": ("check_circle", "text-positive"), "warning": ("warning", "text-warning")}
+_PAUSE = 0.3
+"""From a change to the question what it does [s]: meanwhile others may come, and another tab."""
+_TAB = "station"
+_BESIDE = "w-full grid gap-4 items-start grid-cols-[repeat(auto-fit,minmax(min(24rem,100%),1fr))]"
 
 
 def build(session: Session, t: Words) -> None:
@@ -39,23 +42,26 @@ class _Page:
         self._content: dict[str, Any] = {}
         self._endings: list[str] = []
         self._sections: dict[str, _Section] = {}
-        with _grid("xl:grid-cols-[2fr_1fr] xl:grid-rows-[auto_1fr]"):
-            with _card(t("station.blocks"), t("station.blocks_help")):
-                self._wrong_picture = ui.label().classes("text-negative")
-                self._picture = BlockPicture(self._show_block)
-            with _card(t("station.block")).classes("xl:row-span-2"):
-                self._block = ui.column().classes("w-full gap-2")
-            with _card(t("station.stops")):
-                self._stops = ui.column().classes("w-full gap-1")
-        with _grid("lg:grid-cols-[2fr_1fr]"):
+        self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
+        self._asked = True
+        with _card(t("station.blocks"), t("station.blocks_help")):
+            self._wrong_picture = ui.label().classes("text-negative")
+            self._picture = BlockPicture(self._show_block)
+        with _card(t("station.block")):
+            self._block = ui.column().classes("w-full gap-2")
+        with _card(t("station.stops")):
+            self._stops = ui.column().classes("w-full gap-1")
+        with ui.element("div").classes(_BESIDE):
+            with _card(t("station.check")):
+                self._findings = ui.column().classes("w-full gap-1")
             with _card(t("station.keys"), t("station.keys_help")):
                 self._changed = ui.row().classes("gap-2 items-center")
                 self._sought = ui.input(t("station.search"), on_change=self._search)
                 self._sought.props("clearable dense").classes("w-full")
                 self._found = FormView(t, self._give)
                 self._form = ui.column().classes("w-full gap-0")
-            with _card(t("station.check")):
-                self._findings = ui.column().classes("w-full gap-1")
+        if self._panels is not None:
+            self._panels.on_value_change(self._ask_if_seen)
         follow(session, self._refresh, "description")
         follow(session, self._hear, "message")
 
@@ -79,25 +85,39 @@ class _Page:
         self._show_changed()
         self._show_stops()
         self._show_block(self._picture.chosen)
-        background_tasks.create(self._ask())
+        self._asked = False
+        self._ask_if_seen()
+
+    def _ask_if_seen(self) -> None:
+        if not self._asked:
+            background_tasks.create(self._ask())
 
     async def _ask(self) -> None:
-        """Ask the run's process for the picture, and for what a check finds."""
+        """Ask the run's process for the picture and for what a check finds, unless another tab is in front."""
+        await asyncio.sleep(_PAUSE)
+        if self._asked or (self._panels is not None and self._panels.value != _TAB):
+            return
+        self._asked = True
         picture = await asyncio.wrap_future(self._session.picture())
         self._wrong_picture.text = "" if picture else str(self._session.message)
         if picture:
             self._picture.show(picture)
         findings = await asyncio.wrap_future(self._session.check())
+        if self._findings.is_deleted:
+            return
         self._findings.clear()
         with self._findings:
-            for finding in findings or [{"level": "warning", "subject": "", "text": str(self._session.message)}]:
-                self._show_finding(finding)
+            self._show_findings(findings or [{"level": "warning", "subject": "", "text": str(self._session.message)}])
 
-    def _show_finding(self, finding: Mapping[str, str]) -> None:
-        icon, colour = _ICONS.get(finding["level"], _ICONS["warning"])
-        with ui.row().classes("w-full no-wrap items-start gap-2"):
-            ui.icon(icon).classes(colour).props(f'aria-label="{self._t("station." + finding["level"])}" role=img')
-            ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
+    def _show_findings(self, findings: Sequence[Mapping[str, str]]) -> None:
+        """Show the warnings, and behind them, folded, what is in order."""
+        fine = [finding for finding in findings if finding["level"] == "ok"]
+        for finding in findings:
+            if finding not in fine:
+                _show_finding(finding, "warning", self._t("station.warning"))
+        with ui.expansion(self._t("station.in_order", count=len(fine))).classes("w-full").props("dense"):
+            for finding in fine:
+                _show_finding(finding, "check_circle", self._t("station.ok"))
 
     def _show_form(self) -> None:
         """Show the keys, section by section; a section is built when it is opened for the first time."""
@@ -196,12 +216,16 @@ class _Section:
         self._view.show(self._fields)
 
 
-def _grid(columns: str) -> ui.element:
-    return ui.element("div").classes(f"w-full grid gap-4 items-start grid-cols-1 {columns}")
+def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
+    with ui.row().classes("w-full no-wrap items-start gap-2"):
+        ui.icon(icon, color="positive" if finding["level"] == "ok" else "warning").props(
+            f'role=img aria-label="{called}"'
+        )
+        ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
 
 
 def _card(title: str, about: str = "") -> ui.card:
-    with ui.card().classes("w-full min-w-0") as card:
+    with ui.card().props("flat bordered").classes("w-full min-w-0") as card:
         ui.label(title).classes("text-lg").props("role=heading aria-level=2")
         if about:
             ui.label(about).classes("text-sm opacity-70")
