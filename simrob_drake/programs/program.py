@@ -17,7 +17,7 @@ from simrob_drake.programs.automatic import Automatic, pace_of
 from simrob_drake.programs.moves import LEG_KINDS, JointMove, LegMove
 from simrob_drake.programs.timeline import Change
 from simrob_drake.quantities import Duration
-from simrob_drake.yaml_files import Strict, read_yaml, validated
+from simrob_drake.yaml_files import Strict, parse_yaml, read_yaml, validated
 
 AnyMove = LegMove | ArmMove
 KINDS: dict[str, type[AnyMove]] = {**LEG_KINDS, **ARM_KINDS}
@@ -149,7 +149,16 @@ class Program(Strict):
             InvalidConfig: a file that cannot be read or is damaged; names the file, the move and the key, or the line.
         """
         source = path(file, "file")
-        content = read_yaml(source)
+        return cls._of(read_yaml(source), source)
+
+    @classmethod
+    def of_text(cls, text: str, where: str = "the program") -> Program:
+        """Return the program that a YAML text holds, likewise; errors call it as ``where`` says."""
+        content = parse_yaml(text, where)
+        return cls._of(instance(content, where, dict, "a mapping with moves"), where)
+
+    @classmethod
+    def _of(cls, content: dict[str, Any], source: Path | str) -> Program:
         for key in ("moves", "references"):
             entries = content.get(key)
             for number, entry in enumerate(entries if isinstance(entries, list) else []):

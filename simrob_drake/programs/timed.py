@@ -14,6 +14,8 @@ from simrob_drake.simulation import Moment, Reference, Ticks
 if TYPE_CHECKING:
     from simrob_drake.programs.ongoing import OngoingStation
 
+USER = "user"
+"""Who stops a run that its timeline ends."""
 _END = 1e-9  # s
 
 
@@ -29,7 +31,7 @@ def run_timed(cell: OngoingStation, references: Mapping[str, Reference], duratio
     begun, state, left = line.now, cell.state, False
     end = line.whole(line.whole(begun) + duration)
     courses: dict[str, Course] = {}
-    since, told = begun, dict[str, Any](run="none yet")
+    since, asked_for = begun, dict[str, Any](run="none yet")
 
     def tell(moment: Moment) -> bool:
         nonlocal left
@@ -44,8 +46,11 @@ def run_timed(cell: OngoingStation, references: Mapping[str, Reference], duratio
             part = line.part(end)
             station = line.station(cell.config, part)
             runner = cell.runner_of(station)
-            told, before = {key: value for key, value in line.settings().items() if "reference" in key.split(".")}, told
-            if told != before:
+            asked_for, before = (
+                {key: value for key, value in line.settings().items() if "reference" in key.split(".")},
+                asked_for,
+            )
+            if asked_for != before:
                 courses, since = runner.courses(references, state), line.now
             asked = {robot: later(course, line.now - since) for robot, course in courses.items()}
             run = runner.run(
@@ -53,10 +58,13 @@ def run_timed(cell: OngoingStation, references: Mapping[str, Reference], duratio
             )
             forces = {**run.config.forces, **line.forces(run.stop_time)}  # drags have grown
             runs.append(replace(run, config=run.config.model_copy(update={"forces": forces})))
-            if run.ending != "completed":
+            line.now = line.time_of(line.steps(line.now + run.stop_time))
+            if run.ending == "completed" and left:
+                told = f"stopped by the user at {line.now - begun:.6g} s"
+                runs[-1] = replace(runs[-1], ending="monitor", stopped_by=USER, message=told)
+            if runs[-1].ending != "completed":
                 break
             state = run.final_state
-            line.now = line.time_of(line.steps(line.now + run.stop_time))
     finally:
         line.now = begun
     return runs[0] if len(runs) == 1 else joined(runs)

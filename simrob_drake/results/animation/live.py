@@ -1,13 +1,15 @@
 """A browser window that shows a station while it is simulated, run after run."""
 
+from collections.abc import Callable, Sequence
 from time import perf_counter, sleep
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat, Role
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
-from simrob_drake.results.animation.drawn import commands, draw_geometry, draw_tool_paths, look, pose_commands
+from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
 from simrob_drake.results.animation.scene import Scene
 from simrob_drake.results.animation.window import Window
 from simrob_drake.results.record.run import RecordedRun
@@ -17,6 +19,48 @@ from simrob_drake.stations.config import StationConfig
 FRAME = 1 / 30
 """Simulated time from one picture to the next [s]."""
 _PREFIXES = {"station": Role.kIllustration}
+Tell = Callable[[str, Sequence[Command]], object]
+
+
+class StationView:
+    """What a browser is told so that it shows a station.
+
+    Attributes:
+        scene: the station as it is shown.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        """Show nothing yet.
+
+        Args:
+            tell: takes a subject and the commands to Meshcat's page in place of those it was told of it before.
+        """
+        self._tell, self._config = tell, None
+        self.scene: Scene | None = None
+
+    def draw(self, config: StationConfig, state: State | None = None) -> None:
+        """Show a station in a state, or at its initial posture; it is loaded anew where its looks have changed."""
+        looks = _looks(config)
+        if self.scene is None or looks != self._config:
+            self.scene, self._config = Scene(config), looks
+            self._tell_scene(self.scene)
+        self.show(self.scene.initial if state is None else state.of_plant(self.scene.station)[0])
+
+    def show(self, positions: Vector) -> None:
+        """Show positions of the whole plant, shape (nq,)."""
+        if self.scene is not None and np.isfinite(positions).all():
+            self.scene.place(positions)
+            self._tell("poses", pose_commands(self.scene.query(), _PREFIXES))
+
+    def _tell_scene(self, scene: Scene) -> None:
+        points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
+        scene.place(scene.initial)
+
+        def draw(meshcat: Meshcat) -> None:
+            draw_geometry(meshcat, scene.query(), _PREFIXES)
+            look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=azimuth))
+
+        self._tell("scene", [{"type": "delete", "path": "/drake/station"}, *commands(draw)])
 
 
 class LiveView:
@@ -34,26 +78,23 @@ class LiveView:
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        self._window = Window()
+        self._window: Window | None = Window()
         self.url = self._window.url
-        self._config: StationConfig | None = None
-        self._scene: Scene | None = None
+        self._view = StationView(self._window.tell)
         self._next_frame = self._clock_at_zero = 0.0
         self._paths = 0
         self.draw(config, state)
 
     def draw(self, config: StationConfig, state: State | None = None) -> None:
         """Show a station in a state, outside of any run; its robots and pieces are loaded anew where they changed."""
-        if config != self._config:
-            self._scene, self._config = Scene(config), config
-            self._tell_scene(self._scene)
-        if self._scene is not None:
-            self._show(self._scene, self._scene.initial if state is None else state.of_plant(self._scene.station)[0])
+        self._view.draw(config, state)
         self._last: tuple[float, Vector] | None = None
 
     def add_paths(self, result: RecordedRun) -> None:
         """Leave the ways of the tools in a run as lines."""
         number = self._paths
+        if self._window is None:
+            return
         self._window.tell(f"paths {number}", commands(lambda meshcat: draw_tool_paths(meshcat, result, number)))
         self._paths += 1
 
@@ -64,7 +105,7 @@ class LiveView:
             time: at the step's end [s].
             positions: of the whole plant, shape (nq,).
         """
-        if self._scene is None or not np.isfinite(positions).all():
+        if self._window is None or not np.isfinite(positions).all():
             return
         if self._last is None or time < self._last[0]:
             self._next_frame, self._clock_at_zero = time, perf_counter() - time
@@ -72,29 +113,15 @@ class LiveView:
         while self._next_frame <= time:
             part = (self._next_frame - start) / (time - start) if time > start else 1.0
             self._wait_for(self._next_frame)
-            self._show(self._scene, low + part * (positions - low))
+            self._view.show(low + part * (positions - low))
             self._next_frame += FRAME
         self._last = (time, positions.copy())
 
     def close(self) -> None:
         """Close the window and its port; what comes after is not shown."""
-        if self._scene is not None:
+        if self._window is not None:
             self._window.close()
-        self._scene = None
-
-    def _tell_scene(self, scene: Scene) -> None:
-        points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
-        scene.place(scene.initial)
-
-        def draw(meshcat: Meshcat) -> None:
-            draw_geometry(meshcat, scene.query(), _PREFIXES)
-            look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=azimuth))
-
-        self._window.tell("scene", [{"type": "delete", "path": "/drake/station"}, *commands(draw)])
-
-    def _show(self, scene: Scene, positions: Vector) -> None:
-        scene.place(positions)
-        self._window.tell("poses", pose_commands(scene.query(), _PREFIXES))
+        self._window = None
 
     def _wait_for(self, time: float) -> None:
         """Sleep until the clock has come to a simulated time [s]; time that was lost is not made up for."""
@@ -103,3 +130,9 @@ class LiveView:
             sleep(ahead)
         elif ahead < -FRAME:
             self._clock_at_zero -= ahead
+
+
+def _looks(config: StationConfig) -> Any:
+    """Return what of a station can be seen."""
+    robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
+    return robots, config.pieces, config.floor, config.mode

@@ -34,6 +34,15 @@ def station_dot(config: StationConfig) -> str:
     return dot_text(_graph(config))
 
 
+def station_svg(config: StationConfig) -> str:
+    """Return the block picture of a station as SVG.
+
+    Raises:
+        SimrobError: a station that cannot be built, or Graphviz is missing, or fails.
+    """
+    return _drawn(station_dot(config), "svg").decode()
+
+
 def station_mermaid(config: StationConfig) -> str:
     """Return the block picture of a station as a Mermaid flowchart, which GitHub shows in Markdown.
 

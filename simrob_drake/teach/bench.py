@@ -1,0 +1,364 @@
+"""The station that is taught, in a process of its own: run, shown, asked about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.programs.arm import Arm
+from simrob_drake.programs.arm_program import of_arms
+from simrob_drake.programs.legged_robot import LeggedRobot
+from simrob_drake.programs.program import Program
+from simrob_drake.programs.timed import USER
+from simrob_drake.programs.timeline import GRID, Change, PushNow, Timeline
+from simrob_drake.programs.workcell import Workcell
+from simrob_drake.results.animation.ghosts import ghosts
+from simrob_drake.results.animation.live import StationView
+from simrob_drake.results.block_diagram.picture import station_svg
+from simrob_drake.results.files import write_table
+from simrob_drake.results.record.state import State
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station, with_settings
+from simrob_drake.teach import arm_questions
+from simrob_drake.teach.conductor import Conductor, Rewound
+from simrob_drake.teach.describe import description
+from simrob_drake.teach.messages import Inbox, at_any_time
+from simrob_drake.yaml_files import validated
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a station can be gone back to: how it was when something began to be run."""
+
+    time: float
+    config: StationConfig
+    state: State | None
+    doing: Callable[[], SimulationResult]
+
+
+class Bench:
+    """A station and what is done with it; the methods are what the pendant asks for, by their names.
+
+    Arguments and results are plain data. Times count from the start of the station [s].
+    """
+
+    def __init__(self, inbox: Inbox, serve: Callable[[Bench], object]) -> None:
+        """Make a bench without a station, :meth:`open` gives it one.
+
+        Args:
+            inbox: where news go.
+            serve: does what is asked for at a tick.
+        """
+        self._inbox = inbox
+        self._view = StationView(lambda subject, commands: inbox.tell("view", subject=subject, commands=list(commands)))
+        self.conductor = Conductor(inbox, self._view.show, lambda: serve(self))
+        self._cell: Workcell | None = None
+        self._robot = ""
+        self._places: list[Place] = []
+        self._result: SimulationResult | None = None
+
+    # Idle
+
+    def open(self, station: str, settings: dict[str, Any], robot: str | None = None) -> dict[str, Any]:
+        """Take a station, by name or file, with settings, and tell what it is."""
+        config = load_station(station, settings, allow_code=True)
+        self._cell = cell = Workcell(config)
+        self._robot = "" if not config.robots else cell.robot_name(robot or next(iter(config.robots)))
+        self._start = config
+        cell.watcher = self.conductor.on_step
+        self._view.scene = None
+        self._outputs, self._bodies = list[str](), list[str]()
+        self.restart()
+        told = description(cell)
+        self._outputs, self._bodies = [signal["name"] for signal in told["signals"]], told["bodies"]
+        return told
+
+    def restart(self) -> None:
+        """Put the station back to its start."""
+        cell = self.cell
+        cell.change(self._start)
+        cell.state = State.at_start_of(self._start)
+        self._places, self._result, self.conductor.at = [], None, None
+        self.conductor.seen.clear()
+        self.conductor.asked.clear()
+        self._new_line(GRID)
+        self._draw()
+        self._inbox.tell("tick", time=0.0, ratio=0.0, phase="idle", values={})
+
+    def play(self, program: str) -> dict[str, Any]:
+        """Run a program, in YAML, from the start."""
+        told = self._program(program)
+        self.restart()
+        self._new_line(told.grid or GRID, told.changes)
+        return self._begin(lambda: self._performed(told))
+
+    def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """Run moves, as a program's file has them, from where the station is or what is shown."""
+        told = validated(Program, {"moves": list(moves)}, "the moves")
+        told = told.model_copy(update={"robot": self._robot or None})
+        self._settle()
+        return self._begin(lambda: self._performed(told))
+
+    def jog(self, targets_deg: dict[str, float], duration: float | None = None) -> dict[str, Any]:
+        """Move the arm's axes from where its reference is; a newer jog takes its place."""
+        return self.do([arm_questions.jog(self._arm(), targets_deg, duration)])
+
+    def resume(self) -> dict[str, Any]:
+        """Go on from the moment that is shown, as what was run there went on."""
+        if self.conductor.at is None:
+            raise InvalidParameter("resume", "asked for in the present", "asked for after going back")
+        place, time = self._back_to(self.conductor.at)
+        return self._begin(place.doing, until=time)
+
+    # At any time
+
+    @at_any_time
+    def pause(self) -> None:
+        """Pause at the next tick."""
+        self.conductor.paused = True
+
+    @at_any_time
+    def go_on(self) -> dict[str, Any] | None:
+        """Go on after a pause, or from the moment that is shown."""
+        if self.conductor.at is not None:
+            if self._is_running:
+                raise Rewound
+            return self.resume()
+        self.conductor.go_on()
+        return None
+
+    @at_any_time
+    def one_tick(self) -> None:
+        """Go on for one tick."""
+        self.conductor.go_on(one=True)
+
+    @at_any_time
+    def stop(self) -> None:
+        """End the run at the next tick."""
+        self.conductor.stopping = self._is_running
+
+    @at_any_time
+    def pace(self, factor: float | None) -> None:
+        """Run so many times as fast as the clock; None: as fast as it can."""
+        self.conductor.set_pace(factor)
+
+    @at_any_time
+    def rewind(self, time: float) -> None:
+        """Show a moment of what was run; what is asked for next goes on from there."""
+        number, conductor = self.conductor.line.steps(time), self.conductor
+        conductor.paused = conductor.paused or self._is_running
+        if number in conductor.seen:
+            self._view.show(conductor.seen[number])
+        elif number == 0 and self._places:
+            self._view.draw(self._places[0].config, self._places[0].state)
+        else:
+            raise InvalidParameter("time", f"{time:g} s", "a time that was run, not too long ago")
+        conductor.at = number
+
+    @at_any_time
+    def change(self, settings: dict[str, Any]) -> None:
+        """Change settings of the running station by their keys, from the next tick on."""
+        with_settings(self.cell.config, settings, "the change")
+        self._ask(Change(time=0.0, set=settings))
+
+    @at_any_time
+    def push(self, force: Sequence[float], at: str | None = None, duration: float = 0.1) -> None:
+        """Push with a force [N] for a time [s], from the next tick on."""
+        push = validated(PushNow, {"at": at, "force": list(force), "duration": duration}, "the push")
+        Timeline(GRID, [Change(time=0.0, push=push)]).station(self.cell.config, 1.0)
+        self._ask(Change(time=0.0, push=push))
+
+    @at_any_time
+    def drag(self, at: str, point: Sequence[float], target: Sequence[float] | None) -> None:
+        """Pull a point of a body to a place in the world, or let it go."""
+        one_of("body", at, self._bodies)
+        held = (at, tuple(point), tuple(target)) if target is not None else None
+        self.conductor.drag = held if self._is_running else None
+
+    @at_any_time
+    def watch(self, signals: Sequence[str]) -> None:
+        """Tell the values of these outputs of the station at each tick."""
+        self.conductor.watched = [one_of("signal", name, self._outputs) for name in signals]
+
+    # Questions
+
+    @at_any_time
+    def posture(self, robot: str | None = None) -> dict[str, float]:
+        """Tell where a robot's axes are [deg or m]."""
+        name = robot or self._robot
+        own = self.cell.robot(name)
+        return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
+
+    @at_any_time
+    def frames(self) -> list[str]:
+        """Tell in which frames the tool can be moved."""
+        return arm_questions.frames(self._arm())
+
+    @at_any_time
+    def tool_pose(self, frame: str = arm_questions.BASE) -> list[float]:
+        """Tell where the reference has the tool, in a frame [m, deg]."""
+        return arm_questions.tool_pose(self._arm(), frame)
+
+    @at_any_time
+    def jogged(
+        self, delta: Sequence[float], frame: str = arm_questions.BASE, start: Sequence[float] | None = None
+    ) -> dict[str, float]:
+        """Tell the axes for a pose that lies by ``delta`` [m, deg] along the axes of a frame."""
+        arm = self._arm()
+        return arm_questions.inverse(arm, arm_questions.jogged(arm, delta, frame, start))
+
+    @at_any_time
+    def inverse(self, pose: Sequence[float], frame: str = arm_questions.BASE) -> dict[str, float]:
+        """Tell the axes for a pose of the tool."""
+        return arm_questions.inverse(self._arm(), pose, frame)
+
+    @at_any_time
+    def branches(self, pose: Sequence[float] | None = None, frame: str = arm_questions.BASE) -> list[dict[str, Any]]:
+        """Tell all postures that reach a pose, that of the tool unless given, and what each means."""
+        return arm_questions.branches(self._arm(), pose, frame)
+
+    @at_any_time
+    def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
+        """Show the arm translucent at postures [deg or m]; none takes all away."""
+        own = self.cell.robot(self._robot)
+        at = [np.array([posture[axis] for axis in own.axes]) * own.model.user_units for posture in postures]
+        if self._view.scene is not None:
+            told = ghosts(self._view.scene, self._robot, at, good, marked)
+            self._inbox.tell("view", subject="ghosts", commands=told)
+
+    @at_any_time
+    def check(self) -> list[dict[str, str]]:
+        """Tell what `simrob check` says of the station."""
+        return [{"level": one.level, "subject": one.subject, "text": one.text} for one in check_station(self._start)]
+
+    @at_any_time
+    def picture(self) -> str:
+        """Return the block picture as SVG."""
+        return station_svg(self._start)
+
+    # What was run
+
+    @at_any_time
+    def signals_csv(self, file: str) -> str:
+        """Write the signals of the last run."""
+        result = self._last_run()
+        write_table(Path(file), result.names, result.times, result.values)
+        return file
+
+    @at_any_time
+    def recording(self, file: str) -> str:
+        """Write the last run as a page that plays."""
+        return str(self._last_run().film(file))
+
+    @at_any_time
+    def save(self, folder: str) -> str:
+        """Write all of the last run."""
+        return str(self._last_run().save(folder, force=True))
+
+    # How
+
+    @property
+    def cell(self) -> Workcell:
+        """The station.
+
+        Raises:
+            InvalidParameter: nothing was opened.
+        """
+        if self._cell is None:
+            raise InvalidParameter("station", "not opened", "one that was opened")
+        return self._cell
+
+    @property
+    def _is_running(self) -> bool:
+        return self.conductor.runs
+
+    def _last_run(self) -> SimulationResult:
+        if self._result is None:
+            raise InvalidParameter("the last run", "none yet", "one: simulate() runs what is stored")
+        return self._result
+
+    def _arm(self) -> Arm:
+        return self.cell.arm(self._robot or None)
+
+    def _ask(self, change: Change) -> None:
+        if not self._is_running:
+            raise InvalidParameter("change", "asked for while nothing runs", "asked for while something does")
+        self.conductor.asked.append(change)
+
+    def _begin(self, doing: Callable[[], SimulationResult], *, until: float = 0.0) -> dict[str, Any]:
+        """Run something from where the station is, and again whenever it is gone back to and on from there."""
+        cell, line = self.cell, self.cell.timeline
+        self._places.append(Place(line.now, cell.config, cell.state, doing))
+        while True:
+            self.conductor.begin(line, until=until)
+            try:
+                result = doing()
+                break
+            except Rewound:
+                assert self.conductor.at is not None
+                place, until = self._back_to(self.conductor.at)
+                doing = place.doing
+                self._places.append(place)
+            finally:
+                self.conductor.end()
+        self._result = result
+        ending = "stopped" if result.stopped_by == USER else result.ending
+        ended = {"ending": ending, "message": result.message, "stopped_by": result.stopped_by, "time": line.now}
+        self._inbox.tell("ended", **ended)
+        self.conductor.phase("idle")
+        return ended
+
+    def _performed(self, program: Program) -> SimulationResult:
+        cell = self.cell
+        if of_arms(cell, program):
+            return cell.perform(program)
+        robot = LeggedRobot(cell, program.robot or self._robot)
+        robot.run(program)
+        return robot.result()
+
+    def _back_to(self, number: int) -> tuple[Place, float]:
+        """Put the station back to where something began that was run at a moment, or ended with it.
+
+        Returns:
+            that place, which is none to go back to any more, and until when it is to be run again; 0 if the station is
+            at the moment.
+        """
+        steps, conductor = self.conductor.line.steps, self.conductor
+        exact = [place for place in self._places if steps(place.time) == number]
+        self._places = [place for place in self._places if steps(place.time) < number]
+        place = exact[0] if exact else self._places.pop()
+        cell = self.cell
+        cell.change(place.config)
+        cell.state, cell.timeline.now, conductor.at = place.state, place.time, None
+        for later in [seen for seen in conductor.seen if seen > number]:
+            del conductor.seen[later]
+        return place, 0.0 if exact else conductor.line.time_of(number)
+
+    def _settle(self) -> None:
+        """Be at the moment that is shown, and forget what came after it."""
+        if self.conductor.at is None:
+            return
+        place, until = self._back_to(self.conductor.at)
+        if until:
+            self._places.append(place)
+            self.conductor.begin(self.cell.timeline, until=until, stops=True)
+            try:
+                place.doing()
+            finally:
+                self.conductor.end()
+
+    def _new_line(self, grid: float, changes: Sequence[Change] = ()) -> None:
+        self.cell.timeline = self.conductor.line = Timeline(grid, changes)
+
+    def _draw(self) -> None:
+        self._view.draw(self.cell.config, self.cell.state)
+
+    def _program(self, text: str) -> Program:
+        return Program.of_text(text).model_copy(update={"robot": self._robot or None})
