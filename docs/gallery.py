@@ -1,4 +1,4 @@
-"""Write gallery.md and its pictures: what each station of the package does when it is run.
+"""Write gallery.md and its pictures: what each station of the package does when it is run, and robots' portraits.
 
 ``make pictures`` does so; ``python docs/gallery.py irb120_chess`` renews one picture alone.
 """
@@ -9,14 +9,18 @@ from io import BytesIO
 from operator import itemgetter
 from pathlib import Path
 from runpy import run_path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from PIL import Image
 
 from simrob_drake import LeggedRobot, SimulationResult, load_station, simulate, station_names
 from simrob_drake.cli.given import given_station
-from simrob_drake.results.animation.pictures import film_strip
+from simrob_drake.paths import models_root
+from simrob_drake.results.animation.pictures import Studio, film_strip
 from simrob_drake.results.whole import joined
+from simrob_drake.robots.catalog import robot_names
 
 DOCS = Path(__file__).parent
 WALKS = {
@@ -39,6 +43,10 @@ PROGRAMS: dict[str, tuple[str, Callable[[Any], Sequence[SimulationResult]]]] = {
 SETTINGS = {"irb120_on_belt": ["reference.kind=move", "reference.target_deg.belt=0.9", "reference.duration=1"]}
 """What is set of the stations that stand still as they are."""
 HEIGHT, FRAMES, COLOURS = 150, 6, 64
+SIDE = 160
+"""Of a robot's portrait [pixels]."""
+ALONE = "{{mode: kinematic, robot: {{model: {robot}}}, reference: {{kind: hold}}, duration: 0.1}}"
+"""The station of a portrait."""
 
 
 def command(station: str) -> str:
@@ -68,6 +76,19 @@ def save_picture(station: str) -> Path:
     return file
 
 
+def save_portrait(robot: str) -> Path:
+    """Write a small picture of a robot, by which it is chosen in the teach pendant, into its folder."""
+    with TemporaryDirectory() as folder:
+        alone = Path(folder) / f"{robot}.yaml"
+        alone.write_text(ALONE.format(robot=robot), encoding="utf-8")
+        run = simulate(load_station(alone), progress=False)
+    studio = Studio(run, height=2 * SIDE, width=2 * SIDE, oversampling=2)
+    image = Image.fromarray(next(studio.images(np.zeros(1)))).resize((SIDE, SIDE), Image.Resampling.LANCZOS)
+    file = models_root() / robot / "picture.png"
+    image.quantize(COLOURS // 2, dither=Image.Dither.NONE).save(file, optimize=True)
+    return file
+
+
 def page() -> str:
     """Return the gallery: a heading, what the station is, its command and its picture, station by station."""
     parts = ["# Gallery", "What the stations of the package do; `make pictures` writes this page."]
@@ -78,6 +99,6 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or station_names():
-        print(save_picture(name))
+    for name in sys.argv[1:] or [*station_names(), *robot_names()]:
+        print((save_portrait if name in robot_names() else save_picture)(name))
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8")

@@ -3,8 +3,11 @@
 from runpy import run_path
 
 import pytest
+from PIL import Image
 
 from simrob_drake import station_names
+from simrob_drake.paths import models_root
+from simrob_drake.robots.catalog import robot_names
 from tests.test_readme import PAGES, ROOT
 
 GALLERY = run_path(str(ROOT / "docs" / "gallery.py"))
@@ -25,6 +28,13 @@ def test_a_station_has_a_small_picture_and_a_command(station):
 
 def test_the_pictures_are_those_of_the_stations():
     assert {file.stem for file in (ROOT / "docs" / "gallery").iterdir()} == set(station_names())
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_a_robot_has_a_small_portrait(robot):
+    portrait = models_root() / robot / "picture.png"
+    assert Image.open(portrait).size == (GALLERY["SIDE"], GALLERY["SIDE"])
+    assert portrait.stat().st_size < 5_000
 
 
 def test_a_picture_shows_what_its_command_does(monkeypatch, tmp_path):

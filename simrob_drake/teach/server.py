@@ -46,14 +46,14 @@ def serve(
         SimrobError: no such subject or language.
         OutputError: the port is taken.
     """
-    listening = _socket(port)
+    listening = bound(port)
 
     async def run() -> None:
         hand_over = asyncio.get_running_loop().call_soon_threadsafe
         pendant = Pendant(lambda what: Session.open(what, folder, hand_over=hand_over), subject, language=language)
         try:
             server = Server(pendant, listening.getsockname()[1])
-            await server.run_told(listening, ready)
+            await server.run_until_stopped(listening, ready)
         finally:
             pendant.close()
 
@@ -89,7 +89,7 @@ class Server(uvicorn.Server):
             )
         )
 
-    async def run_told(self, listening: socket.socket, ready: Callable[[str], None]) -> None:
+    async def run_until_stopped(self, listening: socket.socket, ready: Callable[[str], None]) -> None:
         """Serve until the user interrupts, and tell the address once the page can be opened."""
         telling = asyncio.create_task(self._tell(ready))
         await self.serve(sockets=[listening])
@@ -123,7 +123,7 @@ def _serve_view(app: FastAPI, board: Board) -> None:
             board.hear(await request.body())
 
 
-def _socket(port: int | None) -> socket.socket:
+def bound(port: int | None) -> socket.socket:
     """Return a socket that is bound to a port of this computer alone.
 
     Raises:

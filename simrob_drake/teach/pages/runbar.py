@@ -2,6 +2,7 @@
 
 from nicegui import ui
 
+from simrob_drake.programs.timeline import GRID
 from simrob_drake.teach.pages.buttons import icon_button, told
 from simrob_drake.teach.pages.following import follow
 from simrob_drake.teach.pendant import Pendant
@@ -37,8 +38,8 @@ def build(pendant: Pendant) -> None:
         time()
 
     def time() -> None:
-        scrubber.props["max"] = max(pendant.reach, session.program.grid)
-        scrubber.props["step"] = session.program.grid
+        scrubber.props["max"] = max(pendant.reach, _grid(pendant))
+        scrubber.props["step"] = _grid(pendant)
         scrubber.value = session.time
         running = session.phase == "running"
         clock.text = t("run.time", time=f"{session.time:.2f}", reach=f"{pendant.reach:.2f}") + (
@@ -55,9 +56,13 @@ def build(pendant: Pendant) -> None:
     follow(session, tell, "message")
 
 
+def _grid(pendant: Pendant) -> float:
+    return pendant.session.program.grid or GRID
+
+
 def _behind(pendant: Pendant) -> bool:
     """Tell whether a moment is shown that was run before others."""
-    return pendant.session.time < pendant.reach - pendant.session.program.grid / 2
+    return pendant.session.time < pendant.reach - _grid(pendant) / 2
 
 
 def _at_end(pendant: Pendant) -> bool:
@@ -80,7 +85,12 @@ def _pace(pendant: Pendant) -> None:
     options = {**{str(pace): f"{pace:g} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
     paces = {**{str(pace): pace for pace in PACES}, _FASTEST: None}
     select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
-    select.on_value_change(lambda event: session.set_pace(paces[event.value]))
+
+    def chosen(value: str) -> None:
+        if paces[value] != session.pace:  # else it was shown, not chosen
+            session.set_pace(paces[value])
+
+    select.on_value_change(lambda event: chosen(event.value))
 
     def show() -> None:
         select.set_value(str(session.pace) if session.pace is not None else _FASTEST)

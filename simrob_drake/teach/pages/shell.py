@@ -20,6 +20,8 @@ from simrob_drake.teach.session import Session
 _FOLDER = Path(__file__).parent
 TABS = {"legs": "legs", "arm": "arm", "station": ""}
 """The tabs, and of which kind a robot is that needs one; the last is there always."""
+_MODULES = {name: f"simrob_drake.teach.pages.{name}" for name in TABS}
+BUILDERS = {name: import_module(module).build for name, module in _MODULES.items() if find_spec(module)}
 _QUASAR: dict[str, Language] = {"en": "en-US", "es": "es"}
 
 
@@ -127,9 +129,8 @@ def _tabs(session: Session, t: Words) -> None:
     with ui.tab_panels(tabs, value="station", keep_alive=True).classes("w-full").style("background: transparent"):
         for name in TABS:
             with ui.tab_panel(name):
-                module = f"simrob_drake.teach.pages.{name}"
-                if find_spec(module):
-                    import_module(module).build(session, t)
+                if name in BUILDERS:
+                    BUILDERS[name](session, t)
     shown: list[Any] = []
 
     def show() -> None:

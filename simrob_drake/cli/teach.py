@@ -1,0 +1,48 @@
+"""The command that opens the teach pendant: teach."""
+
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from simrob_drake.cli.screen import console
+from simrob_drake.errors import SimrobError
+
+
+def teach(
+    subject: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT|STATION|FILE", help="A name of `simrob list`, a station's YAML, or a URDF."),
+    ] = "humanoid",
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Where the page listens; the first free one from 8100.")
+    ] = None,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Tell the address, and open no browser.")] = False,
+    folder: Annotated[Path, typer.Option(help="For what is taught, and what is taken away.")] = Path("taught"),
+    language: Annotated[Literal["en", "es"], typer.Option(help="Of the page.")] = "en",
+) -> None:
+    """Open a page in the browser to teach, push, tune and watch a robot; it needs the extra `gui`.
+
+    For example:
+
+        simrob teach humanoid
+    """
+    try:
+        import nicegui  # noqa: F401
+    except ImportError as problem:
+        raise SimrobError('the teach pendant needs another package: pip install "simrob-drake[gui]"') from problem
+    from simrob_drake.teach.server import serve
+
+    def ready(url: str) -> None:
+        console.print(f"{subject} is taught at {url}", soft_wrap=True, highlight=False)
+        console.print(f"what is taught is kept in {folder}; end with Ctrl+C", soft_wrap=True, highlight=False)
+        if not no_browser:
+            webbrowser.open(url)
+
+    serve(subject, folder, port=port, language=language, ready=ready)
+    console.print(f"ended; what was taught is in {folder}", soft_wrap=True, highlight=False)
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"teach": teach}
