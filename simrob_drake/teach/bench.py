@@ -197,6 +197,11 @@ class Bench:
         return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
 
     @at_any_time
+    def where(self, frame: str = arm_questions.BASE) -> dict[str, Any]:
+        """Tell where the arm is, its tool in a frame, and what is around it."""
+        return arm_questions.where(self._arm(), frame)
+
+    @at_any_time
     def frames(self) -> list[str]:
         """Tell in which frames the tool can be moved."""
         return arm_questions.frames(self._arm())
