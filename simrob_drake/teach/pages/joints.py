@@ -34,7 +34,7 @@ class Joints:
         t = phrases.t
         self._search = ui.input(t("legs.search"), on_change=self._find).props("clearable dense outlined type=search")
         self._search.classes("w-full")
-        with ui.column().classes("w-full gap-1 overflow-y-auto flex-nowrap").style("max-height: 24rem"):
+        with ui.column().classes("w-full gap-0 overflow-y-auto flex-nowrap").style("max-height: 26rem"):
             self._rows = [_Row(phrases, axis, changed, entered) for axis in axes]
             self._nothing = ui.label(t("legs.no_joint"))
         self._find()
@@ -81,13 +81,13 @@ class _Row:
         self._changed, self._at = changed, round(float(axis["now"]), _DIGITS)
         words, unit = phrases.axis(self.name), phrases.unit(self.name)
         self.called = (words, self.name, *axis["aliases"])
-        with ui.row().classes("w-full items-center gap-x-3 gap-y-0 px-2 rounded") as self.element:
-            with ui.column().classes("gap-0 grow").style("flex-basis: 13rem"):
+        with ui.row().classes("w-full items-center gap-x-2 gap-y-0 px-2 py-1 rounded") as self.element:
+            with ui.column().classes("gap-0 grow").style("flex-basis: 11rem"):
                 ui.label(words)
                 ui.label(" · ".join([*axis["aliases"], self.name])).classes("text-xs opacity-70")
             self.number = axis_field(phrases, axis, self._at)
-            self.number.field.classes("w-28").on("keydown.enter", entered)
-            with ui.column().classes("gap-0 grow").style("flex-basis: 9rem"):
+            self.number.field.classes("w-24").on("keydown.enter", entered)
+            with ui.column().classes("gap-0 grow").style("flex-basis: 7rem"):
                 self._slider = _slider(axis, unit, self._at)
                 told(self._slider, words)
             self._back = icon_button("undo", f"{phrases.t('legs.take_back')}: {words}", self._take_back)

@@ -29,13 +29,12 @@ def build(session: Session, t: Words) -> None:
         built[:] = _what_counts(session, robot)
         place.clear()
         with place:
-            if robot.get("kind") == _KIND:
+            if robot.get("kind") == _KIND and robot.get("axes"):
                 _build(session, t, robot)
             else:
                 ui.label(t("legs.none"))
 
     follow(session, show, "description")
-    show()
 
 
 def _what_counts(session: Session, robot: Content) -> list[Any]:
@@ -57,7 +56,7 @@ def _build(session: Session, t: Words, robot: Content) -> None:
             _loops(session, t)
     with _card(t("legs.program")):
         move_list.build(session, phrases, robot)
-    with ui.expansion(t("legs.plots")).classes("w-full border rounded") as expansion:
+    with ui.expansion(t("legs.plots")).classes("pendant-plate w-full") as expansion:
         panel = ui.column().classes("w-full")
 
     def show_plots() -> None:
@@ -88,7 +87,6 @@ class _Teaching:
                 _button(t("legs.discard"), session.discard, keys="Alt+X").props("outline")
                 _button(t("legs.reset"), session.reset, keys="Alt+R").props("outline color=negative")
         follow(session, self._tell, "program")
-        self._tell()
 
     def _test(self) -> None:
         seconds = self._duration.needed()
@@ -146,7 +144,7 @@ def _loops(session: Session, t: Words) -> None:
 
 
 def _card(title: str, number: int = 0) -> ui.column:
-    with ui.column().classes("w-full gap-2 p-3 border rounded").props("role=group") as card:
+    with ui.column().classes("pendant-plate w-full gap-2 p-3").props("role=group") as card:
         told(card, title)
         ui.html(_numbered(title, number), tag="h2", sanitize=False).classes("text-base font-bold")
     return card

@@ -37,9 +37,9 @@ def walk_form(t: Words, gaits: Sequence[str], walk: Mapping[str, Any] | None = N
     )
     choices: dict[str | None, str] = {None: t("legs.usual_gait"), **{gait: gait for gait in gaits}}
     gait = ui.select(choices, value=given.get("gait"), label=t("legs.gait")).props("dense outlined options-dense")
-    steps.field.classes("w-28")
-    amplitude.field.classes("w-28")
-    gait.classes("w-40")
+    steps.field.classes("w-20")
+    amplitude.field.classes("w-24")
+    gait.classes("w-36")
 
     def read() -> dict[str, Any] | None:
         count, size = steps.needed(), amplitude.needed()

@@ -31,7 +31,7 @@ def build(session: Session, phrases: Phrases, robot: Content) -> None:
         _edit(dialogs, session, phrases, lambda: move_form(phrases, robot, move), lambda new: session.edit(index, new))
 
     def edit_change(index: int) -> None:
-        change = _plain(session.program.changes[index])
+        change = session.program.changes[index].model_dump(mode="json", exclude_none=True)
         _edit(dialogs, session, phrases, lambda: yaml_form(t, change), lambda new: session.edit_change(index, new))
 
     def earlier(index: int) -> None:
@@ -58,10 +58,9 @@ def build(session: Session, phrases: Phrases, robot: Content) -> None:
         moves.show([phrases.move(move.model_dump(mode="json")) for move in program.moves])
         nothing.set_visibility(not program.moves)
         heading.set_visibility(bool(program.changes))
-        changes.show([phrases.change(_plain(change), program.grid or GRID) for change in program.changes])
+        changes.show([phrases.change(change, program.grid or GRID) for change in program.changes])
 
     follow(session, show, "program")
-    show()
 
 
 class _Lines:
@@ -94,11 +93,6 @@ class _Lines:
             label = ui.label().classes("grow min-w-0 break-words")
             buttons = {icon: icon_button(icon, text, partial(act, index)) for icon, (text, act) in self._acts.items()}
         self._rows.append((row, label, buttons))
-
-
-def _plain(change: Any) -> dict[str, Any]:
-    """Return a change as a program's file has it."""
-    return dict(change.model_dump(mode="json", exclude_none=True))
 
 
 def _edit(

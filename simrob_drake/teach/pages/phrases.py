@@ -4,11 +4,12 @@ import unicodedata
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from simrob_drake.programs.timeline import Change
 from simrob_drake.teach.form import as_text
 from simrob_drake.teach.pages.words import Words
 
 Content = Mapping[str, Any]
-"""A move or a change as a program's file has it, an axis as a description has it."""
+"""A move as a program's file has it, an axis as a description has it."""
 
 _TOLD = ("walk", "act", "attach", "release", "wait", "play", "tool")  # kinds of move with words of their own
 _MINUS = "\N{MINUS SIGN}"
@@ -53,18 +54,18 @@ class Phrases:
         told = self.t(f"legs.told_{kind}", what=figure(first) if isinstance(first, (int, float)) else first)
         return f"{told} ({rest})" if rest else told
 
-    def change(self, change: Content, grid: float) -> str:
+    def change(self, change: Change, grid: float) -> str:
         """Return a change of a run in one line; ``grid`` is the program's [s]."""
-        if "push" in change:
-            push = change["push"]
-            force = " ".join(map(figure, push["force"]))
-            told = self.t("legs.told_push", at=push["at"], force=force, seconds=figure(push["duration"]))
-        elif "drag" in change:
-            drag = change["drag"]
-            told = self.t("legs.told_drag", at=drag["at"], seconds=figure(len(drag["targets"]) * grid))
+        t = self.t
+        if change.push is not None:
+            at, force = change.push.at or t("legs.robot"), " ".join(map(figure, change.push.force))
+            told = t("legs.told_push", at=at, force=force, seconds=figure(change.push.duration))
+        elif change.drag is not None:
+            seconds = figure(len(change.drag.targets) * grid)
+            told = t("legs.told_drag", at=change.drag.at or t("legs.robot"), seconds=seconds)
         else:
-            told = ", ".join(f"{key} = {as_text(value)}" for key, value in change["set"].items())
-        return self.t("legs.told_at", time=figure(change["time"]), what=told)
+            told = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
+        return t("legs.told_at", time=figure(change.time), what=told)
 
 
 def matches(search: str, texts: Iterable[str]) -> bool:

@@ -1,0 +1,105 @@
+"""A session without a run, for the legged page: a robot as it is, a program that keeps what it is given, and notes."""
+
+from collections import deque
+from concurrent.futures import Future
+
+import numpy as np
+
+from simrob_drake.programs.gaits.registry import gaits_of
+from simrob_drake.programs.program import Program
+from simrob_drake.robots.catalog import load_robot
+from simrob_drake.teach.notices import Notice
+from simrob_drake.teach.taught import entry_of
+
+
+def described(name="humanoid"):
+    """Return what a run tells of a robot."""
+    model = load_robot(name)
+    lows, highs = (np.asarray(limits) / model.user_units for limits in model.axis_limits)
+    home = model.axis_vector(model.home_deg, "home_deg")
+    axes = [
+        {"name": axis, "aliases": list(entry.aliases), "unit": "deg", "low": low, "high": high, "now": now}
+        for (axis, entry), low, high, now in zip(
+            model.axes.items(), lows.tolist(), highs.tolist(), home.tolist(), strict=True
+        )
+    ]
+    gaits, acts = (list(gaits_of(model, steps=steps)) for steps in (True, False))
+    robot = {"model": name, "kind": "legs", "axes": axes, "tools": list(model.tools), "gaits": gaits, "acts": acts}
+    signal = {"name": "position", "unit": "rad", "title": "position", "columns": list(model.axes)}
+    return {
+        "robots": {name: robot},
+        "pieces": ["box", "ball"],
+        "bodies": [],
+        "loops": [{"name": "balance", "on": True}, {"name": "fall_guard", "on": False}],
+        "signals": [signal, {"name": "base_pose", "unit": "m", "title": "pose of the base"}],
+    }
+
+
+class LegsSession:
+    """What the legged page calls of a session; `calls` has the names and arguments."""
+
+    can_undo = can_redo = False
+
+    def __init__(self, name="humanoid", *, moves=(), changes=()):
+        self.subject = self.robot = name
+        self.station = f"{name}_dynamic"
+        self.description, self.phase, self.time, self.ratio, self.pace = described(name), "idle", 0.0, 0.0, 1.0
+        self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
+        self.pending, self.message, self.values = (), Notice(), {}
+        self.history = {"position": deque(maxlen=2400), "base_pose": deque(maxlen=2400)}
+        self.calls, self._hearers = [], []
+
+    def listen(self, callback):
+        self._hearers.append(callback)
+        return lambda: self._hearers.remove(callback) if callback in self._hearers else None
+
+    def listen_to_view(self, callback):
+        return lambda: None
+
+    def told(self, *topics, **news):
+        """Let something change, and the listeners hear of it."""
+        vars(self).update(news)
+        for topic in topics:
+            for hearer in list(self._hearers):
+                hearer(topic)
+
+    def test(self, targets_deg, duration):
+        self.calls.append(("test", targets_deg, duration))
+        before = self.pending[0]["target_deg"] if self.pending else {}
+        self.told("program", pending=({"target_deg": {**before, **targets_deg}, "duration": duration},))
+
+    def add(self):
+        self.calls.append(("add",))
+        self.told("program", program=self.program.added(*map(entry_of, self.pending)), pending=())
+        return True
+
+    def edit(self, index, move):
+        self.calls.append(("edit", index, move))
+        self.told("program", program=self.program.edited(index, entry_of(move)))
+        return True
+
+    def remove(self, index):
+        self.told("program", program=self.program.removed(index))
+        return True
+
+    def move_entry(self, index, to):
+        entry = self.program.moves[index]
+        self.told("program", program=self.program.removed(index).inserted(to, entry))
+        return True
+
+    def remove_change(self, index):
+        left = [change for number, change in enumerate(self.program.changes) if number != index]
+        self.told("program", program=self.program.model_copy(update={"changes": tuple(left)}))
+        return True
+
+    def __getattr__(self, name):
+        if name.startswith("_"):
+            raise AttributeError(name)
+
+        def note(*given, **named):
+            self.calls.append((name, *given, *([named] if named else [])))
+            done = Future()
+            done.set_result(None)
+            return done
+
+        return note
