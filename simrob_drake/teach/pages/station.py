@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 from nicegui import background_tasks, context, ui
 
-from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.stations.load import station_yaml
 from simrob_drake.teach.blocks import told_by
 from simrob_drake.teach.form import Field, as_text, form_fields
 from simrob_drake.teach.pages.following import follow
@@ -41,6 +41,7 @@ class _Page:
         self._fields: list[Field] = []
         self._content: dict[str, Any] = {}
         self._endings: list[str] = []
+        self._heard = session.ending
         self._sections: dict[str, _Section] = {}
         self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
         self._asked = True
@@ -70,6 +71,8 @@ class _Page:
         session = self._session
         if session.phase in ("running", "paused"):
             done = await asyncio.wrap_future(session.change(key, value)) is not None
+        elif value is None and key in session.settings:
+            done = session.unset(key)  # which may have brought it
         else:
             done = session.set(key, value)
         return "" if done else str(session.message)
@@ -79,9 +82,10 @@ class _Page:
         session = self._session
         if not session.description:
             return
-        self._content = yaml.safe_load(station_yaml(load_station(session.station, session.settings, allow_code=True)))
+        self._content = yaml.safe_load(station_yaml(session.config))
         self._fields = form_fields(session.schema(), self._content)
         self._show_form()
+        self._search()
         self._show_changed()
         self._show_stops()
         self._show_block(self._picture.chosen)
@@ -170,9 +174,14 @@ class _Page:
                     ui.label(ending).classes("text-sm font-bold min-w-0")
 
     def _hear(self) -> None:
-        message = self._session.message
-        if message.key == "ended":
-            self._endings = [str(message), *self._endings][:_MOST_ENDINGS]
+        """Keep what ended a run, unless that was its own end or the user."""
+        ending = self._session.ending
+        if ending is None or ending is self._heard:
+            return
+        self._heard = ending
+        if ending["ending"] not in ("completed", "stopped"):
+            told = f"{ending['time']:.2f} s: {ending['message']}"
+            self._endings = [told, *self._endings][:_MOST_ENDINGS]
             self._show_stops()
 
     def _show_block(self, block: str) -> None:

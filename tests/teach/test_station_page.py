@@ -1,0 +1,210 @@
+"""The station's page: blocks to choose, a form that refuses in the checker's words, what a check finds, what ended."""
+
+import asyncio
+from concurrent.futures import Future
+from contextlib import asynccontextmanager
+
+import pytest
+from stub_session import StubSession
+
+pytest.importorskip("nicegui", reason="needs the extra gui")
+from nicegui import ui
+from nicegui.testing import user_simulation
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.paths import diagrams_root
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.schema import station_schema
+from simrob_drake.teach.notices import Notice
+from simrob_drake.teach.pages import station
+from simrob_drake.teach.pages.picture import labels_of, with_buttons
+from simrob_drake.teach.pages.words import texts_of, words
+
+SVG = (diagrams_root() / "irb120_dynamic.svg").read_text()
+AXES = [f"joint_{number}" for number in range(1, 7)]
+SIGNALS = [{"name": name, "unit": "rad", "title": name, "columns": AXES} for name in ("position", "torque")]
+
+
+def given(result):
+    future = Future()
+    future.set_result(result)
+    return future
+
+
+class Station(StubSession):
+    """An idle station that takes what the loader takes."""
+
+    def __init__(self):
+        super().__init__("irb120")
+        self.drawn, self.watched, self.config = 0, {}, load_station(self.station)
+        self.description = {"robots": {"robot": {"kind": "arm"}}, "bodies": [], "signals": SIGNALS}
+
+    def schema(self):
+        return station_schema()
+
+    def set(self, key, value):
+        try:
+            self.config = load_station(self.station, {**self.settings, key: value})
+        except SimrobError as problem:
+            self.told("message", message=Notice(fills={"text": str(problem)}, wrong=True))
+            return False
+        self.told("description", settings={**self.settings, key: value})
+        return True
+
+    def unset(self, key):
+        settings = {k: v for k, v in self.settings.items() if k != key}
+        self.told("description", settings=settings, config=load_station(self.station, settings))
+        return True
+
+    def change(self, key, value):
+        self.calls.append(("change", key, value))
+        return given({})
+
+    def watch(self, signals, viewer=None):
+        self.watched[viewer] = list(signals)
+        return given(None)
+
+    def picture(self):
+        self.drawn += 1
+        return given(SVG)
+
+    def check(self):
+        findings = [("ok", "contact", "nothing penetrates"), ("warning", "base", "it tips over")]
+        return given([dict(zip(("level", "subject", "text"), finding, strict=True)) for finding in findings])
+
+
+@asynccontextmanager
+async def opened(session, language="en"):
+    async with user_simulation(lambda: station.build(session, words(language))) as user:
+        await user.open("/")
+        await settled()
+        yield user
+
+
+async def settled(seconds=0.5):
+    """Wait until what follows the session, and what was asked, is there."""
+    await asyncio.sleep(seconds)
+
+
+def on_page(scenario, session=None, language="en"):
+    session = session or Station()
+
+    async def run():
+        async with opened(session, language) as user:
+            await scenario(user, session)
+
+    asyncio.run(run())
+
+
+def test_a_wrong_value_is_refused_in_its_field_and_a_right_one_taken():
+    async def scenario(user, session):
+        user.find(content="Search for a key", kind=ui.input).type("proportional gain, per")
+        await settled(0.1)
+        field = user.find(content="servo.kp", kind=ui.input)
+        (element,) = field.elements
+        assert (element.value, element.props["suffix"]) == ("1000.0", "N·m/rad")
+        element.value = "{joint_9: 5}"
+        field.trigger("keydown.enter")
+        await settled(0.1)
+        assert "did you mean 'joint_6'" in element.error
+        assert session.settings == {}
+        element.value = "500"
+        field.trigger("blur")
+        await settled()
+        assert element.error is None
+        assert session.settings == {"servo.kp": 500}
+        await user.should_see("servo.kp: 500")  # what is changed, to be taken back
+        session.unset("servo.kp")
+        await settled()
+        await user.should_not_see("servo.kp: 500")
+        assert element.value == "1000.0"
+
+    on_page(scenario)
+
+
+def test_while_a_run_goes_on_a_change_is_that_of_the_run():
+    async def scenario(user, session):
+        session.told("phase", phase="running")
+        user.find(content="Search for a key", kind=ui.input).type("along -z")
+        await settled(0.1)
+        field = user.find(content="gravity", kind=ui.input)
+        next(iter(field.elements)).value = "3.7"
+        field.trigger("keydown.enter")
+        await settled(0.1)
+        assert session.calls == [("change", "gravity", 3.7)]
+        assert session.settings == {}
+
+    on_page(scenario)
+
+
+def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
+    async def scenario(user, session):
+        (picture,) = user.find(kind=ui.html).elements
+        user.find(kind=ui.html).trigger("click", "joint_2.pd")
+        await settled(0.2)
+        assert 'class="node chosen" data-block="joint_2.pd"' in picture.content
+        await user.should_see("joint_2: PD\nkp 1000, kd 10")
+        assert sorted(map(str, session.watched.values())) == ["['position']", "['torque']"]
+        sliders = {one.props["aria-label"]: one for one in user.find(kind=ui.slider).elements}
+        assert set(sliders) == {"servo.kp", "servo.kd"}
+        with user:
+            sliders["servo.kp"].value = 0.5
+        user.find(kind=ui.slider).trigger("change")
+        await settled()
+        await settled()
+        assert session.settings["servo.kp"] == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
+        assert session.drawn == 2  # at first, and after the change
+
+    on_page(scenario)
+
+
+def test_entries_are_added_and_taken_out():
+    async def scenario(user, session):
+        user.find(content="monitors", kind=ui.expansion).elements.pop().open()
+        await settled(0.1)
+        user.find(content="Name", kind=ui.input).type("fallen")
+        (kind,) = user.find(content="Kind", kind=ui.select).elements
+        kind.value = "fall"
+        user.find(content="Its keys, as YAML", kind=ui.input).type("{height: -1}")
+        user.find("Add").click()
+        await settled(0.2)
+        (keys,) = user.find(content="Its keys, as YAML", kind=ui.input).elements
+        assert "monitors.fallen.height" in keys.error
+        keys.value = "{height: 0.1}"
+        user.find("Add").click()
+        await settled()
+        assert session.settings == {"monitors.fallen": {"kind": "fall", "height": 0.1}}
+        await user.should_see("fallen (height 0.1 m): End the run when")
+        (switch,) = user.find(content="fallen", kind=ui.switch).elements
+        switch.value = False
+        await settled()
+        assert session.settings == {}
+
+    on_page(scenario)
+
+
+def test_what_a_check_finds_and_what_ended_a_run_are_told():
+    async def scenario(user, session):
+        await user.should_see("base: it tips over")
+        await user.should_see("En orden (1)")
+        ending = {"ending": "monitor", "time": 1.35, "message": "fall: the base is at 0.1 m"}
+        session.told("message", message=Notice(fills={"text": ending["message"]}, wrong=True), ending=ending)
+        await settled(0.2)
+        await user.should_see("1.35 s: fall: the base is at 0.1 m")
+
+    on_page(scenario, language="es")
+
+
+def test_the_blocks_of_a_picture_are_buttons():
+    labels = labels_of(SVG)
+    assert labels["joint_1.saturation"] == "Saturation\n±150 N·m"
+    assert "joint_signals" not in labels  # a bar
+    drawn = with_buttons(SVG, "plant")
+    assert drawn.startswith("<svg")
+    assert drawn.count('role="button"') == drawn.count('tabindex="0"') == len(labels)
+    assert drawn.count('aria-pressed="true"') == 1
+
+
+def test_both_languages_have_the_words():
+    english, spanish = ({k for k in texts_of(name) if k.startswith("station.")} for name in ("en", "es"))
+    assert english == spanish
