@@ -21,8 +21,10 @@ from simrob_drake.teach.pages.picture import labels_of, with_buttons
 from simrob_drake.teach.pages.words import texts_of, words
 
 SVG = (diagrams_root() / "irb120_dynamic.svg").read_text()
-AXES = [f"joint_{number}" for number in range(1, 7)]
-SIGNALS = [{"name": name, "unit": "rad", "title": name, "columns": AXES} for name in ("position", "torque")]
+SIGNALS = [
+    {"name": name, "unit": "rad", "title": name, "columns": [f"{name}.joint_{axis}" for axis in range(1, 7)]}
+    for name in ("position", "torque")
+]
 
 
 def given(result):
@@ -144,6 +146,7 @@ def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
         await settled(0.2)
         assert 'class="node chosen" data-block="joint_2.pd"' in picture.content
         await user.should_see("joint_2: PD\nkp 1000, kd 10")
+        await user.should_see("position.joint_2")  # the one curve that is drawn
         assert sorted(map(str, session.watched.values())) == ["['position']", "['torque']"]
         sliders = {one.props["aria-label"]: one for one in user.find(kind=ui.slider).elements}
         assert set(sliders) == {"servo.kp", "servo.kd"}

@@ -191,12 +191,13 @@ class _Page:
             if not block:
                 ui.label(self._t("station.choose_block")).classes("opacity-70")
                 return
-            signals = [signal["name"] for signal in self._session.description["signals"]]
-            told = told_by(block, self._content, signals)
+            columns = {signal["name"]: signal["columns"] for signal in self._session.description["signals"]}
+            told = told_by(block, self._content, list(columns))
             ui.label(self._picture.labels.get(block, block)).classes("font-bold whitespace-pre-line")
             fields = [field for field in self._fields if told.holds(field.key)]
             for name in told.signals[:_MOST_SCOPES]:
-                scope(self._session, self._t, name, only=told.axis)
+                own = (column for column in columns[name] if told.axis and column.endswith(f".{told.axis}"))
+                scope(self._session, self._t, name, only=next(own, ""))
             tuners(fields, self._give)
             with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
                 self.view().show(fields)
