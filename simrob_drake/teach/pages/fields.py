@@ -9,6 +9,9 @@ from simrob_drake.teach.pages.buttons import told
 from simrob_drake.teach.pages.phrases import figure
 from simrob_drake.teach.pages.words import Words
 
+_SLACK = 1e-6
+"""How far beyond a limit a number may be that was made of another one."""
+
 
 class NumberField:
     """A field for a number.
@@ -65,7 +68,8 @@ class NumberField:
 
     def problem(self, value: Any) -> str | None:
         """Return what is wrong with a value, if anything is."""
-        if value is None or (self._low <= value <= self._high and not (self._whole and value % 1)):
+        within = value is None or self._low - _SLACK <= value <= self._high + _SLACK
+        if within and not (self._whole and value is not None and value % 1):
             return None
         low, high = (f"{figure(limit)}{self._unit}" for limit in (self._low, self._high))
         return self._t("legs.whole_limits" if self._whole else "legs.limits", low=low, high=high)

@@ -1,6 +1,7 @@
 """The page of a robot with legs, in the order of use: joints, a test, the program, a run of it."""
 
 from collections.abc import Callable
+from math import degrees
 from typing import Any
 
 from nicegui import ui
@@ -73,7 +74,7 @@ class _Teaching:
 
     def __init__(self, session: Session, phrases: Phrases, robot: Content) -> None:
         self._session, self._phrases, t = session, phrases, phrases.t
-        with _card(t("legs.joints"), 1):
+        with _card(t("legs.joints"), 1) as card:
             self._joints = Joints(phrases, robot["axes"], changed=self._tell, entered=self._test)
             self._chosen = ui.label().classes("text-sm").props("aria-live=polite")
             with ui.row().classes("w-full items-start gap-2"):
@@ -86,7 +87,11 @@ class _Teaching:
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
                 _button(t("legs.discard"), session.discard, keys="Alt+X").props("outline")
                 _button(t("legs.reset"), session.reset, keys="Alt+R").props("outline color=negative")
+        self._axes, self._reference = robot["axes"], _reference_of(session)
+        if self._reference:
+            plots.watch(session, self._reference, card)
         follow(session, self._tell, "program")
+        follow(session, self._show_where, "phase", "tick")
 
     def _test(self) -> None:
         seconds = self._duration.needed()
@@ -95,6 +100,19 @@ class _Teaching:
             self._joints.settle()
             self._tell()
 
+    def _show_where(self) -> None:
+        """Show what the joints are asked for that the user has not set, while nothing runs."""
+        session = self._session
+        if session.phase == "running":
+            return
+        asked = plots.at(session.history.get(self._reference, ()), session.time) if session.time else None
+        if asked is not None:
+            self._joints.follow(
+                {axis["name"]: _told(axis, value) for axis, value in zip(self._axes, asked, strict=True)}
+            )
+        elif not session.time:
+            self._joints.follow({axis["name"]: axis["now"] for axis in self._axes})
+
     def _tell(self) -> None:
         """Say what would be tested, and what was."""
         t, phrases = self._phrases.t, self._phrases
@@ -102,6 +120,17 @@ class _Teaching:
         self._chosen.text = t("legs.chosen", axes=axes) if axes else t("legs.choose")
         moves = "; ".join(phrases.move(move) for move in self._session.pending)
         self._tested.text = t("legs.tested", moves=moves) if moves else ""
+
+
+def _told(axis: Content, value: float) -> float:
+    """Return a position [rad or m] as users are told it."""
+    return degrees(value) if axis["unit"] == "deg" else value
+
+
+def _reference_of(session: Session) -> str:
+    """Return the signal that tells what a session's robot is asked for; empty without one."""
+    names = [signal["name"] for signal in session.description["signals"]]
+    return next((name for name in (f"{session.robot}.reference", "reference") if name in names), "")
 
 
 def _motions(session: Session, t: Words, robot: Content) -> None:

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import pi
+from os.path import commonprefix
 from typing import Any
 
 from nicegui import context, ui
 
+from simrob_drake.teach.pages.phrases import Phrases
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 _PAUSE = 0.2
 """From one picture to the next [s]: more often costs, and shows no more."""
 _POINTS = 200  # of a curve: more than that does not show in it
+_POSE = 7  # numbers of a pose: of these the position is drawn
+_SAME = 1e-9  # s
 _AT_ONCE = 6  # curves of a signal that are drawn until others are chosen
 _COLOURS = ("#2f86d0", "#e08214", "#4d9f21", "#c44fae", "#01a0a0", "#b5761f", "#f4729b", "#888888")
 """They can be told apart on white and on black."""
 _AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
+Row = tuple[float, Any]
+"""A time [s], and the value of a signal then."""
 _FIRST = ("position", "torque")  # signals that are shown at first
 
 
@@ -50,6 +56,12 @@ def scope(session: Session, t: Words, signal: str, *, only: str = "") -> ui.elem
         only: the one of its columns to begin with, such as an axis; some of them unless given.
     """
     element = _Scope(session, t, signal, only).element
+    watch(session, signal, element)
+    return element
+
+
+def watch(session: Session, signal: str, element: ui.element) -> None:
+    """Have a signal in ``session.history`` as long as an element of the present page is there."""
     viewer = f"{context.client.id} {element.id}"
 
     def hear(_: str) -> None:
@@ -59,7 +71,6 @@ def scope(session: Session, t: Words, signal: str, *, only: str = "") -> ui.elem
 
     forget = session.listen(hear)
     session.watch([signal], viewer)
-    return element
 
 
 class _Scope:
@@ -70,7 +81,7 @@ class _Scope:
         about = next(one for one in session.description["signals"] if one["name"] == signal)
         title = about.get("title") or signal
         unit, self._factor = _AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
-        self._columns: tuple[str, ...] = tuple(about.get("columns") or ())
+        self._columns, self._words = short(about["columns"]), Phrases(t, ())
         self._drawn: object = None
         ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         with ui.column().classes("w-full gap-0") as self.element:
@@ -81,15 +92,16 @@ class _Scope:
             self._chart = ui.echart({}, renderer="svg").classes("w-full h-56 simrob-plot")
             self._chart.props(f'role=img aria-label="{title}"')
             ui.timer(_PAUSE, self._look)
-        self._offer(len(self._columns))
+        self._offer()
         self._choice.on_value_change(self._forget)
 
-    def _offer(self, count: int) -> None:
-        """Let the user choose among so many curves."""
-        names = self._columns if len(self._columns) == count else tuple(str(number + 1) for number in range(count))
-        first = [names.index(self._only)] if self._only in names else list(range(min(count, _AT_ONCE)))
-        self._choice.set_options(dict(enumerate(names)), value=first)
-        self._choice.set_visibility(count > 1)
+    def _offer(self) -> None:
+        """Let the user choose among the curves."""
+        names = dict(enumerate(map(self._words.axis, self._columns)))
+        first = [number for number, column in enumerate(self._columns) if self._only in ("", column)]
+        at_once = 3 if len(names) == _POSE else _AT_ONCE
+        self._choice.set_options(names, value=first[:at_once])
+        self._choice.set_visibility(len(names) > 1)
 
     def _forget(self) -> None:
         self._drawn = None
@@ -101,16 +113,32 @@ class _Scope:
         if seen == self._drawn:
             return
         self._drawn = seen
-        rows = thinned(list(ring), _POINTS)
-        count = len(as_list(rows[0][1])) if rows else len(self._columns)
-        if len(self._choice.options) != count:
-            self._offer(count)
-        chosen = [column for column in self._choice.value or () if column < count]
-        source = [
-            [time, *(values[i] * self._factor for i in chosen)] for time, value in rows if (values := as_list(value))
-        ]
+        chosen: list[int] = sorted(self._choice.value or ())
+        rows = thinned(newest(ring), _POINTS)
+        source = [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
         names = [self._choice.options[column] for column in chosen]
         self._chart.props["options"] = _picture(names, [_COLOURS[i % len(_COLOURS)] for i in chosen], source)
+
+
+def short(names: Sequence[str]) -> list[str]:
+    """Return names of columns without the parts that all begin with: of ``q.knee`` and ``q.hip`` the second."""
+    parts = [name.split(".") for name in names]
+    common = len(commonprefix([part[:-1] for part in parts])) if parts else 0
+    return [".".join(part[common:]) for part in parts]
+
+
+def newest(ring: Iterable[Row]) -> list[Row]:
+    """Return of values in the order in which they came those that none of an earlier time came after."""
+    kept: list[Row] = []
+    for row in reversed(list(ring)):
+        if not kept or row[0] < kept[-1][0]:
+            kept.append(row)
+    return kept[::-1]
+
+
+def at(ring: Iterable[Row], time: float) -> Any:
+    """Return the value at a time [s], or the last one before it; None before all."""
+    return next((value for when, value in reversed(newest(ring)) if when <= time + _SAME), None)
 
 
 def as_list(value: Any) -> Sequence[float]:
@@ -118,7 +146,7 @@ def as_list(value: Any) -> Sequence[float]:
     return [value] if isinstance(value, (int, float)) else value
 
 
-def thinned(rows: list[Any], count: int) -> list[Any]:
+def thinned(rows: list[Row], count: int) -> list[Row]:
     """Return so many rows at most, evenly spread, with the first and the last."""
     if len(rows) <= count:
         return rows
