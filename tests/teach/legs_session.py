@@ -11,6 +11,8 @@ from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.notices import Notice
 from simrob_drake.teach.taught import entry_of
 
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+
 
 def described(name="humanoid"):
     """Return what a run tells of a robot."""
@@ -25,13 +27,17 @@ def described(name="humanoid"):
     ]
     gaits, acts = (list(gaits_of(model, steps=steps)) for steps in (True, False))
     robot = {"model": name, "kind": "legs", "axes": axes, "tools": list(model.tools), "gaits": gaits, "acts": acts}
-    signal = {"name": "position", "unit": "rad", "title": "position", "columns": list(model.axes)}
+    signals = [
+        {"name": name, "unit": "rad", "title": name, "columns": [f"q.{axis}" for axis in model.axes]}
+        for name in ("reference", "position")
+    ]
+    pose = {"name": "base_pose", "unit": "m", "title": "base pose", "columns": [f"base.{axis}" for axis in POSE]}
     return {
         "robots": {name: robot},
         "pieces": ["box", "ball"],
         "bodies": [],
         "loops": [{"name": "balance", "on": True}, {"name": "fall_guard", "on": False}],
-        "signals": [signal, {"name": "base_pose", "unit": "m", "title": "pose of the base"}],
+        "signals": [*signals, pose],
     }
 
 
@@ -46,7 +52,7 @@ class LegsSession:
         self.description, self.phase, self.time, self.ratio, self.pace = described(name), "idle", 0.0, 0.0, 1.0
         self.program = Program.model_validate({"moves": list(moves), "changes": list(changes)})
         self.pending, self.message, self.values = (), Notice(), {}
-        self.history = {"position": deque(maxlen=2400), "base_pose": deque(maxlen=2400)}
+        self.history = {name: deque(maxlen=2400) for name in ("reference", "position", "base_pose")}
         self.calls, self._hearers = [], []
 
     def listen(self, callback):

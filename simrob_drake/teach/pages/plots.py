@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import takewhile
 from math import pi
-from os.path import commonprefix
 from typing import Any
 
 from nicegui import context, ui
@@ -53,7 +53,7 @@ def scope(session: Session, t: Words, signal: str, *, only: str = "") -> ui.elem
         session: whose run.
         t: the words.
         signal: its name, of ``session.description["signals"]``.
-        only: the one of its columns to begin with, such as an axis; some of them unless given.
+        only: the one of its columns to begin with; some of them unless given.
     """
     element = _Scope(session, t, signal, only).element
     watch(session, signal, element)
@@ -77,11 +77,10 @@ class _Scope:
     """The plot of one signal, and the choice of its curves."""
 
     def __init__(self, session: Session, t: Words, signal: str, only: str) -> None:
-        self._session, self._name, self._only = session, signal, only
+        self._session, self._name = session, signal
         about = next(one for one in session.description["signals"] if one["name"] == signal)
         title = about.get("title") or signal
         unit, self._factor = _AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
-        self._columns, self._words = short(about["columns"]), Phrases(t, ())
         self._drawn: object = None
         ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         with ui.column().classes("w-full gap-0") as self.element:
@@ -92,16 +91,11 @@ class _Scope:
             self._chart = ui.echart({}, renderer="svg").classes("w-full h-56 simrob-plot")
             self._chart.props(f'role=img aria-label="{title}"')
             ui.timer(_PAUSE, self._look)
-        self._offer()
-        self._choice.on_value_change(self._forget)
-
-    def _offer(self) -> None:
-        """Let the user choose among the curves."""
-        names = dict(enumerate(map(self._words.axis, self._columns)))
-        first = [number for number, column in enumerate(self._columns) if self._only in ("", column)]
-        at_once = 3 if len(names) == _POSE else _AT_ONCE
-        self._choice.set_options(names, value=first[:at_once])
+        names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
+        first = [number for number, column in enumerate(about["columns"]) if only in ("", column)]
+        self._choice.set_options(names, value=first[: 3 if len(names) == _POSE else _AT_ONCE])
         self._choice.set_visibility(len(names) > 1)
+        self._choice.on_value_change(self._forget)
 
     def _forget(self) -> None:
         self._drawn = None
@@ -123,7 +117,8 @@ class _Scope:
 def short(names: Sequence[str]) -> list[str]:
     """Return names of columns without the parts that all begin with: of ``q.knee`` and ``q.hip`` the second."""
     parts = [name.split(".") for name in names]
-    common = len(commonprefix([part[:-1] for part in parts])) if parts else 0
+    levels = zip(*(part[:-1] for part in parts), strict=False)
+    common = sum(1 for _ in takewhile(lambda level: len(set(level)) == 1, levels))
     return [".".join(part[common:]) for part in parts]
 
 
