@@ -91,25 +91,25 @@ def planned_gait(
     return motion
 
 
-def step_moves(robot: LeggedGeometry, move_time: float | None = None) -> list[LegMove]:
+def step_moves(model: RobotModel, feet: str | None, move_time: float | None = None) -> list[LegMove]:
     """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
 
     Args:
-        robot: who.
+        model: the robot.
+        feet: those that it wears.
         move_time: of each move of the sequence, or of each step of the gait [s]; their own unless given.
 
     Raises:
         InvalidParameter: a robot without feet or gaits, without a gait for the feet that it wears, or a time that is
             not positive.
     """
-    model = robot.model
     if model.feet is None:
         raise InvalidParameter("robot", model.name, "one with legs: step() is for legged robots")
     own = load_gaits(model).sequences.get(SEQUENCE)
-    if own is not None and carries(model, robot.worn_feet, made_for(model, own)):
+    if own is not None and carries(model, feet, made_for(model, own)):
         return _moves_of(model, own, move_time)
     known = gaits_of(model, steps=True)
-    _, gait = known[first_gait(model, robot.worn_feet, known)]
+    _, gait = known[first_gait(model, feet, known)]
     keys = type(gait).model_fields
     changes: dict[str, Any] = {"ramp_steps": 0} if "ramp_steps" in keys else {}  # the first step has its full length
     if move_time is not None:

@@ -125,7 +125,7 @@ class LeggedRobot(LeggedGeometry):
                 positive.
             SimrobError: as :meth:`walk`.
         """
-        return self._do(step_moves(self, move_time), store=True)[-1]
+        return self._do(step_moves(self.model, self.worn_feet, move_time), store=True)[-1]
 
     def walk(
         self,

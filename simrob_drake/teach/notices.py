@@ -6,13 +6,15 @@ from typing import Any
 NOTICES = {
     "damaged": "{file} is damaged and was kept as it is ({why}); what you teach now goes to {new}",
     "foreign": "{file} is of another robot and was kept as it is ({why}); what you teach now goes to {new}",
+    "taken_over": "{file} was taught on {why} and was kept as it is; its moves were taken over into {new}",
     "died": "The simulation broke down ({why}) and was started again; the program is as it was",
-    "lost": "The simulation broke down again and again ({why}); change the station or the program, then restart it",
+    "lost": "The simulation broke down again and again ({why}); change what breaks it, then try again",
+    "gone": "There is no simulation; try again",
+    "busy": "End the run first",
     "nothing_tested": "There is nothing to add: test a move first",
-    "nothing_stored": "The program is empty: test a move and add it first",
+    "not_stored": "This change is not in the program, since the robot is elsewhere than the program leads it",
     "reset": "The program was erased; undo brings it back",
     "exported": "{file} was written",
-    "ended": "{message}",
 }
 """By key; what stands in braces is filled in."""
 

@@ -2,60 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Self
 
+import yaml
+
+from simrob_drake.errors import InvalidParameter, SimrobError, one_of
+from simrob_drake.folders import alone_in, writing, written_at_once
+from simrob_drake.programs.arm_program import ARM_ONLY
+from simrob_drake.programs.moves import ActMove, WalkMove
 from simrob_drake.programs.program import Program
+from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.stations.schema import station_schema
+from simrob_drake.teach.export import script
+from simrob_drake.teach.hub import HandOver, MakeLive, Topic, done
+from simrob_drake.teach.jogging import Jogging
+from simrob_drake.teach.loops import loops_known, loops_on, switched
 from simrob_drake.teach.notices import Notice
+from simrob_drake.teach.store import Store, opened
+from simrob_drake.teach.subjects import goes_on_legs, station_for
 
-Topic = Literal["program", "phase", "tick", "message", "description", "history"]
+__all__ = ["Session", "Topic"]
+
+_PROGRAM = "program.yaml"
 
 
-class Session:
+class Session(Jogging):
     """One robot or station being taught; tabs share it. All calls come from one thread, and none waits.
 
     Nothing raises because of what a user does: what is wrong becomes :attr:`message`. Methods that need the run give a
-    :class:`concurrent.futures.Future` (``await asyncio.wrap_future(...)``; its result is None where something was
-    wrong, and it never raises, so that it can be ignored); the others tell by True or False whether it was done.
-
-    Every change of the program is in :attr:`file` when the method returns.
+    :class:`concurrent.futures.Future` (``await asyncio.wrap_future(...)``), which never raises and can be ignored: its
+    result is None where something was wrong, else True or what was asked for. The others tell by True or False whether
+    it was done. Every change of the program is in :attr:`file` when the method returns.
 
     Attributes:
         subject: what was opened, as given.
-        folder: of the program's file and of what is taken away.
+        folder: of the program's file and of what is taken away; this subject's own.
         file: of the program.
-        station: name or file of the station.
-        robot: the robot that is taught, of :attr:`description`'s robots.
-        description: of the station, as ``Live.open`` gives it; empty until it is there.
+        station: name or file of the station, and ``config``: it with its settings.
+        robot: the robot that is taught, of :attr:`description`'s robots; empty in a station without any.
+        description: of the station, as ``Live.open`` gives it; empty until it is there. Its ``loops``, ``{name, on}``,
+            can be switched.
         program: what is stored.
         pending: moves that were tested and not added yet, as a program's file has them.
-        phase: ``opening``, ``idle``, ``running`` or ``paused``.
+        phase: ``opening``, ``idle``, ``running``, ``paused``, or ``gone`` where no run can be had.
         time: where the run is [s], and ``ratio``: simulated time over the clock's.
         pace: asked for; None: as fast as it can.
         message: the last thing to tell; ``str(message)`` is English, ``message.key`` tells pages which.
         values: last value of each watched signal.
-        history: of each watched signal its last values, as ``(time, value)`` in a ring; ``session.history[name]``.
+        history: of each watched signal its last values, as ``(time, value)`` in a ring: ``session.history[name]``.
         settings: what is changed of the station, by dotted key.
-        targets: taught targets of an arm by name, each ``{axes: [...], pose: [...], tool: ...}``.
+        targets: taught targets of an arm by name.
         ghosts: the branches that :meth:`branches` found last.
     """
 
-    def __init__(self) -> None:
-        """Make one by :meth:`open`."""
-        self.subject, self.folder, self.file, self.station, self.robot = "", Path(), Path(), "", ""
-        self.description: dict[str, Any] = {}
-        self.program = Program()
-        self.pending: tuple[dict[str, Any], ...] = ()
-        self.phase, self.time, self.ratio = "opening", 0.0, 0.0
-        self.pace: float | None = 1.0
-        self.message = Notice()
-        self.values: dict[str, Any] = {}
-        self.history: dict[str, Any] = {}
-        self.settings: dict[str, Any] = {}
-        self.targets: dict[str, dict[str, Any]] = {}
-        self.ghosts: list[dict[str, Any]] = []
+    def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
+        """Begin empty; :meth:`open` makes one that can be used."""
+        super().__init__(live, hand_over)
+        self.subject, self.folder = "", Path()
+        self._held = ExitStack()
 
     @classmethod
     def open(
@@ -64,318 +71,180 @@ class Session:
         folder: str | Path,
         *,
         program: str | Path | None = None,
-        live: Callable[[Callable[[dict[str, Any]], None]], Any] | None = None,
-        hand_over: Callable[[Callable[[], None]], object] | None = None,
+        robot: str | None = None,
+        live: MakeLive | None = None,
+        hand_over: HandOver | None = None,
     ) -> Self:
-        """Open a robot, a station or a file; returns at once, and ``description`` comes with the topic of its name.
+        """Open a robot, a station or a file; the description comes later, with the topic of its name.
 
         Args:
-            subject: a robot's or a station's name, or the file of a URDF or a station.
-            folder: for the program and what is taken away; made where it is missing.
-            program: a file to begin with; that of the folder unless given.
+            subject: a robot's or a station's name, or the file of a robot or a station.
+            folder: for what is taught; made where it is missing.
+            program: a file to begin with; the one that was taught last unless given.
+            robot: which robot of the station; its first unless given.
             live: makes the run from what takes its news; :class:`~simrob_drake.teach.live.Live` unless given.
             hand_over: calls a function in the thread of all other calls, as ``loop.call_soon_threadsafe`` does. Without
                 it news wait for :meth:`hear`.
 
         Raises:
-            SimrobError: no such robot, station or file.
+            SimrobError: no such robot, station or file; a folder that cannot be written, or in which another process
+                teaches.
         """
-        return cls()
-
-    def hear(self, timeout: float = 0.0) -> None:
-        """Take the news that have come, waiting for the first so long [s]: for scripts, which hand nothing over."""
+        session = cls(live, hand_over)
+        session.subject = str(subject)
+        name, session.station = station_for(subject, Path(folder))
+        session.config = load_station(session.station)
+        robots = list(session.config.robots)
+        session.robot = one_of("robot", robot, robots) if robot is not None else next(iter(robots), "")
+        session.folder = (Path(folder) / name).absolute()
+        with ExitStack() as held:
+            with writing(session.folder):
+                session.folder.mkdir(parents=True, exist_ok=True)
+            held.enter_context(alone_in(session.folder))
+            session._load(Path(program).absolute() if program is not None else session.folder / _PROGRAM)
+            session._held = held.pop_all()
+        session._reopen()
+        return session
 
     def close(self) -> None:
-        """End the run and its process."""
-
-    def listen(self, callback: Callable[[Topic], None]) -> Callable[[], None]:
-        """Let something be called after each change with what changed; returns what ends that.
-
-        ``program``: program, pending, undo, targets; ``description``: description and settings.
-        """
-        return lambda: None
-
-    def listen_to_view(self, callback: Callable[[dict[str, Any]], None]) -> Callable[[], None]:
-        """Let something have each news ``view`` ``{subject, commands}``; returns what ends that."""
-        return lambda: None
-
-    def wrong_target(self, axis: str, value: Any) -> str:
-        """Return what is wrong with a target [deg or m] of an axis, for its field; empty if nothing is."""
-        return ""
-
-    # Teach
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether :meth:`undo` has something to take back."""
-        return False
-
-    @property
-    def can_redo(self) -> bool:
-        """Whether :meth:`redo` has something to bring back."""
-        return False
-
-    def undo(self) -> bool:
-        """Take back the last change of program, tested moves, targets or settings."""
-        return False
-
-    def redo(self) -> bool:
-        """Bring back what :meth:`undo` took."""
-        return False
-
-    def test(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
-        """Try a move of axes [deg or m], together with those tested before it since the last :meth:`add`.
-
-        All go together, in the same time [s], from where the robot was before the first; that of the last test unless
-        given. Nothing is stored.
-        """
-        return _nothing()
-
-    def add(self) -> bool:
-        """Store what was tested."""
-        return False
-
-    def discard(self) -> Future[Any]:
-        """Forget what was tested, and go back to before it."""
-        return _nothing()
-
-    def simulate(self) -> Future[Any]:
-        """Run all that is stored from the start; what was tested and not added is forgotten."""
-        return _nothing()
-
-    def reset(self) -> Future[Any]:
-        """Erase the program and go back to the start; :meth:`undo` brings it back."""
-        return _nothing()
-
-    def step(self) -> Future[Any]:
-        """Try one step (Paso): it waits for :meth:`add` or :meth:`discard`, as a tested move."""
-        return _nothing()
-
-    def walk(self, steps: int, amplitude: float = 1.0, gait: str | None = None, **changes: Any) -> Future[Any]:
-        """Try to walk, likewise."""
-        return _nothing()
-
-    def act(self, name: str, **changes: Any) -> Future[Any]:
-        """Try an act, likewise."""
-        return _nothing()
-
-    def wait(self, seconds: float) -> Future[Any]:
-        """Try to stand still, likewise."""
-        return _nothing()
-
-    def attach(
-        self, piece: str, tool: str | None = None, *, pose: Sequence[float] | None = None, robot: str | None = None
-    ) -> Future[Any]:
-        """Take a piece, likewise; ``pose`` [x y z Rz Ry Rx] puts it into the hand."""
-        return _nothing()
-
-    def release(self, piece: str, parent: str = "world", *, fixed: bool = False) -> Future[Any]:
-        """Let go of a piece, likewise."""
-        return _nothing()
-
-    def insert(self, index: int, move: Mapping[str, Any]) -> bool:
-        """Put a move, as a program's file has it, before the stored one of a number; their count: at the end."""
-        return False
-
-    def edit(self, index: int, move: Mapping[str, Any]) -> bool:
-        """Put another move in the place of a stored one."""
-        return False
-
-    def remove(self, index: int) -> bool:
-        """Take a stored move out."""
-        return False
-
-    def move_entry(self, index: int, to: int) -> bool:
-        """Give a stored move another place."""
-        return False
-
-    def remove_change(self, index: int) -> bool:
-        """Take one of ``program.changes`` out."""
-        return False
-
-    def edit_change(self, index: int, change: Mapping[str, Any]) -> bool:
-        """Put another change in the place of one of ``program.changes``."""
-        return False
-
-    def set_grid(self, seconds: float) -> bool:
-        """Set the program's grid [s], at whose multiples it can be paused and changed."""
-        return False
-
-    def describe(self, text: str) -> bool:
-        """Give the program its line of description."""
-        return False
-
-    # While it runs
-
-    def pause(self) -> Future[Any]:
-        """Pause at the next tick of the grid."""
-        return _nothing()
-
-    def go_on(self) -> Future[Any]:
-        """Go on after a pause, or from a moment that was gone back to; what came after that is forgotten."""
-        return _nothing()
-
-    def one_tick(self) -> Future[Any]:
-        """Go on for one tick of the grid."""
-        return _nothing()
-
-    def stop(self) -> Future[Any]:
-        """End the run where it is."""
-        return _nothing()
-
-    def set_pace(self, factor: float | None) -> Future[Any]:
-        """Run so many times as fast as the clock, 0.1 to 4; None: as fast as it can."""
-        return _nothing()
-
-    def rewind(self, time: float) -> Future[Any]:
-        """Show a moment of what was run [s]."""
-        return _nothing()
-
-    def change(self, key: str, value: Any) -> Future[Any]:
-        """Change the running station by a dotted key, such as ``servo.kp``; it goes into the program with its time."""
-        return _nothing()
-
-    def push(self, at: str, force: Sequence[float], duration: float = 0.1) -> Future[Any]:
-        """Push a body with a force [N] for a time [s]; it goes into the program, too."""
-        return _nothing()
-
-    def drag(self, at: str, point: Sequence[float], target: Sequence[float] | None) -> Future[Any]:
-        """Pull a point of a body [m] to a place in the world [m] by a spring, or let go of it; likewise."""
-        return _nothing()
-
-    def watch(self, signals: Sequence[str]) -> Future[Any]:
-        """Have these signals in ``values`` and ``history``; tabs that share a session name all that they show."""
-        return _nothing()
-
-    # An arm
-
-    def jog_axes(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
-        """Move axes to positions [deg or m]; nothing is stored nor waits to be."""
-        return _nothing()
-
-    def jog_tool(
-        self, delta: Sequence[float], frame: str = "base", *, start: Sequence[float] | None = None
-    ) -> Future[Any]:
-        """Move the tool by [x y z Rz Ry Rx], m and degrees, along ``base``, ``tool`` or a work object.
-
-        Args:
-            delta: by how much.
-            frame: of the directions; the tool turns about its own point.
-            start: the pose [m, deg] in that frame that ``delta`` counts from; where the tool is unless given.
-        """
-        return _nothing()
-
-    def tool(self, name: str) -> Future[Any]:
-        """Use another tool; lines added then have it, too."""
-        return _nothing()
-
-    def teach_target(self, name: str | None = None) -> Future[Any]:
-        """Keep where the arm is in ``targets``; the future gives its name, ``p1``, ``p2``, ... unless given."""
-        return _nothing()
-
-    def remove_target(self, name: str) -> bool:
-        """Forget a taught target; lines that were made of it stay."""
-        return False
-
-    def add_line(
-        self,
-        kind: Literal["move_abs_j", "move_j", "move_l", "move_c"],
-        target: str,
-        *,
-        index: int | None = None,
-        via: str | None = None,
-        wobj: str | None = None,
-        **how: Any,
-    ) -> bool:
-        """Store a line that goes to a taught target, with ``speed``, ``duration``, ``zone`` and so on of a program.
-
-        A line that changes the tool is put before it where the program has another one there.
-
-        Args:
-            kind: of move.
-            target: its name.
-            index: before which line; at the end unless given.
-            via: another target, on the arc of a ``move_c``.
-            wobj: in whose frame the file says it, so that it goes with that piece; the world unless given.
-            how: further keys of the line.
-        """
-        return False
-
-    def run_line(self, index: int) -> Future[Any]:
-        """Run one stored line from where the arm is (step)."""
-        return _nothing()
-
-    def branches(self) -> Future[Any]:
-        """Find every posture that has the tool where it is, into ``ghosts`` and into the view."""
-        return _nothing()
-
-    def choose_branch(self, number: int) -> Future[Any]:
-        """Go to one of ``ghosts``, and hide them."""
-        return _nothing()
-
-    def hide_ghosts(self) -> Future[Any]:
-        """Hide the ghosts."""
-        return _nothing()
+        """End the run and its process; another one may teach in the folder then."""
+        super().close()
+        self._held.close()
 
     # The station
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema of a station's file, to make forms of."""
-        return {}
+        return station_schema()
 
     def value(self, key: str) -> Any:
         """Return what the station has under a dotted key, settings counted in; None if nothing."""
-        return None
+        node: Any = yaml.safe_load(station_yaml(self.config))
+        for part in key.split("."):
+            node = node.get(part) if isinstance(node, dict) else None
+        return node
 
     def set(self, key: str, value: Any) -> bool:
-        """Change the station by a dotted key and open it anew, idle; None takes an entry out."""
-        return False
+        """Change the station by a dotted key and open it anew, while nothing runs; None takes an entry out."""
+        return self._reconfigure({**self.settings, key: value})
 
     def unset(self, key: str) -> bool:
         """Take a setting back."""
-        return False
+        return self._reconfigure({other: value for other, value in self.settings.items() if other != key})
 
     def switch_loop(self, name: str, on: bool) -> bool:
-        """Switch an outer loop of the station on or off, idle."""
-        return False
+        """Switch an outer loop of the station on or off, while nothing runs."""
+        try:
+            settings = switched(load_station(self.station), self.settings, name, on)
+        except SimrobError as problem:
+            self._wrong(problem)
+            return False
+        return self._reconfigure(settings)
 
     def check(self) -> Future[Any]:
         """Give what ``simrob check`` says of the station with its settings."""
-        return _nothing()
+        return self._ask("check")
 
     def picture(self) -> Future[Any]:
         """Give the block picture as SVG."""
-        return _nothing()
+        return self._ask("picture")
 
-    def parameters(self, block: str) -> Future[Any]:
-        """Give a block's parameters."""
-        return _nothing()
-
-    # Take away: files in ``folder``
+    # Take away: files in the folder
 
     def export_program(self) -> Future[Any]:
-        """Write the program as YAML that ``simrob run`` takes, with the station beside it where it has settings."""
-        return _nothing()
+        """Write the program as YAML that ``simrob run`` takes, beside it the station if it has settings."""
+        return self._exported(self.file, self._store.placed(self._whole_program(), self.settings).text())
 
     def export_script(self) -> Future[Any]:
         """Write the program as a Python script that runs by itself and gives the same signals."""
-        return _nothing()
+        program, file = self._whole_program(), self.file.with_suffix(".py")
+        robot = self.robot if len(self.config.robots) > 1 else None
+        legs = bool(self.robot) and goes_on_legs(self.model, program)
+        return self._exported(file, script(program, self.station, self.settings, robot=robot, legs=legs, file=file))
 
     def export_station(self) -> Future[Any]:
         """Write the station with its settings as YAML."""
-        return _nothing()
+        return self._exported(self._store.station_file, station_yaml(self.config))
 
     def export_csv(self) -> Future[Any]:
         """Write the signals of the last run; as all of these the future gives the file."""
-        return _nothing()
+        return self._saved("signals_csv", self.file.with_suffix(".csv"))
 
     def export_recording(self) -> Future[Any]:
         """Write the last run as one HTML page."""
-        return _nothing()
+        return self._saved("recording", self.file.with_suffix(".html"))
 
+    # How
 
-def _nothing() -> Future[Any]:
-    """Return what is there already: nothing."""
-    done: Future[Any] = Future()
-    done.set_result(None)
-    return done
+    def _load(self, file: Path) -> None:
+        """Take what is taught in a file, or in another one where that cannot be."""
+        alone = len(self.config.robots) < 2
+        first = Store(file, self.station, None if alone else self.robot)
+        self._store, self._history, notice = opened(first, self.folder, self._fits)
+        self.file = self._store.file
+        try:
+            self.config = load_station(self.station, self._history.present.settings)
+        except SimrobError as problem:  # of a station whose file has changed
+            self._wrong(problem)
+            self._history.record(self._history.present.but(settings={}))
+        self._save()
+        if notice is not None:
+            self._say(notice)
+
+    def _fits(self, program: Program) -> None:
+        """Check that a program can be this robot's.
+
+        Raises:
+            SimrobError: it has an axis or a kind of moves that the robot has not.
+        """
+        for move in program.moves:
+            self._looked_at(move)
+            if isinstance(move, WalkMove | ActMove) and self.model.feet is None:
+                raise InvalidParameter("move", next(iter(type(move).model_fields)), f"one of {self.model.name}")
+        of_arm = next((move for move in program.moves if isinstance(move, ARM_ONLY)), None)
+        if of_arm is not None and self.model.feet is not None:
+            raise InvalidParameter("move", next(iter(type(of_arm).model_fields)), f"one of {self.model.name}")
+
+    def _reconfigure(self, settings: dict[str, Any]) -> bool:
+        if self.phase in ("running", "paused"):
+            return self._refused("busy")
+        try:
+            config = load_station(self.station, settings)
+        except SimrobError as problem:
+            self._wrong(problem)
+            return False
+        before, self.config = self.config, config
+        self._record(self._history.present.but(settings=settings))
+        taken = self._history.present
+
+        def refused() -> None:
+            if self._history.present is taken:
+                self._history.withdraw()
+                self.config = before
+                self._save()
+            self._set_phase("idle")
+
+        self._reopen(refused)
+        return True
+
+    def _described(self, description: dict[str, Any]) -> dict[str, Any]:
+        own = load_station(self.station)
+        on = loops_on(own, self.settings)
+        loops = [{"name": name, "on": name in on} for name in loops_known(own)]
+        return super()._described({**description, "loops": loops})
+
+    def _exported(self, file: Path, text: str) -> Future[Any]:
+        try:
+            written_at_once(file, text)
+        except SimrobError as problem:
+            self._wrong(problem)
+            return done(None)
+        self._say(Notice("exported", {"file": str(file)}))
+        return done(file)
+
+    def _saved(self, method: str, file: Path) -> Future[Any]:
+        def written(_: Any) -> Path:
+            self._say(Notice("exported", {"file": str(file)}))
+            return file
+
+        return self._ask(method, written, file=str(file))

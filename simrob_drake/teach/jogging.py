@@ -1,0 +1,179 @@
+"""An arm at hand: jogged by its axes or its tool, taught where it is to go, and in which of its postures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from typing import Any, Literal
+
+from simrob_drake.errors import InvalidParameter, SimrobError, one_of
+from simrob_drake.given import whole
+from simrob_drake.programs.arm_moves import ToolMove
+from simrob_drake.programs.moves import plain
+from simrob_drake.programs.program import AnyMove, Program
+from simrob_drake.teach.driving import Driving
+from simrob_drake.teach.hub import HandOver, MakeLive, done
+from simrob_drake.teach.taught import Target, entry_of
+
+Line = Literal["move_abs_j", "move_j", "move_l", "move_c"]
+
+
+class Jogging(Driving):
+    """What a pendant of an arm does. Jogs are neither stored nor wait to be.
+
+    Attributes: those of the session that tell of arms.
+    """
+
+    def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
+        """Begin without ghosts."""
+        super().__init__(live, hand_over)
+        self.ghosts: list[dict[str, Any]] = []
+
+    def where(self, frame: str = "base") -> Future[Any]:
+        """Give where the arm is, as :func:`simrob_drake.teach.arm_questions.where` tells it."""
+        return self._ask("where", frame=frame)
+
+    def jog_axes(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
+        """Move axes to positions [deg or m]; of jogs that come while another runs the last is done."""
+        return self._idly(lambda: self._jog(plain(targets_deg), duration))
+
+    def jog_tool(
+        self, delta: Sequence[float], frame: str = "base", *, start: Sequence[float] | None = None
+    ) -> Future[Any]:
+        """Move the tool by [x y z Rz Ry Rx], m and degrees, along ``base``, ``tool``, ``world`` or a work object.
+
+        Args:
+            delta: by how much.
+            frame: of the directions; the tool turns about its own point.
+            start: the pose in the base that ``delta`` counts from [m, deg]; where the tool is unless given.
+        """
+        by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
+        return self._idly(lambda: self._ask("jogged", self._jog, **by))
+
+    def tool(self, name: str) -> Future[Any]:
+        """Use another tool; targets taught then are of it, too."""
+        return self._idly(lambda: self._run_free([entry_of({"tool": self._own({"name": name})})]))
+
+    def teach_target(self, name: str | None = None, frame: str = "world") -> Future[Any]:
+        """Keep where the arm is in ``targets``, with its pose in a frame; the future gives the name.
+
+        Args:
+            name: what it is called; ``p1``, ``p2``, ... unless given.
+            frame: ``world``, or a work object that lines to it go with.
+        """
+
+        def keep(place: dict[str, Any]) -> str:
+            known = self._history.present.targets
+            called = name or next(text for number in range(1, len(known) + 2) if (text := f"p{number}") not in known)
+            content = {"axes": place["axes"], "pose": place["pose"], "tool": place["tool"] or ""}
+            target = Target(**content, frame=frame, robot=self.robot)
+            self._record(self._history.present.but(targets={**known, called: target}))
+            return called
+
+        return self._ask("where", keep, frame=frame)
+
+    def remove_target(self, name: str) -> bool:
+        """Forget a taught target; lines that were made of it stay."""
+        left = dict(self._history.present.targets)
+        if left.pop(name, None) is None:
+            return False
+        self._record(self._history.present.but(targets=left))
+        return True
+
+    def add_line(
+        self, kind: Line, target: str, *, index: int | None = None, via: str | None = None, **how: Any
+    ) -> bool:
+        """Store a line that goes to a taught target, with ``speed``, ``duration``, ``zone`` and so on of a program.
+
+        A line that changes the tool is put before it where the program has another one there.
+
+        Args:
+            kind: of move.
+            target: its name.
+            index: before which line; at the end unless given.
+            via: another target, on the arc of a ``move_c``.
+            how: further keys of the line.
+        """
+
+        def lengthened(program: Program) -> Program:
+            known = self._history.present.targets
+            goal = known[one_of("target", target, known)]
+            place = len(program.moves) if index is None else index
+            for number, move in enumerate(self._lines(program, place, kind, goal, via, how)):
+                program = program.inserted(place + number, move)
+            return program
+
+        return self._edit(lengthened)
+
+    def run_line(self, index: int) -> Future[Any]:
+        """Run one stored line from where the arm is (step)."""
+        try:
+            move = self.program.moves[whole(index, "index", 0, len(self.program.moves) - 1)]
+        except SimrobError as problem:
+            self._wrong(problem)
+            return done(None)
+        return self._idly(lambda: self._run_free([move]))
+
+    def branches(self, target: str | None = None) -> Future[Any]:
+        """Find every posture for a taught target, or for where the tool is, into ``ghosts`` and into the view."""
+
+        def found(branches: list[dict[str, Any]]) -> Any:
+            self.ghosts = branches
+            self._tell("program")
+            good = [branch["usable"] for branch in branches]
+            return self._ask("ghosts", lambda _: branches, postures=[one["axes"] for one in branches], good=good)
+
+        known = self._history.present.targets
+        goal = known.get(target or "")
+        of: dict[str, Any] = {"pose": list(goal.pose), "frame": goal.frame} if goal else {}
+        return self._ask("branches", found, **of)
+
+    def choose_branch(self, number: int) -> Future[Any]:
+        """Go to one of ``ghosts``, and hide them."""
+        try:
+            axes = self.ghosts[whole(number, "branch", 0, len(self.ghosts) - 1)]["axes"]
+        except SimrobError as problem:
+            self._wrong(problem)
+            return done(None)
+        self.hide_ghosts()
+        return self.jog_axes(axes)
+
+    def hide_ghosts(self) -> Future[Any]:
+        """Hide the ghosts."""
+        self.ghosts = []
+        self._tell("program")
+        return self._ask("ghosts", postures=[], good=[])
+
+    def _jog(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
+        self._course.went_on([None], self.time, free=True)
+        return self._start("free", "jog", targets_deg=targets_deg, duration=duration)
+
+    def _lines(
+        self, program: Program, place: int, kind: Line, goal: Target, via: str | None, how: Mapping[str, Any]
+    ) -> list[AnyMove]:
+        """Return the line to a target, and before it what its tool needs."""
+        before = [move.tool for move in program.moves[:place] if isinstance(move, ToolMove)]
+        now = next((tool.name for tool in reversed(before) if tool.robot in (None, goal.robot)), self._first_tool)
+        lines = [entry_of({"tool": self._own({"name": goal.tool})})] if goal.tool not in ("", now) else []
+        content = self._own(dict(how))
+        if kind == "move_abs_j":
+            content["targets_deg"] = [goal.axes[axis] for axis in self.model.axes]
+        else:
+            content["targets_deg"] = list(goal.pose)
+            content |= {} if goal.frame == "world" else {"wobj": goal.frame}
+        if via is not None:
+            known = self._history.present.targets
+            passed = known[one_of("target", via, known)]
+            if passed.frame != goal.frame:
+                raise InvalidParameter(f"frame of {via}", passed.frame, f"{goal.frame}, as that of the target")
+            content["via"] = list(passed.pose[:3])
+        return [*lines, entry_of({kind: content})]
+
+    @property
+    def _first_tool(self) -> str:
+        robots = self.description.get("robots", {})
+        return str(robots.get(self.robot, {}).get("tcp") or "")
+
+    def _own(self, content: dict[str, Any]) -> dict[str, Any]:
+        """Return the content of a line; it names the robot where there are several."""
+        return content if len(self.config.robots) == 1 else {**content, "robot": self.robot}

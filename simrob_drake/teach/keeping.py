@@ -1,0 +1,153 @@
+"""What is taught, kept: in steps for undo and redo, and in its file at every change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.given import seconds, whole
+from simrob_drake.programs.moves import JointMove, move_of
+from simrob_drake.programs.one_move import targets_on
+from simrob_drake.programs.program import AnyMove, Program
+from simrob_drake.programs.timeline import Change
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import resolve
+from simrob_drake.teach.history import History
+from simrob_drake.teach.hub import HandOver, Hub, MakeLive
+from simrob_drake.teach.notices import Notice
+from simrob_drake.teach.store import Store
+from simrob_drake.teach.taught import Taught, entry_of, told, with_change
+from simrob_drake.yaml_files import validated
+
+
+class Keeping(Hub):
+    """The program and what else is taught. Attributes: those of the session that tell of the program."""
+
+    _store: Store
+
+    def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
+        """Begin with nothing taught."""
+        super().__init__(live, hand_over)
+        self.station, self.robot = "", ""
+        self.config = StationConfig(name="none", robots={})
+        self.file = Path()
+        self._history = History()
+        self._show()
+
+    def _show(self) -> None:
+        """Let attributes tell what is taught now."""
+        now = self._history.present
+        self.program, self.settings = now.program, dict(now.settings)
+        self.pending = tuple(told(now.pending))
+        self.targets = {name: target.model_dump() for name, target in now.targets.items()}
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot that is taught."""
+        return resolve(self.config).robots[self.robot].model
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether :meth:`undo` has something to take back."""
+        return self._history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether :meth:`redo` has something to bring back."""
+        return self._history.can_redo
+
+    def wrong_target(self, axis: str, value: Any) -> str:
+        """Return what is wrong with a target [deg or m] of an axis, for its field; empty if nothing is."""
+        try:
+            self._looked_at(move_of({axis: value}))
+        except SimrobError as problem:
+            return str(problem)
+        return ""
+
+    # Change the program
+
+    def insert(self, index: int, move: Mapping[str, Any]) -> bool:
+        """Put a move, as a program's file has it, before the stored one of a number; their count: at the end."""
+        return self._edit(lambda program: program.inserted(index, self._looked_at(entry_of(move))))
+
+    def edit(self, index: int, move: Mapping[str, Any]) -> bool:
+        """Put another move in the place of a stored one."""
+        return self._edit(lambda program: program.edited(index, self._looked_at(entry_of(move))))
+
+    def remove(self, index: int) -> bool:
+        """Take a stored move out."""
+        return self._edit(lambda program: program.removed(index))
+
+    def move_entry(self, index: int, to: int) -> bool:
+        """Give a stored move another place."""
+        return self._edit(lambda program: program.removed(index).inserted(to, program.moves[index]))
+
+    def remove_change(self, index: int) -> bool:
+        """Take one of ``program.changes`` out."""
+        return self._edit(lambda program: _with(program, changes=_without(program.changes, index)))
+
+    def edit_change(self, index: int, change: Mapping[str, Any]) -> bool:
+        """Put another change in the place of one of ``program.changes``."""
+
+        def edited(program: Program) -> Program:
+            other = validated(Change, dict(change), "the change")
+            return _with(program, changes=with_change(_without(program.changes, index), other))
+
+        return self._edit(edited)
+
+    def set_grid(self, time: float) -> bool:
+        """Set the program's grid [s], at whose multiples it can be paused and changed."""
+        return self._edit(lambda program: _with(program, grid=seconds(time, "grid")))
+
+    def describe(self, text: str) -> bool:
+        """Give the program its line of description."""
+        return self._edit(lambda program: _with(program, description=str(text)))
+
+    # How
+
+    def _looked_at(self, move: AnyMove) -> AnyMove:
+        """Return a move, if its axes may go where it leads them.
+
+        Raises:
+            SimrobError: no such axis, or a target beyond its limits; tells by how much.
+        """
+        if isinstance(move, JointMove):
+            targets_on(self.model, move.target_deg, "the move", move.duration)
+        return move
+
+    def _edit(self, edited: Callable[[Program], Program]) -> bool:
+        try:
+            program = edited(self.program)
+        except SimrobError as problem:
+            self._wrong(problem)
+            return False
+        self._record(self._history.present.but(program=program))
+        return True
+
+    def _record(self, taught: Taught, label: str = "") -> None:
+        self._history.record(taught, label)
+        self._save()
+
+    def _save(self) -> None:
+        try:
+            self._store.save(self._history, self.config)
+        except SimrobError as problem:
+            self._wrong(problem)
+        self._show()
+        self._tell("program")
+
+    def _refused(self, key: str, **fills: Any) -> bool:
+        self._say(Notice(key, fills, wrong=True))
+        return False
+
+
+def _with(program: Program, **changes: Any) -> Program:
+    return program.model_copy(update=changes)
+
+
+def _without(changes: tuple[Change, ...], index: int) -> tuple[Change, ...]:
+    place = range(len(changes))[whole(index, "index", 0, len(changes) - 1)]
+    return changes[:place] + changes[place + 1 :]
