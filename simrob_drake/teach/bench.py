@@ -301,6 +301,7 @@ class Bench:
         """Run something from where the station is, and again whenever it is gone back to and on from there."""
         cell, line = self.cell, self.cell.timeline
         self._places.append(Place(line.now, cell.config, cell.state, doing))
+        begun = line.now
         while True:
             self.conductor.begin(line, until=until)
             try:
@@ -315,7 +316,8 @@ class Bench:
                 self.conductor.end()
         self._result = result
         ending = "stopped" if result.stopped_by == USER else result.ending
-        ended = {"ending": ending, "message": result.message, "stopped_by": result.stopped_by, "time": line.now}
+        told = {"ending": ending, "message": result.message, "stopped_by": result.stopped_by}
+        ended = {**told, "goes_on": line.now > begun, "time": line.now}
         self._inbox.tell("ended", **ended)
         self.conductor.phase("idle")
         return ended
