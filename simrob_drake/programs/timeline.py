@@ -18,6 +18,7 @@ from simrob_drake.quantities import Duration, Instant, Positive, Triple
 from simrob_drake.simulation import Moment
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
+from simrob_drake.stations.resolve import resolve
 
 GRID = 0.05
 """From one moment of the grid to the next, unless told otherwise [s]."""
@@ -123,6 +124,21 @@ class Timeline:
         forces = {**changed.forces, **self.forces(duration)}
         return changed.model_copy(update={"forces": forces})
 
+    def check(self, config: StationConfig) -> None:
+        """Check that all can happen to a station, before it runs.
+
+        Raises:
+            SimrobError: a setting that cannot be, or a push or drag of what is not there; names the change.
+        """
+        for number, change in enumerate(self.changes):
+            where = f"changes[{number}]"
+            if change.set is not None:
+                with_settings(config, _for_robots(change.set, config), where)
+        if forces := self.forces(self.changes[-1].time + 1.0 if self.changes else 0.0):
+            station = resolve(config)
+            for name, force in forces.items():
+                force.check(f"changes[{name.rpartition('_')[2]}].{force.kind}", station)
+
     def forces(self, duration: float) -> dict[str, ForceConfig]:
         """Return the pushes and drags that act from now on for a time [s], by name, in a run that begins now."""
         first, last = self.steps(self.now), self.steps(self.now + duration)
@@ -160,6 +176,7 @@ def following(holder: Any, grid: float | None, changes: Sequence[Change]) -> Ite
     before = holder.timeline
     if before.grid is None:
         holder.timeline = Timeline(grid, changes)
+        holder.timeline.check(holder.config)
     try:
         yield
     finally:

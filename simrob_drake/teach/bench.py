@@ -25,7 +25,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.load import load_station, with_settings
+from simrob_drake.stations.load import load_station
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.conductor import Conductor, Rewound
 from simrob_drake.teach.describe import description
@@ -165,14 +165,12 @@ class Bench:
     @at_any_time
     def change(self, settings: dict[str, Any]) -> None:
         """Change settings of the running station by their keys, from the next tick on."""
-        with_settings(self.cell.config, settings, "the change")
         self._ask(Change(time=0.0, set=settings))
 
     @at_any_time
     def push(self, force: Sequence[float], at: str | None = None, duration: float = 0.1) -> None:
         """Push with a force [N] for a time [s], from the next tick on."""
         push = validated(PushNow, {"at": at, "force": list(force), "duration": duration}, "the push")
-        Timeline(GRID, [Change(time=0.0, push=push)]).station(self.cell.config, 1.0)
         self._ask(Change(time=0.0, push=push))
 
     @at_any_time
@@ -295,6 +293,7 @@ class Bench:
     def _ask(self, change: Change) -> None:
         if not self._is_running:
             raise InvalidParameter("change", "asked for while nothing runs", "asked for while something does")
+        Timeline(GRID, [change]).check(self.cell.config)
         self.conductor.asked.append(change)
 
     def _begin(self, doing: Callable[[], SimulationResult], *, until: float = 0.0) -> dict[str, Any]:

@@ -21,9 +21,11 @@ def main(pipe: Connection) -> None:
     bench = Bench(inbox, lambda bench: serve(bench, inbox))
     try:
         while True:
-            inbox.wait(None)
-            for message in inbox.take():
+            messages = inbox.take()
+            for message in messages:
                 answer(bench, inbox, message)
+            if not messages:
+                inbox.wait(None)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
 

@@ -6,17 +6,26 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.polynomial import Polynomial
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.trajectories import PiecewisePolynomial, PiecewiseQuaternionSlerp, Trajectory
+from pydrake.trajectories import (
+    CompositeTrajectory,
+    PathParameterizedTrajectory,
+    PiecewisePolynomial,
+    PiecewiseQuaternionSlerp,
+    Trajectory,
+)
 from scipy.interpolate import CubicSpline
 
 from simrob_drake.blocks.events import EventTimes
 from simrob_drake.blocks.references import (
+    Course,
     ReferenceSource,
     SineCourse,
     add_course,
     corner_times,
+    course_values,
     hermite,
     hold,
+    later,
     move,
     ramp,
     sequence,
@@ -246,3 +255,29 @@ def test_a_sine_and_its_derivatives_are_the_closed_form() -> None:
         np.testing.assert_allclose(
             signal(diagram, "acceleration", time), -amplitude * omega**2 * np.sin(angle), atol=1e-10
         )
+
+
+CUBIC = PiecewisePolynomial.CubicShapePreserving([0.0, 0.7, 1.5, 2.0], np.array([[0.0, 1.0, -1.0, 0.5]]))
+
+
+@pytest.mark.parametrize(
+    "course",
+    [
+        ramp(START, TARGET, duration=1.0, start_time=0.5),
+        move(START, TARGET, duration=2.0),
+        hermite([0.0, 0.4, 2.0], [START, TARGET, START], np.ones((3, 3))),
+        CompositeTrajectory([CUBIC.slice(0, 1), CUBIC.slice(1, 2)]),
+        PathParameterizedTrajectory(CUBIC, PiecewisePolynomial.FirstOrderHold([0.0, 2.0], [[0.0, 2.0]])),
+        SineCourse(START, TARGET, 0.7, np.array([0.1, 0.2, 0.3])),
+    ],
+    ids=["polynomial", "smooth", "spline", "composite", "of_another_kind", "sine"],
+)
+def test_a_course_goes_on_later_as_it_was(course: Course) -> None:
+    """At 0.9 s of it as at 0 of what is left; the one of another kind to the error of its samples."""
+    times = np.linspace(0.0, 1.0, 37)
+    np.testing.assert_allclose(course_values(later(course, 0.9), times), course_values(course, times + 0.9), atol=1e-8)
+
+
+def test_a_course_that_is_over_holds_its_end() -> None:
+    left = later(move(START, TARGET, duration=2.0), 3.0)
+    np.testing.assert_allclose(course_values(left, np.zeros(1))[0], TARGET, atol=1e-15)

@@ -1,0 +1,175 @@
+"""The station in a process of its own: runs, pauses, goes back, takes changes, tells, and may be killed."""
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from simrob_drake import LeggedRobot
+from simrob_drake.errors import SimrobError
+from simrob_drake.programs.program import Program
+from simrob_drake.teach.live import Live
+
+WAIT = 60.0  # s; for what takes one or two on a machine that has nothing else to do
+ELBOW = {"target_deg": {"left_elbow": 30}, "duration": 0.5}
+
+
+class Pendant:
+    """A station that runs, and what it has told."""
+
+    def __init__(self, station: str) -> None:
+        self.news: list[dict[str, Any]] = []
+        self.live = Live(self.news.append)
+        self.station = self.ask("open", station=station, settings={})
+        self.ask("pace", factor=None)
+
+    def ask(self, method: str, **arguments: Any) -> Any:
+        return self.live.call(method, **arguments).result(WAIT)
+
+    def told(self, kind: str) -> list[dict[str, Any]]:
+        return [news for news in self.news if news["news"] == kind]
+
+    def until(self, kind: str, **what: Any) -> dict[str, Any]:
+        """Wait for news, and return it."""
+        end = time.monotonic() + WAIT
+        while time.monotonic() < end:
+            for news in self.told(kind):
+                if all(news[key] == value for key, value in what.items()):
+                    return news
+            time.sleep(0.005)
+        raise AssertionError(f"no {kind} with {what}: {[news for news in self.news if news['news'] != 'view'][-5:]}")
+
+    def signals(self, folder: Path) -> np.ndarray:
+        return np.loadtxt(self.ask("signals_csv", file=str(folder / "signals.csv")), delimiter=",", skiprows=1)
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Pendant]:
+    pendant = Pendant("humanoid_dynamic")
+    yield pendant
+    pendant.live.close()
+
+
+@pytest.fixture
+def humanoid(shared: Pendant) -> Pendant:
+    shared.ask("pace", factor=None)
+    shared.ask("restart")
+    shared.news.clear()
+    return shared
+
+
+def test_it_tells_what_can_be_taught(shared: Pendant) -> None:
+    robot = shared.station["robots"]["robot"]
+    assert (robot["model"], robot["kind"], len(robot["axes"])) == ("humanoid", "legs", 18)
+    elbow = next(axis for axis in robot["axes"] if axis["name"] == "left_elbow")
+    assert elbow["unit"] == "deg"
+    assert elbow["low"] < 0 < elbow["high"]
+    assert "bow" in robot["acts"]
+    assert {"position", "torque", "base_pose"} <= {signal["name"] for signal in shared.station["signals"]}
+
+
+def test_a_run_with_changes_is_that_of_the_program_that_was_noted(humanoid: Pendant, tmp_path: Path) -> None:
+    """A gain, a push and a drag while it runs: a program with what was told gives the same signals."""
+    humanoid.ask("watch", signals=["position"])
+    humanoid.ask("pace", factor=2.0)
+    done = humanoid.live.call("do", moves=[ELBOW, {"wait": 1.5}])
+    humanoid.until("tick", time=0.1)
+    humanoid.ask("change", settings={"servo.kp": 300})
+    humanoid.ask("push", at="trunk", force=[3, 0, 0])
+    humanoid.until("noted")
+    humanoid.ask("drag", at="trunk", point=[0, 0, 0], target=[0.05, 0.0, 0.5])
+    time.sleep(0.3)
+    humanoid.ask("drag", at="trunk", point=[0, 0, 0], target=None)
+    assert done.result(WAIT)["ending"] == "completed"
+    assert len(humanoid.told("tick")) == 40
+    changes = [news["change"] for news in humanoid.told("noted")]
+    assert [next(key for key in change if key != "time") for change in changes] == ["set", "push", "drag"]
+    robot = LeggedRobot("humanoid_dynamic")
+    robot.run(Program.model_validate({"moves": [ELBOW, {"wait": 1.5}], "changes": changes}))
+    np.testing.assert_array_equal(humanoid.signals(tmp_path)[:, 1:], robot.result().values)
+
+
+def test_going_back_and_on_again_changes_nothing(humanoid: Pendant, tmp_path: Path) -> None:
+    humanoid.ask("do", moves=[ELBOW])
+    humanoid.ask("do", moves=[{"wait": 0.5}])
+    end, signals = humanoid.ask("posture"), humanoid.signals(tmp_path)
+    humanoid.ask("rewind", time=0.75)
+    humanoid.ask("go_on")
+    assert humanoid.ask("posture") == end
+    np.testing.assert_array_equal(humanoid.signals(tmp_path), signals)
+
+
+def test_what_is_done_after_going_back_goes_on_from_there(humanoid: Pendant) -> None:
+    humanoid.ask("do", moves=[ELBOW])
+    humanoid.ask("do", moves=[{"wait": 0.1}])
+    waited = humanoid.ask("posture")
+    humanoid.ask("rewind", time=0.5)
+    humanoid.ask("do", moves=[{"target_deg": {"left_elbow": -20}, "duration": 0.5}])
+    humanoid.ask("rewind", time=0.5)
+    assert humanoid.ask("do", moves=[{"wait": 0.1}])["time"] == pytest.approx(0.6)
+    assert humanoid.ask("posture") == waited
+    humanoid.ask("rewind", time=0.25)
+    assert humanoid.ask("do", moves=[{"wait": 0.05}])["time"] == pytest.approx(0.3)
+
+
+def test_it_pauses_steps_and_stops(humanoid: Pendant) -> None:
+    humanoid.ask("pace", factor=1.0)
+    done = humanoid.live.call("do", moves=[{"wait": 5.0}])
+    humanoid.until("tick", time=0.1)
+    humanoid.ask("pause")
+    humanoid.until("phase", phase="paused")
+    paused = humanoid.told("tick")[-1]["time"]
+    humanoid.ask("one_tick")
+    assert humanoid.until("tick", time=pytest.approx(paused + 0.05))
+    time.sleep(0.2)
+    assert humanoid.told("tick")[-1]["time"] == pytest.approx(paused + 0.05)
+    humanoid.ask("stop")
+    ended = done.result(WAIT)
+    assert (ended["ending"], ended["stopped_by"]) == ("stopped", "user")
+    assert ended["time"] == pytest.approx(paused + 0.05)
+
+
+def test_another_run_takes_the_place_of_one(humanoid: Pendant) -> None:
+    humanoid.ask("pace", factor=1.0)
+    first = humanoid.live.call("do", moves=[{"wait": 20.0}])
+    humanoid.until("tick", time=0.05)
+    humanoid.ask("do", moves=[{"wait": 0.05}])
+    assert first.result(WAIT)["ending"] == "stopped"
+
+
+def test_pace_is_that_of_the_clock(humanoid: Pendant) -> None:
+    humanoid.ask("pace", factor=4.0)
+    humanoid.ask("do", moves=[{"wait": 2.0}])
+    ratios = [news["ratio"] for news in humanoid.told("tick")]
+    assert 2.0 < ratios[-1] < 4.4
+
+
+def test_what_is_wrong_is_told_in_words(humanoid: Pendant) -> None:
+    for method, arguments, told in (
+        ("do", {"moves": [{"target_deg": {"left_elbo": 3}}]}, "left_elbow"),
+        ("do", {"moves": [{"target_deg": {"left_elbow": 300}}]}, "limit"),
+        ("push", {"at": "trunk", "force": [1, 0, 0]}, "nothing runs"),
+        ("watch", {"signals": ["positon"]}, "position"),
+        ("rewind", {"time": 5.0}, "was run"),
+        ("play", {"program": "moves: ["}, "YAML"),
+    ):
+        with pytest.raises(SimrobError, match=told):
+            humanoid.ask(method, **arguments)
+
+
+def test_who_asks_a_process_that_was_killed_gets_an_answer() -> None:
+    pendant = Pendant("bouncing_ball")
+    asked = pendant.live.call("do", moves=[{"wait": 100.0}])
+    assert pendant.live.pid is not None
+    os.kill(pendant.live.pid, signal.SIGKILL)
+    with pytest.raises(SimrobError, match="has ended"):
+        asked.result(WAIT)
+    assert pendant.until("died")["why"] == "killed by signal 9"
+    with pytest.raises(SimrobError, match="has ended"):
+        pendant.ask("posture")
+    pendant.live.close()
