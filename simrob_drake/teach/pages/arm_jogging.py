@@ -1,0 +1,139 @@
+"""Jog an arm: its joints between their limits, and its tool around where it is, along the axes of a frame."""
+
+from asyncio import wrap_future
+from collections.abc import Mapping
+from concurrent.futures import Future
+from typing import Any
+
+from nicegui import background_tasks, ui
+
+from simrob_drake.teach.pages.arm_words import frame_words, joint_words, pose_words
+from simrob_drake.teach.pages.buttons import KEYS
+from simrob_drake.teach.pages.dial import Dial
+from simrob_drake.teach.pages.phrases import Phrases
+from simrob_drake.teach.pages.whereabouts import Whereabouts
+from simrob_drake.teach.session import Session
+
+WAY, TURN = 100.0, 30.0
+"""How far the sliders of the tool go to either side unless it is changed [mm, deg]; LimPos and LimRot of SimRob."""
+
+_MILLI = 1e-3
+_WAYS, _TURNS = ("x", "y", "z"), ("Rz", "Ry", "Rx")
+_FAR = {"deg": 360.0, "m": 1.0}
+"""How far a slider goes where an axis has no limit."""
+_STEPS = {"deg": 1.0, "m": 0.01}
+_SAME = 1e-6  # m or deg
+
+
+class Jogging:
+    """Sliders that move the arm while they are moved; where the arm goes by other means, they follow."""
+
+    def __init__(self, session: Session, phrases: Phrases, axes: list[Mapping[str, Any]], place: Whereabouts) -> None:
+        """Build the sliders.
+
+        Args:
+            session: whose arm is jogged.
+            phrases: what its axes are called.
+            axes: of the arm's description.
+            place: where it is.
+        """
+        self._session, self._t, self._place = session, phrases.t, place
+        self._awaited, self._by_tool = 0, False
+        self._at: list[float] = []  # pose in the base
+        self._middle = self._at
+        with ui.tabs().props("dense align=left").classes("w-full") as kinds:
+            ui.tab("joints", label=self._t("arm.joints")).props[KEYS] = "Alt+J"
+            ui.tab("tool", label=self._t("arm.tool_centre")).props[KEYS] = "Alt+K"
+        with ui.tab_panels(kinds, value="joints", animated=False).classes("w-full bg-transparent"):
+            with ui.tab_panel("joints").classes("p-0 pt-2 gap-1"):
+                self._joints = {axis["name"]: self._joint(phrases, axis) for axis in axes}
+            with ui.tab_panel("tool").classes("p-0 pt-2 gap-1"):
+                self._build_tool()
+        place.heard(self._follow)
+
+    def _joint(self, phrases: Phrases, axis: Mapping[str, Any]) -> Dial:
+        name, far = axis["name"], _FAR[axis["unit"]]
+        return Dial(
+            joint_words(phrases, name),
+            low=max(axis["low"], -far),
+            high=min(axis["high"], far),
+            step=_STEPS[axis["unit"]],
+            unit=phrases.unit(name).strip(),
+            wrong=self._t("arm.beyond"),
+            moved=lambda: self._jog_joint(name),
+        )
+
+    def _build_tool(self) -> None:
+        t = self._t
+        with ui.row().classes("w-full items-center gap-2"):
+            self._frame = ui.select(["base"], value="base", label=t("arm.frame"), with_input=True)
+            self._frame.props("dense outlined options-dense").classes("grow").style("min-width: 9rem")
+            self._frame.on_value_change(self._reframe)
+            self._way, self._turn = (
+                ui.number(t("arm.range"), value=value, min=low, max=high, suffix=unit, on_change=self._range)
+                for value, low, high, unit in ((WAY, 1, 2000, "mm"), (TURN, 1, 180, "°"))
+            )
+            for field, name in ((self._way, "range_mm"), (self._turn, "range_deg")):
+                field.props(f'dense outlined prefix="±" debounce=600 aria-label="{t(f"arm.{name}")}"').classes("w-28")
+            ui.button(t("arm.centre"), icon="filter_center_focus", on_click=self._recentre).props("flat dense no-caps")
+        self._dials = [
+            Dial(name, low=-far, high=far, step=1.0, unit=unit, wrong=t("arm.beyond"), moved=self._jog_tool)
+            for names, far, unit in ((_WAYS, WAY, "mm"), (_TURNS, TURN, "°"))
+            for name in names
+        ]
+        self._pose = ui.label().classes("text-sm tabular-nums")
+
+    def _range(self) -> None:
+        for number, dial in enumerate(self._dials):
+            far = (self._way if number < len(_WAYS) else self._turn).value
+            if far:
+                dial.between(-far, far)
+
+    def _reframe(self) -> None:
+        if self._frame.value and self._frame.value != self._place.frame:
+            self._place.frame = self._frame.value
+            self._recentre()
+            self._place.ask()
+
+    def _jog_joint(self, name: str) -> None:
+        self._by_tool = False
+        self._await(self._session.jog_axes({name: self._joints[name].value}))
+
+    def _jog_tool(self) -> None:
+        self._by_tool = True
+        scales = [_MILLI] * len(_WAYS) + [1.0] * len(_TURNS)
+        delta = [dial.value * scale for dial, scale in zip(self._dials, scales, strict=True)]
+        self._await(self._session.jog_tool(delta, self._place.frame, start=self._middle))
+
+    def _await(self, jog: Future[Any]) -> None:
+        background_tasks.create(self._went(jog))
+
+    async def _went(self, jog: Future[Any]) -> None:
+        """Wait for a jog, and look where the last of several led."""
+        self._awaited += 1
+        try:
+            await wrap_future(jog)
+            if self._awaited == 1:
+                await self._place.asked()
+        finally:
+            self._awaited -= 1
+
+    def _follow(self) -> None:
+        """Show where the arm is, unless it is on its way; the tool's sliders count anew where it got otherwise."""
+        told = self._place.told
+        self._frame.set_options(frame_words(self._t, told["frames"]), value=self._place.frame)
+        self._pose.text = pose_words(told["pose"])
+        if self._awaited > 1:
+            return
+        for name, value in told["axes"].items():
+            self._joints[name].show(value)
+        before, self._at = self._at, told["base_pose"]
+        stays = before and max(abs(now - then) for now, then in zip(self._at, before, strict=True)) < _SAME
+        if not stays and not (self._awaited and self._by_tool):
+            self._recentre()
+
+    def _recentre(self) -> None:
+        """Let the sliders of the tool count from where it is."""
+        self._middle = self._at
+        for dial in self._dials:
+            dial.show(0.0)

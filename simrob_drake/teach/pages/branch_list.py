@@ -1,0 +1,77 @@
+"""Every posture that brings the tool to a pose, with what it means, to choose one; the view shows them as ghosts."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from nicegui import ui
+
+from simrob_drake.teach.pages.arm_words import MILLI, joint_words
+from simrob_drake.teach.pages.following import follow
+from simrob_drake.teach.pages.phrases import Phrases, figure
+from simrob_drake.teach.session import Session
+
+
+def build(session: Session, phrases: Phrases) -> None:
+    """Build the list of the branches that the session found last."""
+    t = phrases.t
+    with ui.row().classes("w-full items-center gap-2"):
+        ui.button(t("arm.branches"), icon="call_split", on_click=partial(session.branches, None)).props("no-caps")
+        hide = ui.button(t("arm.hide"), on_click=session.hide_ghosts).props("flat no-caps")
+    found = ui.element("ol").classes("w-full p-0 m-0").style("list-style: none")
+    shown: list[Any] = []
+
+    def show() -> None:
+        hide.set_visibility(bool(session.ghosts))
+        if shown == [session.ghosts]:
+            return
+        shown[:] = [session.ghosts]
+        found.clear()
+        with found:
+            for number, branch in enumerate(session.ghosts):
+                _branch(session, phrases, number, branch)
+
+    follow(session, show, "program")
+
+
+def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]) -> None:
+    """Build the entry of one."""
+    t, usable, share = phrases.t, branch["usable"], branch["load"]["share"]
+    with ui.element("li").classes("w-full py-2").style("border-top: 1px solid var(--line)"):
+        with ui.row().classes("w-full items-center gap-2"):
+            icon, colour, text = ("check", "positive", "usable") if usable else ("block", "negative", "not_usable")
+            ui.icon(icon, color=colour, size="1.4rem").props("aria-hidden=true")
+            ui.label(t(f"arm.{text}", number=number + 1)).classes("font-medium grow")
+            button = ui.button(t("arm.choose"), on_click=partial(session.choose_branch, number))
+            button.props(f'outline dense no-caps aria-label="{t("arm.choose_branch", number=number + 1)}"')
+            button.set_enabled(usable)
+        ui.label("  ".join(_position(phrases, axis, value) for axis, value in branch["axes"].items()))
+        ui.linear_progress(min(share, 1.0), show_value=False, color="primary" if share <= 1 else "negative")
+        for text in (_load(phrases, branch), _room(phrases, branch), _gap(phrases, branch)):
+            ui.label(text).classes("text-sm")
+
+
+def _load(phrases: Phrases, branch: Mapping[str, Any]) -> str:
+    axis = branch["load"]["axis"]
+    share, torque, limit = 100 * branch["load"]["share"], abs(branch["torque"][axis]), branch["limit"][axis]
+    figures = {"share": f"{share:.0f}", "torque": figure(round(torque, 2)), "limit": figure(limit)}
+    return phrases.t("arm.load", axis=joint_words(phrases, axis), **figures)
+
+
+def _room(phrases: Phrases, branch: Mapping[str, Any]) -> str:
+    left, axis = branch["room"]["left"], branch["room"]["axis"]
+    key = "arm.room" if left >= 0 else "arm.beyond_by"
+    return phrases.t(key, left=_position(phrases, axis, abs(left)), axis=joint_words(phrases, axis))
+
+
+def _gap(phrases: Phrases, branch: Mapping[str, Any]) -> str:
+    if branch["gap"] is None:
+        return phrases.t("arm.no_gap")
+    (first, second), distance = branch["gap"]["between"], round(branch["gap"]["distance"] / MILLI)
+    key = "arm.collision" if branch["collision"] else "arm.gap"
+    return phrases.t(key, distance=figure(distance), depth=figure(-distance), first=first, other=second)
+
+
+def _position(phrases: Phrases, axis: str, value: float) -> str:
+    digits = 1 if phrases.unit(axis) == "°" else 3
+    return f"{figure(round(value, digits))}{phrases.unit(axis)}"

@@ -1,0 +1,75 @@
+"""A number with a slider, by which something is moved at once."""
+
+from collections.abc import Callable
+from math import isfinite
+from typing import Any
+
+from nicegui import ui
+
+from simrob_drake.teach.pages.phrases import figure
+
+_PAUSE = 600
+"""After the last key until a typed number counts, unless the user ends it with Enter [ms]."""
+
+
+class Dial:
+    """A number, and a slider between two values; both show the same, and only what can be is taken.
+
+    Attributes:
+        value: what it is set to, as far as it could be.
+    """
+
+    def __init__(
+        self, name: str, *, low: float, high: float, step: float, unit: str, wrong: str, moved: Callable[[], object]
+    ) -> None:
+        """Build it, at 0.
+
+        Args:
+            name: what it is called.
+            low: the smallest value.
+            high: the largest one.
+            step: of its arrow keys.
+            unit: that stands behind the number.
+            wrong: what is said of a number beyond them, with ``{low}`` and ``{high}``.
+            moved: called after each change by the user to a value that can be.
+        """
+        self.value = 0.0
+        self._moved, self._wrong, self._unit, self._quiet = moved, wrong, unit, False
+        with ui.row().classes("w-full items-center gap-x-3 gap-y-0"):
+            ui.label(name).classes("grow").style("flex-basis: 5rem; min-width: 4rem")
+            self._field = ui.number(value=0, step=step, suffix=unit, validation=self._problem)
+            self._field.props(f'dense outlined hide-bottom-space debounce={_PAUSE} aria-label="{name}"')
+            self._field.classes("w-28").on_value_change(lambda event: self._set(event.value))
+            with ui.row().classes("grow items-center gap-2 no-wrap").style("flex-basis: 13rem"):
+                self._from = ui.label().classes("text-xs opacity-70 text-right").style("min-width: 2.8rem")
+                self._slider = ui.slider(min=low, max=high, step=step, value=0).props(f'dense aria-label="{name}"')
+                self._slider.on_value_change(lambda event: self._set(event.value))
+                self._to = ui.label().classes("text-xs opacity-70").style("min-width: 2.8rem")
+        self.between(low, high)
+
+    def between(self, low: float, high: float) -> None:
+        """Let it go between other values."""
+        self._low, self._high = low, high
+        self._slider.props["min"], self._slider.props["max"] = low, high
+        self._slider.update()
+        self._from.text, self._to.text = self._told(low), self._told(high)
+
+    def show(self, value: float) -> None:
+        """Show a value, without moving anything."""
+        self._quiet = True
+        self.value = round(value, 3) + 0.0
+        self._field.value = self._slider.value = self.value
+        self._quiet = False
+
+    def _set(self, value: float | None) -> None:
+        if not self._quiet and value is not None and self._problem(value) is None and value != self.value:
+            self.show(value)
+            self._moved()
+
+    def _problem(self, value: Any) -> str | None:
+        if value is None or self._low <= value <= self._high:
+            return None
+        return self._wrong.format(low=self._told(self._low), high=self._told(self._high))
+
+    def _told(self, value: float) -> str:
+        return f"{figure(value)} {self._unit}".replace(" °", "°") if isfinite(value) else ""

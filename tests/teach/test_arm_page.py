@@ -1,0 +1,359 @@
+"""The page of an arm: sliders that move it, targets, lines, branches; a session that stands where kinematics puts it."""
+
+import asyncio
+from concurrent.futures import Future
+from contextlib import asynccontextmanager
+from math import radians
+
+import pytest
+from stub_session import StubSession
+
+pytest.importorskip("nicegui", reason="needs the extra gui")
+from nicegui import ui
+from nicegui.testing import user_simulation
+from nicegui.testing.user_interaction import UserInteraction
+
+from simrob_drake import Arm
+from simrob_drake.errors import SimrobError
+from simrob_drake.programs.program import Program
+from simrob_drake.results.record.state import State
+from simrob_drake.teach import arm_questions
+from simrob_drake.teach.notices import Notice
+from simrob_drake.teach.pages import arm as page
+from simrob_drake.teach.pages.arm_words import line_words, pose_words
+from simrob_drake.teach.pages.phrases import Phrases
+from simrob_drake.teach.pages.words import words
+from simrob_drake.teach.taught import entry_of
+
+t = words("en")
+
+
+def given(result):
+    future = Future()
+    future.set_result(result)
+    return future
+
+
+class ArmSession(StubSession):
+    """An arm that is at once where it is jogged to."""
+
+    def __init__(self, station="irb120_workcell"):
+        super().__init__("irb120", station=station)
+        self.arm, self.robot, self.program, self.phase = Arm(station), "robot", Program(), "idle"
+        own = self.arm.cell.robot("robot").model
+        lower, upper = own.axis_limits / own.user_units
+        axes = [
+            {"name": name, "aliases": [], "unit": "deg", "low": low, "high": high, "now": 0.0}
+            for name, low, high in zip(self.arm.axes, lower, upper, strict=True)
+        ]
+        self.description = {"robots": {"robot": {"model": "irb120", "kind": "arm", "axes": axes}}}
+        self.targets, self.ghosts, self.pending = {}, [], ()
+
+    def where(self, frame="base"):
+        return given(arm_questions.where(self.arm, frame))
+
+    def jog_axes(self, targets_deg, duration=None):
+        self.calls.append(("jog_axes", dict(targets_deg)))
+        try:
+            move = arm_questions.jog(self.arm, targets_deg, duration)
+        except SimrobError as problem:
+            self.told("message", message=Notice(fills={"text": str(problem)}, wrong=True))
+            return given(None)
+        at = {"robot": self.arm.chain.postures(move["move_abs_j"]["targets"], "q")[0]}
+        self.arm.cell.state = State(at, {"robot": 0 * at["robot"]}, at)
+        self.told("phase")
+        return given(True)
+
+    def jog_tool(self, delta, frame="base", *, start=None):
+        self.calls.append(("jog_tool", list(delta), frame, list(start)))
+        return self.jog_axes(arm_questions.inverse(self.arm, arm_questions.jogged(self.arm, delta, frame, start)))
+
+    def teach_target(self, name=None, frame="world"):
+        told = arm_questions.where(self.arm, frame)
+        target = {"axes": told["axes"], "pose": told["pose"], "tool": told["tool"], "frame": frame}
+        self.told("program", targets={**self.targets, name or f"p{len(self.targets) + 1}": target})
+        return given(name)
+
+    def remove_target(self, name):
+        self.told("program", targets={key: value for key, value in self.targets.items() if key != name})
+
+    def add_line(self, kind, target, *, via=None, **how):
+        goal = self.targets[target]
+        content = {"targets_deg": goal["pose"] if kind != "move_abs_j" else [*goal["axes"].values()], **how}
+        if goal["frame"] != "world" and kind != "move_abs_j":
+            content["wobj"] = goal["frame"]
+        if via:
+            content["via"] = self.targets[via]["pose"][:3]
+        self.told("program", program=self.program.added(entry_of({kind: content})))
+        return True
+
+    def edit(self, index, move):
+        self.told("program", program=self.program.edited(index, entry_of(move)))
+        return True
+
+    def remove(self, index):
+        self.told("program", program=self.program.removed(index))
+
+    def branches(self, target=None):
+        pose = [] if target is None else [self.targets[target]["pose"], self.targets[target]["frame"]]
+        self.told("program", ghosts=arm_questions.branches(self.arm, *pose))
+        return given(self.ghosts)
+
+    def choose_branch(self, number):
+        axes = self.ghosts[number]["axes"]
+        self.hide_ghosts()
+        return self.jog_axes(axes)
+
+    def hide_ghosts(self):
+        self.told("program", ghosts=[])
+        return given(True)
+
+    def tool(self, name):
+        self.arm.tool(name)
+        self.told("phase")
+        return given(True)
+
+    def attach(self, piece):
+        self.told("program", pending=({"attach": piece},))
+        return given(True)
+
+    def release(self, piece):
+        return self.attach(piece)
+
+    def run_line(self, index):
+        self.calls.append(("run_line", index))
+        return given(True)
+
+
+@asynccontextmanager
+async def opened(session, language="en"):
+    async with user_simulation(lambda: page.build(session, words(language))) as user:
+        await user.open("/")
+        await settled()
+        yield user
+
+
+def on_page(scenario):
+    """Let a test wait for its page."""
+
+    def run():
+        asyncio.run(scenario())
+
+    return run
+
+
+async def settled():
+    """Wait until the page has followed its session."""
+    await asyncio.sleep(0.15)
+
+
+def the(user, kind, label):
+    """Return the field of a kind that has a label, or is called so for those who do not see it."""
+    found = [
+        element
+        for element in user.find(kind).elements
+        if label in (element.props.get("label"), element.props.get("aria-label"))
+    ]
+    assert len(found) == 1, label
+    return found[0]
+
+
+async def press(user, label):
+    buttons = [b for b in user.find(ui.button).elements if label in (b.text, b.props.get("aria-label"))]
+    assert len(buttons) == 1, label
+    assert buttons[0].enabled, f"{label} cannot be pressed"
+    UserInteraction(user, {buttons[0]}, None).click()
+    await settled()
+
+
+async def choose(user, label):
+    items = [i for i in user.find(ui.menu_item).elements if label in [getattr(d, "text", "") for d in i.descendants()]]
+    assert len(items) == 1, label
+    UserInteraction(user, {items[0]}, None).click()
+    await settled()
+
+
+@on_page
+async def test_a_slider_of_a_joint_moves_it_and_all_others_show_where_it_is():
+    session = ArmSession()
+    async with opened(session) as user:
+        assert the(user, ui.slider, "Joint 5").value == 90
+        the(user, ui.slider, "Joint 1").value = 20
+        await settled()
+        assert session.calls == [("jog_axes", {"joint_1": 20})]
+        assert session.arm.reference[0] == pytest.approx(radians(20))
+        assert the(user, ui.number, "Joint 1").value == 20
+
+
+@on_page
+async def test_a_number_beyond_the_limit_is_refused_in_its_field():
+    session = ArmSession()
+    async with opened(session) as user:
+        field = the(user, ui.number, "Joint 1")
+        field.value = 170
+        await settled()
+        assert session.calls == []
+        assert field.error == "−165° to 165°"
+
+
+@on_page
+async def test_the_tools_sliders_count_from_their_middle_along_a_frame():
+    session = ArmSession()
+    async with opened(session) as user:
+        user.find("Tool", kind=ui.tab).click()
+        await settled()
+        middle = arm_questions.tool_pose(session.arm)
+        the(user, ui.slider, "z").value = -40
+        await settled()
+        the(user, ui.slider, "x").value = 10
+        await settled()
+        jogs = [call for call in session.calls if call[0] == "jog_tool"]
+        assert jogs == [
+            ("jog_tool", [0, 0, -0.04, 0, 0, 0], "base", middle),
+            ("jog_tool", [0.01, 0, -0.04, 0, 0, 0], "base", middle),
+        ]
+        wanted = [middle[0] + 0.01, middle[1], middle[2] - 0.04]
+        assert arm_questions.tool_pose(session.arm)[:3] == pytest.approx(wanted, abs=1e-8)
+        assert the(user, ui.slider, "z").value == -40, "they stay while the tool alone is jogged"
+        session.jog_axes({"joint_1": 5})
+        await settled()
+        assert the(user, ui.slider, "z").value == 0, "and count anew where it got otherwise"
+
+
+@on_page
+async def test_ranges_are_a_hundred_millimetres_and_thirty_degrees_unless_changed():
+    session = ArmSession()
+    async with opened(session) as user:
+        user.find("Tool", kind=ui.tab).click()
+        await settled()
+        assert (the(user, ui.slider, "x").props["min"], the(user, ui.slider, "x").props["max"]) == (-100, 100)
+        assert (the(user, ui.slider, "Rz").props["min"], the(user, ui.slider, "Rz").props["max"]) == (-30, 30)
+        the(user, ui.number, t("arm.range_mm")).value = 250
+        the(user, ui.number, t("arm.range_deg")).value = 90
+        assert the(user, ui.slider, "y").props["max"] == 250
+        assert the(user, ui.slider, "Rx").props["min"] == -90
+
+
+@on_page
+async def test_jogs_go_along_the_frame_that_is_chosen():
+    session = ArmSession()
+    async with opened(session) as user:
+        user.find("Tool", kind=ui.tab).click()
+        await settled()
+        the(user, ui.select, t("arm.frame")).value = "tool"
+        await settled()
+        the(user, ui.slider, "z").value = 20
+        await settled()
+        assert session.calls[0][2] == "tool"
+
+
+@on_page
+async def test_a_target_is_taught_gone_to_and_forgotten():
+    session = ArmSession()
+    async with opened(session) as user:
+        await user.should_see(t("arm.no_targets"))
+        the(user, ui.select, t("arm.goes_with")).value = "board"
+        await press(user, t("arm.teach"))
+        assert session.targets["p1"]["frame"] == "board"
+        await user.should_see("in board")
+        session.jog_axes({"joint_1": 30})
+        await press(user, t("arm.go_to", name="p1"))
+        assert session.arm.reference[0] == pytest.approx(0)
+        await press(user, t("arm.forget", name="p1"))
+        assert session.targets == {}
+
+
+@on_page
+async def test_a_line_is_added_shown_by_its_targets_name_stepped_and_changed():
+    session = ArmSession()
+    async with opened(session) as user:
+        session.teach_target()
+        session.jog_axes({"joint_1": 30})
+        session.teach_target("over")
+        await settled()
+        the(user, ui.select, t("arm.move")).value = "move_l"
+        await press(user, t("arm.add_line"))
+        move = session.program.moves[0].model_dump(exclude_none=True)["move_l"]
+        assert move["targets_deg"] == pytest.approx(session.targets["over"]["pose"])
+        assert move["speed"] == pytest.approx(0.2)
+        await user.should_see("1  MoveL over, 200 mm/s")
+        await press(user, t("arm.step"))
+        assert session.calls[-1] == ("run_line", 0)
+        await press(user, t("arm.change_line", number=1))
+        await choose(user, t("arm.edit"))
+        the(user, ui.number, t("arm.duration")).value = 2.5
+        await press(user, t("arm.take"))
+        assert "2.5 s" in line_words(Phrases(t, []), session.program.moves[0].model_dump(exclude_none=True), {})
+        await user.should_not_see("200 mm/s")
+
+
+@on_page
+async def test_an_arc_needs_a_target_on_its_way():
+    session = ArmSession()
+    async with opened(session) as user:
+        for angle in (0, 20):
+            session.jog_axes({"joint_1": angle})
+            session.teach_target()
+        await settled()
+        with pytest.raises(AssertionError, match="Via"):
+            the(user, ui.select, t("arm.via"))
+        the(user, ui.select, t("arm.move")).value = "move_c"
+        the(user, ui.select, t("arm.target")).value = "p2"
+        add = next(b for b in user.find(ui.button).elements if b.text == t("arm.add_line"))
+        assert not add.enabled
+        the(user, ui.select, t("arm.via")).value = "p1"
+        await press(user, t("arm.add_line"))
+        assert session.program.moves[0].move_c.via == pytest.approx(session.targets["p1"]["pose"][:3])
+        await user.should_see("MoveC p1 → p2")
+
+
+@on_page
+async def test_a_branch_is_chosen_among_those_that_can_be_taken():
+    session = ArmSession()
+    async with opened(session) as user:
+        session.jog_axes({"joint_1": 10, "joint_2": 20, "joint_4": 20, "joint_5": 60})
+        pose = arm_questions.tool_pose(session.arm)
+        await press(user, t("arm.branches"))
+        usable = [number for number, branch in enumerate(session.ghosts) if branch["usable"]]
+        buttons = [b for b in user.find(ui.button).elements if b.text == t("arm.choose")]
+        assert len(buttons) == len(session.ghosts)
+        assert sum(b.enabled for b in buttons) == len(usable) > 1
+        wanted = session.ghosts[usable[1]]["axes"]
+        await user.should_see(t("arm.not_usable", number=len(session.ghosts)))
+        await press(user, t("arm.choose_branch", number=usable[1] + 1))
+        assert arm_questions.where(session.arm)["axes"] == pytest.approx(wanted, abs=1e-6)
+        assert arm_questions.tool_pose(session.arm)[:3] == pytest.approx(pose[:3], abs=1e-8)
+        assert session.ghosts == []
+
+
+@on_page
+async def test_tools_and_pieces_change_hands():
+    session = ArmSession()
+    async with opened(session) as user:
+        the(user, ui.select, t("arm.tool")).value = "gripper"
+        assert session.arm.cell.robot("robot").tcp == "gripper"
+        the(user, ui.select, t("arm.held")).value = "pencil"
+        await press(user, t("arm.leave_piece"))
+        await user.should_see("pencil")
+        await press(user, t("arm.keep"))
+
+
+@on_page
+async def test_it_speaks_spanish():
+    async with opened(ArmSession(), "es") as user:
+        await user.should_see("Enseñar")
+        assert the(user, ui.slider, "Eje 1").value == 0
+
+
+def test_a_pose_reads_in_millimetres_and_degrees():
+    assert pose_words([0.35, -0.1, 0.3004, 0, 12.345, 180]) == "x 350 y −100 z 300.4 mm · Rz 0° Ry 12.3° Rx 180°"
+    assert pose_words([0.35, -0.1, 0.3]) == "x 350 y −100 z 300 mm"
+
+
+def test_lines_that_were_not_taught_here_show_their_figures():
+    phrases = Phrases(t, [])
+    assert line_words(phrases, {"move_l": {"targets": [0.3, 0, 0.2], "wobj": "board", "speed": 0.1}}, {}) == (
+        "MoveL x 300 y 0 z 200 mm, 100 mm/s, in board"
+    )
+    assert line_words(phrases, {"move_abs_j": [0, radians(30)]}, {}) == "MoveAbsJ 0° 30°"
+    assert line_words(phrases, {"move_j": {"targets": [[0.3, 0, 0.2], [0.3, 0, 0.3]]}}, {}).startswith("MoveJ [[0.3")
