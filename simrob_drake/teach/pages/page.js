@@ -1,4 +1,4 @@
-// Keys press the buttons that say so in aria-keyshortcuts, wherever the focus is but where something is typed.
+// Keys press the buttons that say so in aria-keyshortcuts, wherever the focus is; where something is typed, those with Alt.
 (() => {
   const called = ({ key, ctrlKey, metaKey, altKey, shiftKey }) => {
     const name = key === " " ? "Space" : key.length === 1 ? key.toUpperCase() : key;
@@ -6,7 +6,7 @@
     return [(ctrlKey || metaKey) && "Control", altKey && "Alt", shiftKey && letter && "Shift", name].filter(Boolean).join("+");
   };
   const takes = (target, key) => {
-    if (target.closest?.("input, textarea, select, [contenteditable]")) return true;
+    if (target.closest?.("input, textarea, select, [contenteditable]")) return !key.startsWith("Alt+"); // types nothing
     return (key === "Space" || key === "Enter") && target.closest?.("button, a, summary, [role], [tabindex='0']");
   };
   window.pressed = (event) => {

@@ -126,7 +126,11 @@ def _tabs(session: Session, t: Words) -> None:
         heads = {name: ui.tab(name, label=t(f"shell.{name}_tab")) for name in TABS}
         for number, head in enumerate(heads.values(), 1):
             head.props["aria-keyshortcuts"] = f"Alt+{number}"
-    with ui.tab_panels(tabs, value="station", keep_alive=True).classes("w-full").style("background: transparent"):
+    with (
+        ui.tab_panels(tabs, value="station", animated=False, keep_alive=True)
+        .classes("w-full")
+        .style("background: transparent")
+    ):
         for name in TABS:
             with ui.tab_panel(name):
                 if name in BUILDERS:
