@@ -25,8 +25,16 @@ def described(name="humanoid"):
             model.axes.items(), lows.tolist(), highs.tolist(), home.tolist(), strict=True
         )
     ]
-    gaits, acts = (list(gaits_of(model, steps=steps)) for steps in (True, False))
-    robot = {"model": name, "kind": "legs", "axes": axes, "tools": list(model.tools), "gaits": gaits, "acts": acts}
+    legged = model.feet is not None
+    gaits, acts = (list(gaits_of(model, steps=steps)) if legged else [] for steps in (True, False))
+    robot = {
+        "model": name,
+        "kind": "legs" if legged else "arm",
+        "axes": axes,
+        "tools": list(model.tools),
+        "gaits": gaits,
+        "acts": acts,
+    }
     signals = [
         {"name": name, "unit": "rad", "title": name, "columns": [f"q.{axis}" for axis in model.axes]}
         for name in ("reference", "position")

@@ -1,0 +1,376 @@
+"""The page of a robot with legs: joints are found and set, moves tested, stored and edited, in both languages."""
+
+import asyncio
+from math import radians
+
+import pytest
+from legs_session import LegsSession, described
+from nicegui import ui
+from nicegui.testing import user_simulation
+from nicegui.testing.user_interaction import UserInteraction
+
+from simrob_drake.robots.catalog import load_robot
+from simrob_drake.teach.pages import legs, plots
+from simrob_drake.teach.pages.phrases import matches
+from simrob_drake.teach.pages.words import languages, texts_of, words
+
+MOVE = {"target_deg": {"HomIF": 30.0, "CadDF": 20.0}, "duration": 1.5}
+
+
+def shown(script, session=None, language="en"):
+    """Open the page of a session, and go through a script with it."""
+    session = session or LegsSession()
+
+    async def run():
+        async with user_simulation(lambda: legs.build(session, words(language))) as user:
+            await user.open("/")
+            await script(user, session)
+
+    asyncio.run(run())
+    return session
+
+
+def called(user, kind, label):
+    """Return the elements of a kind that are called so and can be seen, as they come in the page."""
+    elements = sorted(user.find(kind).elements, key=lambda element: element.id)
+    found = [element for element in elements if label in str(element.props.get("aria-label", ""))]
+    return [element for element in found if all(parent.visible for parent in (element, *element.ancestors()))]
+
+
+def field(user, label):
+    return called(user, ui.number, label)[0]
+
+
+async def heard(seconds=0.15):
+    """Let the page hear of what has changed."""
+    await asyncio.sleep(seconds)
+
+
+def press(user, text):
+    user.find(kind=ui.button, content=text).click()
+
+
+def press_that(user, label):
+    """Press the button that is called so to who does not see it."""
+    UserInteraction(user, set(called(user, ui.button, label)[:1]), None).click()
+
+
+def give(user, element, value):
+    """Let the user enter a value."""
+    with user:
+        element.value = value
+
+
+def test_the_order_of_use_is_numbered():
+    async def script(user, session):
+        for text in ("1. Joints and angles", "2. Test", "3. Add", "4. Simulate", "Discard move", "Reset"):
+            await user.should_see(text)
+
+    shown(script)
+
+
+@pytest.mark.parametrize(
+    ("search", "found"),
+    [
+        ("HomIF", ["left_shoulder_pitch"]),
+        ("caddf", ["right_hip_pitch"]),
+        ("left hip", ["left_hip_roll", "left_hip_pitch"]),
+        ("wrist", ["right_wrist", "left_wrist"]),
+        ("right_knee", ["right_knee"]),
+    ],
+)
+def test_a_joint_is_found_by_its_words_its_name_and_its_name_in_the_thesis(search, found):
+    axes = described()["robots"]["humanoid"]["axes"]
+    names = [axis["name"] for axis in axes]
+
+    async def script(user, session):
+        give(user, next(iter(user.find(ui.input).elements)), search)
+        seen = [name for name in names if called(user, ui.number, words("en")(f"axes.{name}"))]
+        assert seen == found
+
+    shown(script)
+
+
+def test_accents_and_capitals_do_not_count_in_a_search():
+    assert matches("MUNECA izq", [words("es")("axes.left_wrist")])
+    assert not matches("muneca derecha", [words("es")("axes.left_wrist")])
+
+
+def test_all_axes_of_the_package_are_named_in_every_language():
+    for language in languages():
+        known = texts_of(language)
+        for robot in ("humanoid", "roid1", "zjudancer", "yobotics"):
+            axes = load_robot(robot).axes
+            told = [known[f"axes.{axis}"] for axis in axes]
+            assert len(set(told)) == len(axes)
+
+
+def test_set_joints_are_tested_together_in_their_time_and_then_stored():
+    async def script(user, session):
+        give(user, field(user, "left shoulder: arm forward"), 30.0)
+        give(user, called(user, ui.slider, "right hip: leg forward")[0], 20.0)
+        assert field(user, "right hip: leg forward").value == 20.0
+        give(user, field(user, "Time of the move"), 1.5)
+        press(user, "2. Test")
+        await heard()
+        await user.should_see("Tested and not added yet: right hip: leg forward 20°, left shoulder: arm forward 30°")
+        press(user, "3. Add")
+        await heard()
+        await user.should_see("1. right hip: leg forward 20°, left shoulder: arm forward 30° in 1.5 s")
+
+    session = shown(script)
+    targets = {"left_shoulder_pitch": 30.0, "right_hip_pitch": 20.0}
+    assert session.calls[-2:] == [("test", targets, 1.5), ("add",)]
+
+
+def test_a_second_test_has_the_joints_that_were_set_since():
+    async def script(user, session):
+        give(user, field(user, "left elbow"), 30.0)
+        press(user, "2. Test")
+        give(user, field(user, "right elbow"), 20.0)
+        press(user, "2. Test")
+
+    calls = [call for call in shown(script).calls if call[0] == "test"]
+    assert [targets for _, targets, _ in calls] == [{"left_elbow": 30.0}, {"right_elbow": 20.0}]
+
+
+@pytest.mark.parametrize(("value", "refused"), [(180.5, True), (180.0, False), (-90.0, False), (-90.1, True)])
+def test_a_number_beyond_the_limits_is_refused_in_its_field_with_the_limit(value, refused):
+    async def script(user, session):
+        shoulder = field(user, "right shoulder: arm forward")
+        give(user, shoulder, value)
+        assert (shoulder.error == "from \N{MINUS SIGN}90° to 180°") == refused
+        press(user, "2. Test")
+        assert [call for call in session.calls if call[0] == "test"] == (
+            [] if refused else [("test", {"right_shoulder_pitch": value}, 1.0)]
+        )
+
+    shown(script)
+
+
+def test_a_joint_that_was_set_can_be_taken_back():
+    async def script(user, session):
+        elbow = field(user, "left elbow")
+        give(user, elbow, 30.0)
+        press_that(user, "Take back: left elbow")
+        assert elbow.value == 0.0
+        press(user, "2. Test")
+
+    assert shown(script).calls[-1] == ("test", {}, 1.0)
+
+
+def test_the_key_enter_in_a_field_tests():
+    async def script(user, session):
+        elbow = field(user, "left elbow")
+        give(user, elbow, 30.0)
+        user.find(kind=ui.number).trigger("keydown.enter")
+
+    assert ("test", {"left_elbow": 30.0}, 1.0) in shown(script).calls
+
+
+def test_joints_that_are_not_set_show_what_the_robot_is_asked_for():
+    async def script(user, session):
+        give(user, field(user, "left elbow"), 30.0)
+        session.history["reference"].append((2.0, [radians(number) for number in range(18)]))
+        session.told("phase", phase="idle", time=2.0)
+        await heard()
+        assert field(user, "right shoulder: arm outward").value == pytest.approx(1.0)
+        assert field(user, "left elbow").value == 30.0
+        session.told("tick", time=0.0)
+        await heard()
+        assert field(user, "right shoulder: arm outward").value == 0.0
+
+    shown(script)
+
+
+def test_a_step_a_walk_and_an_act_are_asked_for():
+    async def script(user, session):
+        give(user, field(user, "Steps"), 6)
+        give(user, field(user, "Amplitude"), 0.5)
+        press(user, "Step")
+        press(user, "Walk")
+        press(user, "Do it")
+
+    calls = shown(script).calls
+    assert calls[-3:] == [("step",), ("walk", {"steps": 6, "amplitude": 0.5, "gait": None}), ("act", "step")]
+
+
+def test_a_walk_of_half_a_step_is_refused():
+    async def script(user, session):
+        give(user, field(user, "Steps"), 2.5)
+        press(user, "Walk")
+        assert field(user, "Steps").error.startswith("a whole number")
+
+    assert not [call for call in shown(script).calls if call[0] == "walk"]
+
+
+def test_pieces_are_taken_and_left_and_loops_switched():
+    async def script(user, session):
+        press(user, "Take")
+        press(user, "Leave")
+        user.find(kind=ui.switch, content="fall guard").click()
+
+    calls = shown(script).calls
+    assert calls[-3:] == [("attach", "box", "right_hand"), ("release", "box"), ("switch_loop", "fall_guard", True)]
+
+
+STORED = [MOVE, {"walk": {"steps": 4, "amplitude": 0.5}}, {"act": "bow"}, {"attach": "box"}, {"wait": 2.0}]
+
+
+def lines(user):
+    """Return the texts of stored moves and changes, as they stand below each other."""
+    labels = sorted(user.find(ui.label).elements, key=lambda element: element.id)
+    return [label.text for label in labels if label.text[:1].isdigit() and ". " in label.text]
+
+
+def test_stored_moves_are_told_put_in_order_and_deleted():
+    async def script(user, session):
+        told = ["left shoulder: arm forward 30°, right hip: leg forward 20° in 1.5 s", "walk 4 steps (amplitude 0.5)"]
+        told += ["bow", "take box", "stand still for 2 s"]
+        assert lines(user) == [f"{number}. {text}" for number, text in enumerate(told, 1)]
+        press_that(user, "Earlier: 3.")
+        press_that(user, "Later: 4.")
+        press_that(user, "Delete: 1.")
+        await heard()
+        assert lines(user) == ["1. bow", "2. walk 4 steps (amplitude 0.5)", "3. stand still for 2 s", "4. take box"]
+        press_that(user, "Earlier: 1.")  # it is the first
+        press_that(user, "Later: 4.")
+        await heard()
+        assert lines(user)[0] == "1. bow"
+
+    shown(script, LegsSession(moves=STORED))
+
+
+def test_a_stored_move_is_edited_and_its_limits_hold():
+    async def script(user, session):
+        press_that(user, "Edit: 1.")
+        await heard()
+        shoulder = called(user, ui.number, "left shoulder: arm forward")[-1]
+        give(user, shoulder, 200.0)
+        press(user, "Save")
+        assert shoulder.error == "from \N{MINUS SIGN}90° to 180°"
+        give(user, shoulder, 45.0)
+        press_that(user, "Delete: right hip: leg forward")
+        give(user, next(iter(user.find(kind=ui.select, content="One more joint").elements)), "left_knee")
+        give(user, called(user, ui.number, "left knee: shank backward")[-1], 15.0)
+        give(user, called(user, ui.number, "Time of the move")[-1], 2.0)
+        press(user, "Save")
+
+    session = shown(script, LegsSession(moves=STORED))
+    assert session.calls[-1] == ("edit", 0, {"target_deg": {"HomIF": 45.0, "left_knee": 15.0}, "duration": 2.0})
+
+
+def test_a_stored_walk_keeps_what_the_form_does_not_show():
+    async def script(user, session):
+        press_that(user, "Edit: 1.")
+        await heard()
+        give(user, called(user, ui.number, "Steps")[-1], 8)
+        press(user, "Save")
+
+    session = shown(script, LegsSession(moves=[{"walk": {"steps": 4, "step_time": 0.4}}]))
+    assert session.program.moves[0].model_dump() == {"walk": {"steps": 8, "step_time": 0.4}}
+
+
+def test_another_move_is_edited_as_the_file_has_it():
+    async def script(user, session):
+        press_that(user, "Edit: 1.")
+        await heard()
+        text = next(iter(user.find(kind=ui.input, content="As in the file").elements))
+        assert text.value == "act: bow"
+        give(user, text, "act: [")
+        press(user, "Save")
+        assert text.error
+        assert "edit" not in [call[0] for call in session.calls]
+        give(user, text, "act: {name: wave, repeat: 2}")
+        press(user, "Save")
+
+    session = shown(script, LegsSession(moves=[{"act": "bow"}]))
+    assert session.program.moves[0].model_dump() == {"act": {"name": "wave", "repeat": 2}}
+
+
+def test_changes_of_a_run_stand_below_the_moves():
+    changes = [
+        {"time": 1.35, "set": {"servo.kp": 500}},
+        {"time": 1.5, "push": {"at": "trunk", "force": [5, 0, -2.5]}},
+        {"time": 2.0, "drag": {"targets": [[0, 0, 0]] * 10}},
+    ]
+
+    async def script(user, session):
+        told = [
+            "1. at 1.35 s: servo.kp = 500",
+            "2. at 1.5 s: push trunk with 5 0 \N{MINUS SIGN}2.5 N for 0.1 s",
+            "3. at 2 s: drag the robot for 0.5 s",
+        ]
+        assert lines(user) == told
+        press_that(user, "Delete: 2.")
+        await heard()
+        assert lines(user) == [told[0], "2. at 2 s: drag the robot for 0.5 s"]
+
+    shown(script, LegsSession(changes=changes))
+
+
+def test_the_page_is_spanish_where_that_is_asked_for():
+    async def script(user, session):
+        for text in ("1. Articulaciones y ángulos", "2. Probar", "3. Añadir", "4. Simular", "Resetear"):
+            await user.should_see(text)
+        assert lines(user)[0] == "1. hombro izquierdo: brazo adelante 30°, cadera derecha: pierna adelante 20° en 1.5 s"
+
+    shown(script, LegsSession(moves=STORED), "es")
+
+
+def test_another_robot_has_its_own_joints_and_one_without_legs_none():
+    async def script(user, session):
+        give(user, field(user, "left elbow"), 30.0)
+        session.told("description")  # of the same: what was set stays
+        await heard()
+        assert field(user, "left elbow").value == 30.0
+        session.told("description", description=described("yobotics"), robot="yobotics")
+        await heard()
+        assert field(user, "rear left knee")
+        assert called(user, ui.number, "left elbow") == []
+        session.told("description", description={**described("irb120"), "loops": []}, robot="irb120")
+        await heard()
+        await user.should_see("Nothing with legs is loaded.")
+
+    shown(script)
+
+
+def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
+    async def script(user, session):
+        session.history["position"].extend((number / 20, [radians(number)] * 18) for number in range(3))
+        give(user, next(iter(user.find(ui.expansion).elements)), True)
+        await heard(0.5)
+        charts = user.find(ui.echart).elements
+        (position,) = (chart for chart in charts if chart.props["aria-label"] == "position")
+        rows = position.options["dataset"]["source"]
+        assert [row[0] for row in rows] == [0.0, 0.05, 0.1]
+        assert rows[2][1:] == pytest.approx([2.0] * 6)  # degrees
+        assert position.options["series"][0]["name"] == "right shoulder: arm forward"
+        give(user, next(iter(user.find(ui.expansion).elements)), False)
+        session.told("tick")
+        watched = {}
+        for _, signals, viewer in (call for call in session.calls if call[0] == "watch"):
+            watched[viewer] = list(signals)
+        assert sorted(watched.values()) == [[], ["reference"]]
+
+    shown(script)
+
+
+def test_plots_show_the_newest_run_only():
+    ring = [(0.1, 1), (0.2, 2), (0.3, 3), (0.1, 4), (0.2, 5)]
+    assert plots.newest(ring) == [(0.1, 4), (0.2, 5)]
+    assert plots.at(ring, 0.15) == 4
+    assert plots.at(ring, 0.05) is None
+
+
+def test_columns_are_called_without_what_all_begin_with():
+    assert plots.short(["a.q.hip", "a.q.knee"]) == ["hip", "knee"]
+    assert plots.short(["left.x", "left.y", "right.x"]) == ["left.x", "left.y", "right.x"]
+    assert plots.short(["angle"]) == ["angle"]
+
+
+def test_a_plot_has_no_more_points_than_show():
+    rows = [(float(number), 0) for number in range(1000)]
+    thin = plots.thinned(rows, 200)
+    assert len(thin) == 200
+    assert (thin[0], thin[-1]) == (rows[0], rows[-1])
