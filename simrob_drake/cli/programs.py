@@ -78,9 +78,11 @@ def look_at(cell: Workcell, program: Program, file: str) -> Finding:
     from simrob_drake.programs.arm_program import of_arms, rehearse
     from simrob_drake.programs.legged_robot import LeggedRobot
     from simrob_drake.programs.legged_stages import stages_of_program
+    from simrob_drake.programs.timeline import Timeline
     from simrob_drake.programs.workcell import Workcell
 
     moves = len(program.moves)
+    Timeline(program.grid, program.changes).check(cell.config)
     if not of_arms(cell, program):
         stages_of_program(LeggedRobot(cell, program.robot), program, cell.config, file)
         return Finding("ok", "program", f"{moves} moves can be done" if moves else "its cells can be reached")

@@ -179,4 +179,6 @@ def _marks(runs: Sequence[RecordedRun], stations: Sequence[StationConfig], begin
 def _message(last: RecordedRun, count: int, begin: float) -> str:
     if last.ending == "completed":
         return f"ran to its end at {begin + last.stop_time:.6g} s, in {count} run{'s' if count > 1 else ''}"
+    if last.runs:  # it was cut where something happened
+        return _message(last.runs[-1], count, begin + last.stop_time - last.runs[-1].stop_time)
     return f"{last.message} of the last of {count} runs, which began at {begin:.4g} s" if count > 1 else last.message
