@@ -19,6 +19,7 @@ from simrob_drake.programs.timeline import GRID, Change, PushNow, Timeline
 from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.animation.ghosts import ghosts
 from simrob_drake.results.animation.live import StationView
+from simrob_drake.results.animation.pictures import save_film_strip
 from simrob_drake.results.block_diagram.picture import station_svg
 from simrob_drake.results.files import write_table
 from simrob_drake.results.record.state import State
@@ -259,6 +260,11 @@ class Bench:
     def recording(self, file: str) -> str:
         """Write the last run as a page that plays."""
         return str(self._last_run().film(file))
+
+    @at_any_time
+    def film_strip(self, file: str) -> str:
+        """Draw the last run as a strip of pictures."""
+        return str(save_film_strip(self._last_run(), Path(file)))
 
     @at_any_time
     def save(self, folder: str) -> str:

@@ -8,7 +8,8 @@ from simrob_drake.results.animation.window import Board
 from simrob_drake.teach.pages.words import words
 from simrob_drake.teach.session import Session
 
-Opener = Callable[[str | Path], Session]
+Opener = Callable[[str | Path, str | None], Session]
+"""Opens a subject, and of a station with several robots the one that is to be taught."""
 
 
 class Pendant:
@@ -26,7 +27,7 @@ class Pendant:
         """Open the first subject.
 
         Args:
-            open_session: opens a robot, a station or a file.
+            open_session: see :data:`Opener`.
             subject: the first.
             language: of the pages, ``en`` or ``es``.
 
@@ -36,7 +37,7 @@ class Pendant:
         self.dark: bool | None = None
         self.speak(language)
         self._open_session = open_session
-        self.session = open_session(subject)
+        self.session = open_session(subject, None)
         self.board = Board(on_drag=self._drag)
         self._begin()
 
@@ -48,16 +49,23 @@ class Pendant:
         """
         self.t, self.language = words(language), language
 
-    def load(self, subject: str | Path) -> None:
-        """Open another subject in place of the present one.
+    def load(self, subject: str | Path, robot: str | None = None) -> bool:
+        """Open another subject, or another robot of the present one, in place of this; tell whether it is another.
 
         Raises:
-            SimrobError: no such subject; the present one stays.
+            SimrobError: no such subject; what is open stays so.
         """
-        following = self._open_session(subject)
-        self.session.close()
+        same = str(subject) == self.session.subject
+        if same and robot in (None, self.session.robot):
+            return False
+        if same:
+            self.session.close()  # two sessions do not teach in one folder
+        following = self._open_session(subject, robot)
+        if not same:
+            self.session.close()
         self.session = following
         self._begin()
+        return True
 
     def close(self) -> None:
         """End the session and its run."""
@@ -74,9 +82,9 @@ class Pendant:
         now, running = self.session.time, self.session.phase == "running"
         self.reach = now if running else max(self.reach, now)
 
-    def _drag(self, body: str, point: list[float], target: list[float] | None) -> None:
+    def _drag(self, path: str, point: list[float], target: list[float] | None) -> None:
         """Pass on what is dragged in the view, by the name that the station knows it by."""
-        owner, _, link = body.partition("/")
+        _, _, owner, *_, link = path.strip("/").split("/")  # below /drake/station; ValueError: no such path
         known: Any = self.session.description.get("bodies", ())
         at = next((name for name in (f"{owner}.{link}", link, owner) if name in known), None)
         if at is not None:

@@ -50,7 +50,11 @@ def serve(
 
     async def run() -> None:
         hand_over = asyncio.get_running_loop().call_soon_threadsafe
-        pendant = Pendant(lambda what: Session.open(what, folder, hand_over=hand_over), subject, language=language)
+
+        def opened(what: str | Path, robot: str | None) -> Session:
+            return Session.open(what, folder, robot=robot, hand_over=hand_over)
+
+        pendant = Pendant(opened, subject, language=language)
         try:
             server = Server(pendant, listening.getsockname()[1])
             await server.run_until_stopped(listening, ready)

@@ -174,6 +174,11 @@ class Session(Jogging):
         """Write the last run as one HTML page."""
         return self._saved("recording", self.file.with_suffix(".html"))
 
+    def film_strip(self) -> Future[Any]:
+        """Draw the last run as a strip of pictures, for who cannot see the view; the future gives the file."""
+        file = self.file.with_suffix(".png")
+        return self._ask("film_strip", lambda _: file, file=str(file))
+
     # How
 
     def _load(self, file: Path) -> None:

@@ -123,14 +123,15 @@ def test_the_view_tells_what_the_session_tells_and_hears_of_drags(served):
     session = served.pendant.session
     served.do(lambda: session.told(description={"bodies": ["trunk"]}))
     own = {"Origin": f"http://{served.host}"}
-    message = json.dumps(["drag", ["humanoid/trunk", [0, 0, 0.1], [1, 2, 3]]])
+    message = json.dumps(["drag", ["/drake/station/robot/humanoid/trunk", [0, 0, 0.1], [1, 2, 3]]])
     assert served.asked("/view/told", method="POST", body=message, **own)[0] == 204
     assert session.calls == [("drag", "trunk", [0.0, 0.0, 0.1], [1.0, 2.0, 3.0])]
-    hostile = [b"", b"[", b'["drag", 1]', b'["drag", ["humanoid/trunk", [0, 0], null]]', b"[" * 500, b"\xff"]
-    hostile += [b'["drag", ["humanoid/trunk", [0, 0, NaN], [0, 0, 0]]]', b'["drag", ["x/floor", [0, 0, 0], null]]']
-    hostile += [b'["drag", ["humanoid/trunk", [0, 0, 0], [1e9, 0, 0]]]', b'["drag", [["a"], "abc", null]]']
-    for body in (*hostile, message.encode() + b" " * 600):
-        assert served.asked("/view/told", method="POST", body=body, **own)[0] == 204
+    trunk = '["drag", ["/drake/station/robot/humanoid/trunk", '
+    wrong = ["", "[", "[" * 500, '["drag", 1]', '["drag", ["/drake/trunk", [0, 0, 0], null]]', "\xff"]
+    wrong += ['["drag", ["/drake/station/x/floor", [0, 0, 0], null]]', '["drag", [["a"], "abc", null]]']
+    wrong += [f"{trunk}[0, 0], null]]", f"{trunk}[0, 0, NaN], [0, 0, 0]]]", f"{trunk}[0, 0, 0], [1e9, 0, 0]]]"]
+    for body in (*wrong, message + " " * 600):
+        assert served.asked("/view/told", method="POST", body=body.encode("latin-1"), **own)[0] == 204
     assert len(session.calls) == 1
     foreign = {"Origin": "http://evil.example"}
     assert served.asked("/view/told", method="POST", body=message, **foreign)[0] == 403

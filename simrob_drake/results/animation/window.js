@@ -28,7 +28,9 @@
     viewer.set_object(steps(path), object);
     viewer.set_dirty();
   };
+  const bodies = new Set(); // by their paths
   const obey = (command) => {
+    if (command.type === "set_transform") bodies.add(command.path);
     if (typeof command === "string") viewer.handle_command_bytearray(bytes(command));
     else if (command.type === "asset") casAssets[command.name] = command.url;
     else if (command.type === "copy") copy(command);
@@ -47,8 +49,9 @@
   const { Vector2, Vector3, Plane, Raycaster, Line, BufferGeometry, LineBasicMaterial } = MeshCat.THREE;
   const canvas = viewer.renderer.domElement;
   const ray = new Raycaster();
-  const line = new Line(new BufferGeometry(), new LineBasicMaterial({ color: 0xd0208a, depthTest: false }));
+  const line = new Line(new BufferGeometry(), new LineBasicMaterial({ color: 0xd0208a, depthTest: false, transparent: true }));
   line.frustumCulled = false;
+  line.renderOrder = 1; // over all else
   let held = null; // {body, name, point, plane}
 
   const aim = ({ clientX, clientY }) => {
@@ -56,16 +59,16 @@
     const place = new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
     ray.setFromCamera(place, viewer.camera);
   };
+  const path = (object) => (object.parent ? `${path(object.parent)}/${object.name}` : ""); // from the scene down
   const picked = () => {
-    const root = viewer.scene_tree.find(["drake", "station"]).object;
     const meshes = [];
-    root.traverseVisible((object) => object.isMesh && meshes.push(object));
+    viewer.scene_tree.find(["drake"]).object.traverseVisible((object) => object.isMesh && meshes.push(object));
     const [hit] = ray.intersectObjects(meshes, false);
-    if (!hit) return null;
-    const branch = [];
-    for (let object = hit.object; object !== root; object = object.parent) branch.unshift(object);
-    const [owner, body] = branch; // robot or piece, and link
-    return body && { body, name: `${owner.name}/${body.name}`, at: hit.point, point: body.worldToLocal(hit.point.clone()) };
+    for (let body = hit?.object; body; body = body.parent) {
+      const name = path(body);
+      if (bodies.has(name)) return { body, name, at: hit.point, point: body.worldToLocal(hit.point.clone()) };
+    }
+    return null;
   };
   const said = (target) => [held.name, held.point.toArray(), target && target.toArray()];
   const report = (target) => window.tell("drag", said(target));

@@ -26,8 +26,8 @@ _BREATH = 5.0  # s without news after which a word keeps the connection, and fin
 
 
 Drag = Callable[[str, list[float], list[float] | None], object]
-"""Takes the body that a user drags, as it is called in Meshcat's tree (``robot/link``), the point in its frame (3) [m]
-that was picked, and where in the world the pointer is (3) [m]; None there ends it."""
+"""Takes the path in Meshcat's tree of the body that a user drags, the point in its frame (3) [m] that was picked, and
+where in the world the pointer is (3) [m]; None there ends it."""
 
 
 @dataclass

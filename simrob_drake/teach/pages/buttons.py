@@ -34,5 +34,5 @@ def told(element: ui.element, text: str) -> None:
 
 def shortcuts() -> list[tuple[str, str]]:
     """Return all keys of the present page, and what they do."""
-    found = [element.props for element in ElementFilter(local_scope=False) if KEYS in element.props]
+    found = [element.props for element in ElementFilter(local_scope=False, only_visible=True) if KEYS in element.props]
     return [(props[KEYS], props.get("aria-label") or props.get("label", "")) for props in found]
