@@ -139,7 +139,8 @@ class Program(Strict):
     def text(self) -> str:
         """Return the program as YAML."""
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
-        return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None))
+        how: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "width": 120, "default_flow_style": None}
+        return str(yaml.dump(content, Dumper=yaml.CSafeDumper, **how))
 
     @classmethod
     def load(cls, file: Path | str) -> Program:

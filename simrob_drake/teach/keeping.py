@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.errors import SimrobError
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.given import seconds, whole
 from simrob_drake.programs.moves import JointMove, move_of
 from simrob_drake.programs.one_move import targets_on
@@ -45,9 +45,24 @@ class Keeping(Hub):
         self.targets = {name: target.model_dump() for name, target in now.targets.items()}
 
     @property
+    def config(self) -> StationConfig:
+        """The station with its settings."""
+        return self._config
+
+    @config.setter
+    def config(self, config: StationConfig) -> None:
+        self._config, self._robots = config, resolve(config).robots
+
+    @property
     def model(self) -> RobotModel:
-        """The robot that is taught."""
-        return resolve(self.config).robots[self.robot].model
+        """The robot that is taught.
+
+        Raises:
+            InvalidParameter: the station has none.
+        """
+        if not self.robot:
+            raise InvalidParameter("station", self.config.name, "one with a robot, to teach it a move")
+        return self._robots[self.robot].model
 
     @property
     def can_undo(self) -> bool:

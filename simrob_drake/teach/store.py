@@ -44,6 +44,8 @@ class Store:
         self.steps_file = file.with_name(f".{file.stem}.steps")
         self.station_file = file.with_name(f"{file.stem}-station.yaml")
         self._written = ""  # what the file holds
+        self._saved: tuple[Program, bool] | None = None
+        self._saved_station: StationConfig | None = None
 
     def save(self, history: History, config: StationConfig) -> None:
         """Write what is taught. Whatever stops this between two files, the next :meth:`load` gives all of it.
@@ -52,11 +54,15 @@ class Store:
             OutputError: the disk does not take it.
         """
         written_at_once(self.steps_file, f"{_digest(self._written)}\n{history.text()}")
-        if history.present.settings:
+        program, settings = history.present.program, history.present.settings
+        if settings and config is not self._saved_station:
             written_at_once(self.station_file, station_yaml(config))
+            self._saved_station = config
+        if self._saved is not None and self._saved[0] is program and self._saved[1] == bool(settings):
+            return
         text = self._present(history).text()
         written_at_once(self.file, text)
-        self._written = text
+        self._written, self._saved = text, (program, bool(settings))
 
     def placed(self, program: Program, settings: Mapping[str, Any]) -> Program:
         """Return a program as its file has it: with the station, which lies beside it if it has settings."""
@@ -78,9 +84,12 @@ class Store:
             return steps or History()
         program, self._written = Program.load(self.file), text_of(self.file)
         if steps is None:
-            return History([Taught.of(program)])
-        if _digest(self._written) != before and program != self._present(steps):
+            steps = History([Taught.of(program)])
+        elif program != self._present(steps):
+            if _digest(self._written) == before:  # the last save was stopped before it came to this file
+                return steps
             steps.record(steps.present.but(program=Taught.of(program).program))
+        self._saved = steps.present.program, bool(steps.present.settings)  # it is left alone until something changes
         return steps
 
     def last(self) -> History:

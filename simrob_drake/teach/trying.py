@@ -77,12 +77,12 @@ class Trying(Keeping):
     def _run_tried(self, before: Taught) -> Future[Any]:
         """Run what of the tried moves is not done yet; where that cannot be, they are as ``before``."""
         now = self._history.present
-        if self._rewound:
-            self._course.went_on([None], self.time)
         back, kept = self._course.back_to(now.pending)
         moves = now.pending[kept:]
         if not moves:
             return done()
+        if self._rewound and back is None:
+            self._course.went_on([None], self.time, free=True)  # no more what the program would do
         begin = self.time if back is None else back
         self._course.went_on(moves, begin)
         if any(change.time >= begin for change in now.changes):  # made in what is run anew without them
@@ -172,11 +172,12 @@ class Trying(Keeping):
         self._course.align(now.program.moves)
         if now.settings != before.settings:
             self.config = load_station(self.station, now.settings)
+        self._save()
+        if now.settings != before.settings:
             self._forget_next()
             self._reopen()
         elif self._course.has_others(now.pending):
             self._idly(self._go_back)
-        self._save()
         return True
 
     def _forget_next(self) -> None:
@@ -207,14 +208,15 @@ class Trying(Keeping):
     def _noted(self, change: dict[str, Any]) -> None:
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
         now, made = self._history.present, validated(Change, change, "the change")
+        label = " ".join(made.set or ())  # a slider that is moved is one step
         of_program = self._kind == "program" or not now.pending
         known = of_program and self._kind == "program"
         if not (known or self._course.at_start() or self._course.stands_behind(now.program.moves)):
             self._say(Notice("not_stored"))
         elif of_program and made not in now.program.changes:
-            self._record(now.with_program(changes=with_change(now.program.changes, made)), f"{sorted(made.set or ())}")
+            self._record(now.with_program(changes=with_change(now.program.changes, made)), label)
         elif not of_program and made not in now.changes:
-            self._record(now.but(changes=with_change(now.changes, made)), f"{sorted(made.set or ())}")
+            self._record(now.but(changes=with_change(now.changes, made)), label)
 
     def _revive(self, *, often: bool) -> None:
         self._begin()

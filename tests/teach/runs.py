@@ -1,0 +1,134 @@
+"""Runs for sessions under test: one that only counts time, and the real one without a process around it."""
+
+from concurrent.futures import Future
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.teach.bench import Bench
+from simrob_drake.yaml_files import parse_yaml
+
+TICK = 0.05
+
+
+class CountingRun:
+    """Takes what a session asks a run for: moves take their time, and nothing is simulated.
+
+    ``calls`` has all that was asked for; with ``held`` a run goes on until :meth:`finish`.
+    """
+
+    held = False
+    refused = ""
+
+    def __init__(self, on_news):
+        self.tell, self.calls, self.time, self.closed = on_news, [], 0.0, False
+        self.running = None
+
+    def call(self, method, /, **arguments):
+        self.calls.append((method, arguments))
+        future = Future()
+        try:
+            if self.refused == method:
+                raise SimrobError(f"{method} cannot be")
+            result = getattr(self, f"_{method}", lambda **_: None)(**arguments)
+        except SimrobError as problem:
+            future.set_exception(problem)
+            return future
+        if method in ("do", "play", "jog", "resume") and self.held:
+            self.running = future
+        else:
+            future.set_result(result)
+        return future
+
+    def asked(self, *methods):
+        """Return what was asked for of some methods, in order."""
+        return [(method, arguments) for method, arguments in self.calls if method in methods]
+
+    def finish(self, ending="completed", *, goes_on=True, time=None):
+        """End the run."""
+        self.time = self.end if time is None else time
+        self.tell({"news": "ended", "ending": ending, "goes_on": goes_on, "time": self.time, "message": ending})
+        self.tell({"news": "phase", "phase": "idle"})
+        if self.running is not None:
+            self.running.set_result({"ending": ending})
+            self.running = None
+
+    def tick(self, time, **values):
+        """Tell of a moment of the run."""
+        self.time = time
+        self.tell({"news": "tick", "time": time, "ratio": 1.0, "phase": "running", "values": values})
+
+    def note(self, **change):
+        """Tell of a change."""
+        self.tell({"news": "noted", "change": {"time": self.time, **change}})
+
+    def die(self):
+        """Be killed."""
+        self.tell({"news": "died", "why": "killed by signal 9"})
+
+    def close(self):
+        self.closed = True
+
+    def _open(self, station, settings, robot):
+        self.time = 0.0
+        return {"station": station, "robots": {robot: {"tcp": "flange", "kind": "legs"}}, "bodies": [], "loops": []}
+
+    def _do(self, moves):
+        self._begin(sum(move.get("duration", 1.0) for move in moves))
+
+    def _jog(self, targets_deg, duration):
+        self._begin(duration or 1.0)
+
+    def _play(self, program):
+        self.time = 0.0
+        self._do(parse_yaml(program, "the program")["moves"])
+
+    def _stop(self):
+        if self.running is not None:
+            self.finish("stopped", time=self.time)
+
+    def _rewind(self, time):
+        self.time = time
+
+    def _resume(self):
+        self._begin(self.end - self.time)
+
+    def _restart(self):
+        self.time = 0.0
+
+    def _begin(self, time):
+        self.end = self.time + time
+        self.tell({"news": "phase", "phase": "running"})
+        if not self.held:
+            self.finish()
+
+
+class BenchRun:
+    """The real run, in this process; ``at`` has what is asked for at ticks, ``{time: [(method, arguments)]}``."""
+
+    def __init__(self, on_news):
+        self._tell, self.at = on_news, {}
+        self._bench = Bench(self, self._serve)
+        self._bench.conductor.set_pace(None)
+
+    def call(self, method, /, **arguments):
+        future = Future()
+        try:
+            future.set_result(None if method == "pace" else getattr(self._bench, method)(**arguments))
+        except SimrobError as problem:
+            future.set_exception(problem)
+        return future
+
+    def close(self):
+        pass
+
+    def _serve(self, bench):
+        number = bench.conductor.line.steps(bench.conductor._now)
+        for method, arguments in self.at.pop(round(number * TICK, 12), ()):
+            getattr(bench, method)(**arguments)
+
+    # As an Inbox
+
+    def tell(self, news, **more):
+        self._tell({"news": news, **more})
+
+    def wait(self, timeout):
+        raise AssertionError("nothing is waited for")

@@ -1,0 +1,768 @@
+"""A session by itself: what is taught, how it is kept, and what becomes of it when something breaks."""
+
+from functools import partial
+from pathlib import Path
+from threading import Thread
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from runs import CountingRun
+
+from simrob_drake import Program, load_station
+from simrob_drake.errors import SimrobError
+from simrob_drake.teach import hub, store
+from simrob_drake.teach.history import MOST_STEPS
+from simrob_drake.teach.session import Session
+
+ELBOW, KNEE = {"left_elbow": 30.0}, {"left_knee": 20.0}
+
+
+class Taught(Session):
+    """A session with the run that it has now."""
+
+    runs: list[CountingRun]
+
+    @property
+    def run(self):
+        return self.runs[-1]
+
+
+@pytest.fixture
+def teach(tmp_path):
+    """Open sessions one after the other in one folder."""
+    opened = []
+
+    def open_(subject="humanoid", **how):
+        for before in opened:
+            before.close()
+        runs = []
+
+        def live(on_news):
+            runs.append(CountingRun(on_news))
+            return runs[-1]
+
+        session = Taught.open(subject, tmp_path, live=live, **how)
+        session.runs = runs
+        session.hear()
+        opened.append(session)
+        return session
+
+    yield open_
+    for before in opened:
+        before.close()
+
+
+def heard(session, future):
+    """Return the result of what a session was asked for."""
+    session.hear()
+    session.hear()
+    assert future.done()
+    return future.result()
+
+
+def tried(session, *given):
+    """Test a move; return None if something was wrong."""
+    return heard(session, session.test(*given))
+
+
+def on_disk(session):
+    return Program.load(session.file)
+
+
+# Try
+
+
+def test_tests_gather_in_one_move_that_begins_where_the_first_did(teach):
+    session = teach()
+    assert tried(session, ELBOW, 1.5) is not None
+    assert tried(session, {"HomIF": 40}) is not None
+    assert session.pending == ({"target_deg": {"left_elbow": 30.0, "HomIF": 40.0}, "duration": 1.5},)
+    first, back, both = session.run.asked("do", "rewind")
+    assert first == ("do", {"moves": [{"target_deg": ELBOW, "duration": 1.5}]})
+    assert back == ("rewind", {"time": 0.0})
+    assert both == ("do", {"moves": list(session.pending)})
+    assert not session.program.moves
+    assert session.add()
+    assert not session.pending
+    assert [move.target_deg for move in session.program.moves] == [{"left_elbow": 30.0, "HomIF": 40.0}]
+    assert tried(session, KNEE) is not None  # the next one begins behind it
+    assert session.run.asked("do", "rewind")[3:] == [("do", {"moves": list(session.pending)})]
+    assert session.time == 2.5
+
+
+def test_nothing_is_added_before_something_is_tested(teach):
+    session = teach()
+    assert not session.add()
+    assert session.message.key == "nothing_tested"
+    assert session.message.wrong
+
+
+def test_discard_goes_back_to_before_all_that_was_tried(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    tried(session, KNEE)
+    heard(session, session.walk(2))
+    assert len(session.pending) == 2
+    assert heard(session, session.discard())
+    assert session.run.asked("rewind") == [("rewind", {"time": 1.0})]
+    assert session.pending == ()
+    assert len(session.program.moves) == 1
+    assert session.time == 1.0
+
+
+def test_a_step_is_the_robots_own(teach):
+    session = teach()
+    heard(session, session.step())
+    assert [list(move["target_deg"]) for move in session.pending] == [
+        ["CadIF", "RodI"],
+        ["RodD", "TobD"],
+        ["CadIF", "RodI"],
+        ["RodD", "TobD", "HomDF"],
+    ]
+    tried(session, ELBOW)  # no part of the step
+    assert len(session.pending) == 5
+    other = teach("roid1")
+    heard(other, other.step())
+    assert [list(move) for move in other.pending] == [["walk"]]
+
+
+def test_what_cannot_be_run_is_not_kept(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.run.refused = "do"
+    assert tried(session, KNEE) is None
+    assert str(session.message) == "do cannot be"
+    assert session.phase == "idle"
+    assert session.pending == ({"target_deg": ELBOW, "duration": 1.0},)
+    assert not session.can_redo
+
+
+def test_a_robot_that_falls_keeps_nothing_of_it(teach):
+    session = teach()
+    session.run.held = True
+    session.test(ELBOW)
+    session.hear()
+    session.run.finish("monitor", goes_on=False, time=0.0)
+    session.hear()
+    assert session.pending == ()
+    assert session.message.wrong
+    assert session.time == 0.0
+
+
+def test_simulate_plays_all_from_the_start(teach):
+    session = teach()
+    for target in (ELBOW, KNEE):
+        tried(session, target)
+        session.add()
+    tried(session, {"HomIF": 10})
+    assert heard(session, session.simulate())
+    (_, played), *_ = session.run.asked("play")
+    assert Program.of_text(played["program"]).moves == session.program.moves
+    assert session.time == 2.0
+    assert len(session.pending) == 1  # what was tested is not lost, nor taken for stored
+    tried(session, {"HomIF": 20})
+    assert session.run.asked("do")[-1][1]["moves"] == list(session.pending)
+    assert session.time == 3.0
+
+
+def test_an_empty_program_leaves_the_station_to_its_file(teach):
+    session = teach()
+    heard(session, session.simulate())
+    (_, played), *_ = session.run.asked("play")
+    duration = load_station("humanoid_dynamic").duration
+    assert Program.of_text(played["program"]).moves[0].play == duration
+    assert not session.program.moves
+
+
+def test_what_is_asked_for_while_something_runs(teach):
+    session = teach()
+    session.run.held = True
+    first = session.test(ELBOW, 2.0)
+    session.hear()
+    session.run.tick(0.5)
+    second = session.test(KNEE)  # goes with the first: that is ended
+    session.hear()
+    session.hear()
+    assert [name for name, _ in session.run.asked("do", "stop", "rewind")] == ["do", "stop", "rewind", "do"]
+    assert first.done()
+    later = session.walk(2)  # does not: it waits
+    session.hear()
+    assert not later.done()
+    assert len(session.run.asked("do")) == 2
+    session.run.finish()
+    session.hear()
+    session.hear()
+    assert second.done()
+    assert session.run.asked("do")[-1][1]["moves"] == [{"walk": {"steps": 2}}]
+    session.run.finish()
+    assert heard(session, later) is not None
+
+
+def test_reset_erases_all_and_undo_brings_it_back(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    tried(session, KNEE)
+    before = session.program, session.pending
+    assert heard(session, session.reset())
+    assert not session.program.moves
+    assert not session.pending
+    assert session.undo()
+    assert (session.program, session.pending) == before
+    assert session.redo()
+    assert not session.program.moves
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("target", "told"),
+    [
+        ({"left_elbow": 300}, "left_elbow would be at 300 deg, 170 deg beyond its limit of 130 deg"),
+        ({"left_elbo": 3}, "did you mean 'left_elbow'?"),
+        ({"left_elbow": float("nan")}, "must be a finite number"),
+        ({"left_elbow": "3"}, "must be a finite number"),
+        ({"left_elbow": 3, "CodI": 4}, "another name of an axis that it moves, too"),
+        ({}, "at least one axis"),
+    ],
+)
+def test_wrong_targets_are_refused_in_words(teach, target, told):
+    session = teach()
+    assert tried(session, target) is None
+    assert told in str(session.message)
+    assert session.message.wrong
+    assert not session.pending
+    assert not session.run.asked("do")
+    assert not session.can_undo
+    assert not session.insert(0, {"target_deg": target})
+    for axis, value in list(target.items())[:1]:
+        assert (session.wrong_target(axis, value) == "") == (len(target) > 1)
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (lambda s: s.edit(3, {"act": "bow"}), "of a move; there is none"),
+        (lambda s: s.insert(0, {"hop": 1}), "no kind of move"),
+        (lambda s: s.insert(0, {"walk": {"steps": "many"}}), "steps"),
+        (lambda s: s.set_grid(-1), "a positive time [s]"),
+        (lambda s: s.remove_change(0), "index"),
+        (lambda s: s.set("servo.kpp", 3), "servo.kpp: unknown key; did you mean 'kp'?"),
+        (lambda s: s.set("servo.kp", -3), "a gain is of 0 to"),
+        (lambda s: s.switch_loop("balanse", True), "did you mean 'balance'?"),
+        (lambda s: s.set_pace(7).result(), "0.1 to 4 times as fast as the clock"),
+        (lambda s: s.test(ELBOW, 0).result(), "a positive time [s]"),
+        (lambda s: s.walk(0.5).result(), "a whole number"),
+        (lambda s: s.push("trunk", [1, 2]).result(), "force"),
+        (lambda s: s.push("trunk", [1, 2, float("inf")]).result(), "force"),
+        (lambda s: s.drag("trunk", [0, 0, 0], ["a", 0, 0]).result(), "targets"),
+        (lambda s: s.choose_branch(0).result(), "branch"),
+        (lambda s: s.run_line(0).result(), "index"),
+        (lambda s: s.add_line("move_j", "p1"), "there is no target 'p1'"),
+    ],
+)
+def test_wrong_input_is_told_and_changes_nothing(teach, asked, told):
+    session = teach()
+    before = on_disk(session)
+    assert not asked(session)
+    assert told in str(session.message)
+    assert session.message.wrong
+    assert on_disk(session) == before
+    assert not session.can_undo
+
+
+def test_no_such_subject(tmp_path):
+    for subject, told in [("humanoyd", "did you mean 'humanoid'?"), ("a.urdf", "there is no such file")]:
+        with pytest.raises(SimrobError, match=told.replace("?", r"\?")):
+            Session.open(subject, tmp_path, live=CountingRun)
+
+
+# Keeping
+
+
+OPERATIONS = {
+    "test": lambda s, n: tried(s, {"left_elbow": float(n)}),
+    "add": lambda s, n: s.add(),
+    "discard": lambda s, n: heard(s, s.discard()),
+    "act": lambda s, n: heard(s, s.act("bow")),
+    "insert": lambda s, n: s.insert(min(n, len(s.program.moves)), {"target_deg": {"left_knee": n}}),
+    "edit": lambda s, n: s.edit(-1, {"target_deg": {"HomIF": n}}),
+    "remove": lambda s, n: s.remove(0),
+    "move": lambda s, n: s.move_entry(0, len(s.program.moves) - 1),
+    "describe": lambda s, n: s.describe(f"{n}\u2028"),
+    "reset": lambda s, n: heard(s, s.reset()),
+    "simulate": lambda s, n: heard(s, s.simulate()),
+    "note": lambda s, n: s.run.note(set={"servo.kp": 100 + n}),
+    "undo": lambda s, n: s.undo(),
+    "redo": lambda s, n: s.redo(),
+}
+
+
+def state(session):
+    return session.program, session.pending, session.settings, session.targets
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(sorted(OPERATIONS)), st.integers(0, 9)), max_size=12))
+def test_all_that_is_done_is_in_the_file_and_can_be_undone(tmp_path_factory, operations):
+    folder = tmp_path_factory.mktemp("taught")
+    live = []
+    session = Taught.open("humanoid", folder, live=lambda tell: live.append(CountingRun(tell)) or live[-1])
+    session.runs = live
+    session.hear()
+    states = [state(session)]
+    for name, number in operations:
+        OPERATIONS[name](session, number)
+        session.hear()
+        assert on_disk(session).moves == session.program.moves
+        assert on_disk(session).changes == session.program.changes
+        states.append(state(session))
+    now, steps = state(session), 0
+    while session.undo():
+        session.hear()
+        assert state(session) in states
+        steps += 1
+    assert state(session) == states[0]
+    for _ in range(steps):
+        assert session.redo()
+        session.hear()
+    while session.undo():
+        pass
+    while state(session) != now and session.redo():
+        pass
+    assert state(session) == now
+    session.close()
+    again = Taught.open("humanoid", folder, live=CountingRun)
+    assert state(again) == now
+    again.close()
+
+
+def test_a_session_is_taken_up_where_it_was_left(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    tried(session, KNEE)
+    session.set("servo.kp", 120)
+    again = teach()
+    assert state(again) == state(session)
+    assert again.run.asked("open")[0][1]["settings"] == {"servo.kp": 120}
+    assert again.undo()
+    assert not again.settings
+    assert again.undo()
+    assert not again.pending
+    assert again.undo()
+    assert len(again.pending) == 1
+    assert not again.program.moves
+
+
+@pytest.mark.parametrize("writes", [0, 1])
+def test_a_kill_between_two_files_loses_nothing(teach, monkeypatch, writes):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    real, count = store.written_at_once, []
+
+    def killed(file, text):
+        if len(count) == writes:
+            raise KeyboardInterrupt
+        count.append(file)
+        real(file, text)
+
+    monkeypatch.setattr(store, "written_at_once", killed)
+    with pytest.raises(KeyboardInterrupt):
+        session.edit(0, {"target_deg": KNEE})
+    monkeypatch.undo()
+    again = teach()
+    assert again.program.moves[0].target_deg == (KNEE if writes else ELBOW)
+    assert on_disk(again).moves == again.program.moves
+    assert again.undo()
+
+
+def test_what_is_changed_by_hand_counts_and_can_be_undone(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    text = session.file.read_text()
+    session.file.write_text(text.replace("30.0", "44.0"))
+    again = teach()
+    assert again.program.moves[0].target_deg == {"left_elbow": 44.0}
+    assert again.undo()
+    assert again.program.moves[0].target_deg == ELBOW
+
+
+def test_a_damaged_file_is_kept_and_what_was_taught_goes_on(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    damaged = session.file.read_text()[:-20] + ": ["
+    session.file.write_text(damaged)
+    again = teach()
+    assert again.message.key == "damaged"
+    assert again.message.wrong
+    assert "is not YAML" in str(again.message)
+    assert session.file.read_text() == damaged
+    assert again.file.name == "program-2.yaml"
+    assert again.program.moves == session.program.moves
+    assert again.can_undo
+    again.describe("on and on")
+    assert teach().program.description == "on and on"  # no third file
+    again.file.write_text("moves: [{}]")
+    third = teach()
+    assert third.file.name == "program-3.yaml"
+    assert again.file.read_text() == "moves: [{}]"
+
+
+def test_a_program_of_another_robot_is_kept(teach, tmp_path):
+    other = tmp_path / "reach.yaml"
+    Program(station="irb120_dynamic", moves=[{"move_j": {"targets": [0.3, 0, 0.5]}}]).save(other)
+    kept = other.read_text()
+    session = teach(program=other)
+    assert session.message.key == "foreign"
+    assert "move_j" in str(session.message)
+    assert other.read_text() == kept
+    assert session.file == tmp_path / "humanoid_dynamic" / "reach-2.yaml"
+    assert not session.program.moves
+    walk = tmp_path / "walk.yaml"
+    Program(station="humanoid_dynamic", moves=[{"walk": {"steps": 4}}]).save(walk)
+    assert teach("irb120", program=walk).message.key == "foreign"
+
+
+def test_a_program_of_another_humanoid_is_taken_over(teach):
+    session = teach()
+    tried(session, {"HomIF": 30, "CadDF": 30})
+    session.add()
+    kept = session.file.read_text()
+    for robot in ("roid1", "zjudancer"):
+        other = teach(robot, program=session.file)
+        assert other.message.key == "taken_over"
+        assert not other.message.wrong
+        assert other.program.moves == session.program.moves
+        assert on_disk(other).station == f"{robot}_dynamic"
+        other.remove(0)
+        assert session.file.read_text() == kept
+
+
+def test_a_program_of_ones_own_is_taught_where_it_lies(teach, tmp_path):
+    own = tmp_path / "bows.yaml"
+    Program(station="humanoid_dynamic", moves=[{"act": "bow"}]).save(own)
+    session = teach(program=own)
+    assert session.file == own
+    assert session.message.key == ""
+    tried(session, ELBOW)
+    session.add()
+    assert len(Program.load(own).moves) == 2
+    assert Program.load(own).station == "humanoid_dynamic"
+
+
+def test_a_full_disk_is_told_and_nothing_is_forgotten(teach):
+    session, told = teach(), []
+    session.listen(lambda topic: told.append(str(session.message)))
+    session.file.parent.rename(session.file.parent.with_name("gone"))
+    session.file.parent.write_text("in the way")
+    tried(session, ELBOW)
+    assert any("cannot be written: File exists" in message for message in told)
+    assert session.pending
+    session.file.parent.unlink()
+    assert session.add()
+    assert len(on_disk(session).moves) == 1
+
+
+def test_two_processes_do_not_teach_in_one_folder(teach, tmp_path):
+    session = teach()
+    with pytest.raises(SimrobError, match="another process is at work in it"):
+        Session.open("humanoid", tmp_path, live=CountingRun)
+    session.close()
+    Session.open("humanoid", tmp_path, live=CountingRun).close()
+
+
+# Changes while it runs
+
+
+def test_changes_of_a_run_go_into_the_program(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    session.run.held = True
+    session.simulate()
+    session.hear()
+    session.run.tick(0.5)
+    session.run.note(set={"servo.kp": 90})
+    session.run.note(drag={"at": "trunk", "targets": [[0, 0, 1]]})
+    session.run.note(drag={"at": "trunk", "targets": [[0, 0, 1], [0, 0, 2]]})  # it has gone on
+    session.run.tick(0.2)
+    session.run.note(push={"at": "trunk", "force": [1, 0, 0]})
+    session.hear()
+    told = [change.model_dump(mode="json") for change in on_disk(session).changes]
+    assert [one["time"] for one in told] == [0.2, 0.5, 0.5]
+    assert told[2]["drag"]["targets"] == [[0, 0, 1], [0, 0, 2]]
+    session.run.tick(0.5)
+    session.run.note(set={"servo.kp": 90})  # as it runs anew
+    session.hear()
+    assert len(session.program.changes) == 3
+    assert session.undo()
+    assert len(session.program.changes) == 2
+    assert session.remove_change(0)
+    assert len(session.program.changes) == 1
+    assert session.edit_change(0, {"time": 0.1, "set": {"servo.kp": 80}})
+    assert session.program.changes[0].set == {"servo.kp": 80}
+
+
+def test_a_slider_that_is_moved_is_one_step(teach):
+    session = teach()
+    session.run.held = True
+    session.simulate()
+    session.hear()
+    for number in range(5):
+        session.run.tick(0.05 * number)
+        session.run.note(set={"servo.kp": 90 + number})
+    session.hear()
+    assert len(session.program.changes) == 5
+    assert session.undo()
+    assert not session.program.changes
+    assert not session.can_undo
+
+
+def test_changes_of_what_is_tried_wait_with_it(teach):
+    session = teach()
+    session.run.held = True
+    session.test(ELBOW)
+    session.hear()
+    session.run.tick(0.4)
+    session.run.note(push={"at": "trunk", "force": [1, 0, 0]})
+    session.run.finish()
+    session.hear()
+    assert not session.program.changes
+    session.add()
+    assert [change.time for change in session.program.changes] == [0.4]
+    session.test(KNEE)
+    session.hear()
+    session.run.tick(1.4)
+    session.run.note(push={"at": "trunk", "force": [2, 0, 0]})
+    session.run.finish()
+    session.hear()
+    session.test({"HomIF": 3})  # runs anew, and nobody pushes
+    session.hear()
+    session.run.finish()
+    session.hear()
+    session.add()
+    assert [change.time for change in session.program.changes] == [0.4]
+
+
+def test_a_change_elsewhere_than_the_program_leads_is_not_stored(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    session.insert(0, {"act": "bow"})  # which the robot has not done
+    session.run.held = True
+    session.test(KNEE)
+    session.hear()
+    session.run.note(set={"servo.kp": 90})
+    session.hear()
+    session.add()
+    assert session.message.key == "not_stored"
+    assert not session.program.changes
+
+
+def test_gone_back_to(teach):
+    session = teach()
+    tried(session, ELBOW, 2.0)
+    session.add()
+    heard(session, session.rewind(0.5))
+    assert session.time == 0.5
+    heard(session, session.go_on())
+    assert session.run.asked("resume")
+    assert not session.run.asked("go_on")
+    session.rewind(0.5)
+    session.hear()
+    tried(session, KNEE)  # from there: no more what the program would do
+    session.run.note(set={"servo.kp": 90})
+    session.hear()
+    assert session.message.key == "not_stored"
+
+
+# The run and who listens
+
+
+def test_a_killed_run_is_started_again(teach):
+    session = teach()
+    heard(session, session.set_pace(2.0))
+    session.watch(["position"], "tab")
+    tried(session, ELBOW)
+    session.add()
+    asked = session.simulate()
+    before = session.program
+    session.run.die()
+    session.hear()
+    assert session.message.key == "died"
+    assert "killed by signal 9" in str(session.message)
+    assert len(session.runs) == 2
+    assert session.runs[0].closed
+    assert asked.done()
+    assert session.program == before == on_disk(session).model_copy(update={"station": None})
+    assert session.run.asked("pace", "watch") == [("pace", {"factor": 2.0}), ("watch", {"signals": ["position"]})]
+    session.hear()
+    assert session.phase == "idle"
+    session.runs[0].tick(77.0)  # what an old run still tells
+    session.hear()
+    assert session.time == 0.0
+    assert heard(session, session.simulate()) is not None
+
+
+def test_a_run_that_dies_again_and_again_is_left_alone(teach):
+    session = teach()
+    for _ in range(hub._DEATHS + 1):
+        session.run.die()
+        session.hear()
+        session.hear()
+    assert session.message.key == "lost"
+    assert session.phase == "gone"
+    count = len(session.runs)
+    asked = session.simulate()  # asked for again it is tried again
+    session.hear()
+    assert len(session.runs) == count + 1
+    assert heard(session, asked) is not None
+
+
+def test_a_station_that_cannot_be_opened_leaves_the_program(teach):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    session.run.refused = "open"
+    assert session.set("servo.kp", 130)
+    session.hear()
+    assert str(session.message) == "open cannot be"
+    assert session.phase == "idle"
+    assert session.settings == {}
+    assert len(session.program.moves) == 1
+
+
+def test_tabs_hear_of_changes_until_they_forget(teach):
+    session, heard_by = teach(), {"one": [], "two": []}
+    forget = session.listen(heard_by["one"].append)
+    session.listen(heard_by["two"].append)
+    views = []
+    session.listen_to_view(views.append)
+    session.run.tell({"news": "view", "subject": "poses", "commands": [1]})
+    session.describe("heard")
+    session.hear()
+    assert heard_by["one"] == heard_by["two"] == ["program"]
+    assert views[0]["commands"] == [1]
+    forget()
+    forget()
+    session.describe("no more")
+    assert len(heard_by["one"]) == 1
+    assert len(heard_by["two"]) == 2
+
+
+def test_tabs_watch_what_each_wants(teach):
+    session = teach()
+    session.watch(["position", "torque"], "one")
+    session.watch(["position", "base_pose"], "two")
+    assert session.run.asked("watch")[-1][1] == {"signals": ["position", "torque", "base_pose"]}
+    for number in range(3000):
+        session.run.tick(number * 0.05, position=[number], torque=[0.0])
+    session.hear()
+    assert session.values["position"] == [2999]
+    assert len(session.history["position"]) == 2400
+    session.watch([], "one")
+    assert list(session.history) == ["position", "base_pose"]
+    assert len(session.history["position"]) == 2400
+
+
+def test_news_of_another_thread_are_handed_over(tmp_path):
+    handed, runs = [], []
+    session = Session.open(
+        "humanoid", tmp_path, live=lambda tell: runs.append(CountingRun(tell)) or runs[0], hand_over=handed.append
+    )
+    while handed:
+        handed.pop(0)()
+    telling = Thread(target=partial(runs[0].tick, 1.25))
+    telling.start()
+    telling.join()
+    assert session.time == 0.0  # until the page's thread takes it
+    handed.pop(0)()
+    assert session.time == 1.25
+    session.close()
+
+
+def test_five_hundred_runs_leave_no_more_than_the_rings(teach):
+    session = teach()
+    session.watch(["position"])
+    for number in range(500):
+        tried(session, {"left_elbow": float(number % 90)})
+        session.run.tick(number, position=[0.0] * 20)
+        session.add() if number % 2 else heard(session, session.discard())
+        session.run.calls.clear()
+        if number % 50 == 0:
+            session.reset()
+            session.hear()
+    kept = session._history._steps
+    assert len(kept) <= MOST_STEPS
+    assert sum(len(text) for _, text in kept) < 2e6
+    assert len(session._course._legs) <= 60
+
+
+# The station
+
+
+def test_settings_open_the_station_anew_and_can_be_undone(teach):
+    session = teach()
+    assert session.set("servo.kp", 120)
+    assert session.value("servo.kp") == 120
+    session.hear()
+    assert session.run.asked("open")[-1][1]["settings"] == {"servo.kp": 120}
+    assert session.phase == "idle"
+    program = on_disk(session)
+    assert load_station(session.file.parent / program.station).servo.kp == 120
+    assert session.undo()
+    assert session.settings == {}
+    session.hear()
+    assert session.run.asked("open")[-1][1]["settings"] == {}
+    assert on_disk(session).station == "humanoid_dynamic"
+    session.redo()
+    assert session.unset("servo.kp")
+    assert session.value("servo.kp") != 120
+    session.hear()
+    session.run.held = True
+    session.simulate()
+    session.hear()
+    assert not session.set("servo.kp", 130)
+    assert session.message.key == "busy"
+
+
+def test_loops_are_switched(teach):
+    session = teach()
+    loops = {loop["name"]: loop["on"] for loop in session.description["loops"]}
+    assert loops["height"] is False
+    assert loops["balance"] is False
+    assert session.switch_loop("height", True)
+    assert session.config.controllers["height"] == load_station("humanoid_height").controllers["height"]
+    session.hear()
+    assert {"name": "height", "on": True} in session.description["loops"]
+    assert session.switch_loop("height", False)
+    assert not session.config.controllers
+    assert not session.settings
+    own = teach("humanoid_height")
+    assert own.switch_loop("height", False)
+    assert not own.config.controllers
+    assert own.switch_loop("height", True)
+    assert own.settings == {}
+
+
+@pytest.mark.parametrize("robot", ["ur5", "puma560", "yobotics", "double_pendulum"])
+def test_every_robot_has_a_station(teach, robot):
+    session = teach(robot)
+    assert session.model.name == robot
+    assert Path(session.file).is_file()
+
+
+def test_a_station_without_robots(teach):
+    session = teach("bouncing_ball")
+    assert session.robot == ""
+    assert session.message.key == ""
+    assert tried(session, ELBOW) is None
+    assert session.message.wrong
+    assert heard(session, session.simulate()) is not None
