@@ -1,8 +1,9 @@
 """Jog an arm: its joints between their limits, and its tool around where it is, along the axes of a frame."""
 
-from asyncio import wrap_future
+from asyncio import sleep, wrap_future
 from collections.abc import Mapping
 from concurrent.futures import Future
+from math import isfinite
 from typing import Any
 
 from nicegui import background_tasks, ui
@@ -23,6 +24,7 @@ _FAR = {"deg": 360.0, "m": 1.0}
 """How far a slider goes where an axis has no limit."""
 _STEPS = {"deg": 1.0, "m": 0.01}
 _SAME = 1e-6  # m or deg
+_QUIET = 0.4  # s without a jog until the sliders show where the arm is: more may be on the way
 
 
 class Jogging:
@@ -55,8 +57,8 @@ class Jogging:
         name, far = axis["name"], _FAR[axis["unit"]]
         return Dial(
             joint_words(phrases, name),
-            low=max(axis["low"], -far),
-            high=min(axis["high"], far),
+            low=axis["low"] if isfinite(axis["low"]) else -far,
+            high=axis["high"] if isfinite(axis["high"]) else far,
             step=_STEPS[axis["unit"]],
             unit=phrases.unit(name).strip(),
             wrong=self._t("arm.beyond"),
@@ -113,6 +115,7 @@ class Jogging:
         self._awaited += 1
         try:
             await wrap_future(jog)
+            await sleep(_QUIET)
             if self._awaited == 1:
                 await self._place.asked()
         finally:

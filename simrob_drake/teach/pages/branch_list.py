@@ -18,7 +18,7 @@ def build(session: Session, phrases: Phrases) -> None:
     with ui.row().classes("w-full items-center gap-2"):
         ui.button(t("arm.branches"), icon="call_split", on_click=partial(session.branches, None)).props("no-caps")
         hide = ui.button(t("arm.hide"), on_click=session.hide_ghosts).props("flat no-caps")
-    found = ui.element("ol").classes("w-full p-0 m-0").style("list-style: none")
+    found = ui.element("ol").classes("w-full p-0 m-0").style("list-style: none; max-height: 22rem; overflow-y: auto")
     shown: list[Any] = []
 
     def show() -> None:
@@ -36,19 +36,19 @@ def build(session: Session, phrases: Phrases) -> None:
 
 def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]) -> None:
     """Build the entry of one."""
-    t, usable, share = phrases.t, branch["usable"], branch["load"]["share"]
-    with ui.element("li").classes("w-full py-2").style("border-top: 1px solid var(--line)"):
-        with ui.row().classes("w-full items-center gap-2"):
-            icon, colour, text = ("check", "positive", "usable") if usable else ("block", "negative", "not_usable")
+    t, usable = phrases.t, branch["usable"]
+    icon, colour, text = ("check", "positive", "usable") if usable else ("block", "negative", "not_usable")
+    with ui.element("li").classes("w-full py-1").style("border-top: 1px solid var(--line)"):
+        with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.icon(icon, color=colour, size="1.4rem").props("aria-hidden=true")
-            ui.label(t(f"arm.{text}", number=number + 1)).classes("font-medium grow")
+            ui.label(t(f"arm.{text}", number=number + 1)).classes("font-medium")
+            axes = "  ".join(_position(phrases, axis, value) for axis, value in branch["axes"].items())
+            ui.label(axes).classes("grow tabular-nums")
             button = ui.button(t("arm.choose"), on_click=partial(session.choose_branch, number))
             button.props(f'outline dense no-caps aria-label="{t("arm.choose_branch", number=number + 1)}"')
             button.set_enabled(usable)
-        ui.label("  ".join(_position(phrases, axis, value) for axis, value in branch["axes"].items()))
-        ui.linear_progress(min(share, 1.0), show_value=False, color="primary" if share <= 1 else "negative")
-        for text in (_load(phrases, branch), _room(phrases, branch), _gap(phrases, branch)):
-            ui.label(text).classes("text-sm")
+        told = (_load(phrases, branch), _room(phrases, branch), _gap(phrases, branch))
+        ui.label(" · ".join(told)).classes("text-sm")
 
 
 def _load(phrases: Phrases, branch: Mapping[str, Any]) -> str:
@@ -69,7 +69,8 @@ def _gap(phrases: Phrases, branch: Mapping[str, Any]) -> str:
         return phrases.t("arm.no_gap")
     (first, second), distance = branch["gap"]["between"], round(branch["gap"]["distance"] / MILLI)
     key = "arm.collision" if branch["collision"] else "arm.gap"
-    return phrases.t(key, distance=figure(distance), depth=figure(-distance), first=first, other=second)
+    things = {"first": first.replace("_", " "), "other": second.replace("_", " ")}
+    return phrases.t(key, distance=figure(distance), depth=figure(-distance), **things)
 
 
 def _position(phrases: Phrases, axis: str, value: float) -> str:

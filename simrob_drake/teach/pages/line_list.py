@@ -68,7 +68,7 @@ class _Lines:
         self._next = 0
         self._shown: Any = None
         self._room = context.slot.parent
-        with ui.row().classes("w-full items-center gap-2"):
+        with ui.row().classes("w-full items-center gap-2 pt-2"):
             self._play = ui.button(self._t("arm.play"), icon="play_arrow", on_click=session.simulate)
             self._step = ui.button(self._t("arm.step"), icon="skip_next", on_click=self._run_next)
             self._step.props[KEYS] = "Alt+S"
