@@ -44,7 +44,7 @@ def described(name="humanoid"):
         "robots": {name: robot},
         "pieces": ["box", "ball"],
         "bodies": [],
-        "loops": [{"name": "balance", "on": True}, {"name": "fall_guard", "on": False}],
+        "loops": [{"name": "balance", "on": True}, {"name": "guard", "on": False}],
         "signals": [*signals, pose],
     }
 

@@ -110,7 +110,7 @@ def test_set_joints_are_tested_together_in_their_time_and_then_stored():
         give(user, field(user, "left shoulder: arm forward"), 30.0)
         give(user, called(user, ui.slider, "right hip: leg forward")[0], 20.0)
         assert field(user, "right hip: leg forward").value == 20.0
-        give(user, field(user, "Time of the move"), 1.5)
+        give(user, field(user, "Duration"), 1.5)
         press(user, "2. Test")
         await heard()
         await user.should_see("Tested and not added yet: right hip: leg forward 20°, left shoulder: arm forward 30°")
@@ -192,7 +192,7 @@ def test_a_step_a_walk_and_an_act_are_asked_for():
         press(user, "Do it")
 
     calls = shown(script).calls
-    assert calls[-3:] == [("step",), ("walk", {"steps": 6, "amplitude": 0.5, "gait": None}), ("act", "step")]
+    assert calls[-3:] == [("step",), ("walk", {"steps": 6, "amplitude": 0.5, "gait": None}), ("act", "crouch")]
 
 
 def test_a_walk_of_half_a_step_is_refused():
@@ -208,10 +208,10 @@ def test_pieces_are_taken_and_left_and_loops_switched():
     async def script(user, session):
         press(user, "Take")
         press(user, "Leave")
-        user.find(kind=ui.switch, content="fall guard").click()
+        user.find(kind=ui.switch, content="arms against a fall").click()
 
     calls = shown(script).calls
-    assert calls[-3:] == [("attach", "box", "right_hand"), ("release", "box"), ("switch_loop", "fall_guard", True)]
+    assert calls[-3:] == [("attach", "box", "right_hand"), ("release", "box"), ("switch_loop", "guard", True)]
 
 
 STORED = [MOVE, {"walk": {"steps": 4, "amplitude": 0.5}}, {"act": "bow"}, {"attach": "box"}, {"wait": 2.0}]
@@ -253,7 +253,7 @@ def test_a_stored_move_is_edited_and_its_limits_hold():
         press_that(user, "Delete: right hip: leg forward")
         give(user, next(iter(user.find(kind=ui.select, content="One more joint").elements)), "left_knee")
         give(user, called(user, ui.number, "left knee: shank backward")[-1], 15.0)
-        give(user, called(user, ui.number, "Time of the move")[-1], 2.0)
+        give(user, called(user, ui.number, "Duration")[-1], 2.0)
         press(user, "Save")
 
     session = shown(script, LegsSession(moves=STORED))

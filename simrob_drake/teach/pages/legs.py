@@ -6,6 +6,7 @@ from typing import Any
 
 from nicegui import ui
 
+from simrob_drake.programs.legged_gait import SEQUENCE
 from simrob_drake.teach.pages import move_list, plots
 from simrob_drake.teach.pages.buttons import KEYS, told
 from simrob_drake.teach.pages.following import follow
@@ -48,13 +49,13 @@ def _build(session: Session, t: Words, robot: Content) -> None:
     phrases = Phrases(t, robot["axes"])
     _Teaching(session, phrases, robot)
     with _card(t("legs.motions")):
-        _motions(session, t, robot)
+        _motions(session, phrases, robot)
     if session.description.get("pieces"):
         with _card(t("legs.pieces")):
-            _pieces(session, t, robot)
+            _pieces(session, phrases, robot)
     if session.description.get("loops"):
         with _card(t("legs.loops")):
-            _loops(session, t)
+            _loops(session, phrases)
     with _card(t("legs.program")):
         move_list.build(session, phrases, robot)
     with ui.expansion(t("legs.plots")).classes("pendant-plate w-full") as expansion:
@@ -86,7 +87,7 @@ class _Teaching:
                 _button(t("legs.add"), session.add, 3, "Alt+A")
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
                 _button(t("legs.discard"), session.discard, keys="Alt+X").props("outline")
-                _button(t("legs.reset"), session.reset, keys="Alt+R").props("outline color=negative")
+                _button(t("legs.reset"), session.reset, keys="Alt+R").props("outline")
         self._axes, self._reference = robot["axes"], _reference_of(session)
         if self._reference:
             plots.watch(session, self._reference, card)
@@ -133,12 +134,13 @@ def _reference_of(session: Session) -> str:
     return next((name for name in (f"{session.robot}.reference", "reference") if name in names), "")
 
 
-def _motions(session: Session, t: Words, robot: Content) -> None:
+def _motions(session: Session, phrases: Phrases, robot: Content) -> None:
     """Build what goes a step, walks, and acts."""
+    t, acts = phrases.t, phrases.names(act for act in robot["acts"] if act != SEQUENCE)
     with ui.row().classes("w-full items-start gap-2"):
         _button(t("legs.step"), session.step, keys="Alt+P")
         if robot["gaits"]:
-            read = walk_form(t, robot["gaits"])
+            read = walk_form(phrases, robot["gaits"])
 
             def walk() -> None:
                 content = read()
@@ -146,30 +148,29 @@ def _motions(session: Session, t: Words, robot: Content) -> None:
                     session.walk(**content)
 
             _button(t("legs.walk"), walk, keys="Alt+W")
-    if robot["acts"]:
+    if acts:
         with ui.row().classes("w-full items-center gap-2"):
-            act = ui.select(robot["acts"], value=robot["acts"][0], label=t("legs.act")).props("dense outlined")
-            act.classes("w-40")
+            act = ui.select(acts, value=next(iter(acts)), label=t("legs.act")).props("dense outlined")
+            act.classes("w-52")
             _button(t("legs.do"), lambda: session.act(act.value), keys="Alt+O")
 
 
-def _pieces(session: Session, t: Words, robot: Content) -> None:
+def _pieces(session: Session, phrases: Phrases, robot: Content) -> None:
     """Build what takes pieces and leaves them."""
-    pieces, tools = session.description["pieces"], robot["tools"]
+    t, pieces, tools = phrases.t, session.description["pieces"], phrases.names(robot["tools"])
     with ui.row().classes("w-full items-center gap-2"):
         piece = ui.select(pieces, value=pieces[0], label=t("legs.piece")).props("dense outlined").classes("w-40")
-        tool = ui.select(tools, value=tools[0], label=t("legs.tool")).props("dense outlined").classes("w-40")
+        tool = ui.select(tools, value=next(iter(tools)), label=t("legs.tool")).props("dense outlined").classes("w-40")
         _button(t("legs.take"), lambda: session.attach(piece.value, tool.value))
         _button(t("legs.leave"), lambda: session.release(piece.value))
 
 
-def _loops(session: Session, t: Words) -> None:
+def _loops(session: Session, phrases: Phrases) -> None:
     """Build a switch for each loop around the servos; the station is opened anew when one is switched."""
-    switches = {}
-    for loop in session.description["loops"]:
-        name = loop["name"]
-        switches[name] = ui.switch(name.replace("_", " "), value=loop["on"])
-        switches[name].on_value_change(lambda event, name=name: session.switch_loop(name, event.value))
+    with ui.row().classes("w-full gap-x-4 gap-y-0"):
+        for loop in session.description["loops"]:
+            switch = ui.switch(phrases.name(loop["name"]), value=loop["on"])
+            switch.on_value_change(lambda event, name=loop["name"]: session.switch_loop(name, event.value))
 
 
 def _card(title: str, number: int = 0) -> ui.column:

@@ -28,14 +28,14 @@ def duration_field(t: Words, value: float = MOVE_TIME) -> NumberField:
     return NumberField(t, t("legs.duration"), value, low=SHORTEST, high=LONGEST, unit=" s", step=0.1)
 
 
-def walk_form(t: Words, gaits: Sequence[str], walk: Mapping[str, Any] | None = None) -> Read:
+def walk_form(phrases: Phrases, gaits: Sequence[str], walk: Mapping[str, Any] | None = None) -> Read:
     """Build a form for what a walk is; ``walk`` is what it holds at first."""
-    given = dict(walk or {})
+    t, given = phrases.t, dict(walk or {})
     steps = NumberField(t, t("legs.steps"), given.get("steps", _STEPS), low=-MOST_STEPS, high=MOST_STEPS, whole=True)
     amplitude = NumberField(
         t, t("legs.amplitude"), given.get("amplitude", 1.0), low=-MOST_AMPLITUDE, high=MOST_AMPLITUDE, step=0.1
     )
-    choices: dict[str | None, str] = {None: t("legs.usual_gait"), **{gait: gait for gait in gaits}}
+    choices: dict[str | None, str] = {None: t("legs.usual_gait"), **{gait: phrases.name(gait) for gait in gaits}}
     gait = ui.select(choices, value=given.get("gait"), label=t("legs.gait")).props("dense outlined options-dense")
     steps.field.classes("w-20")
     amplitude.field.classes("w-24")
@@ -56,7 +56,7 @@ def move_form(phrases: Phrases, robot: Content, move: Content) -> Read:
         return _targets_form(phrases, robot["axes"], move)
     if "walk" in move:
         with ui.row().classes("items-start gap-2"):
-            walk = walk_form(phrases.t, robot["gaits"], move["walk"])
+            walk = walk_form(phrases, robot["gaits"], move["walk"])
         return lambda: None if (content := walk()) is None else {"walk": content}
     return yaml_form(phrases.t, move)
 

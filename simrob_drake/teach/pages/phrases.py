@@ -26,11 +26,15 @@ class Phrases:
 
     def axis(self, name: str) -> str:
         """Return what an axis is called, and which way is positive; its plain name where there are no words for it."""
-        known = self._axes[name]["name"] if name in self._axes else name
-        try:
-            return self.t(f"axes.{known}")
-        except KeyError:
-            return known.replace("_", " ")
+        return _named(self.t, "axes", self._axes[name]["name"] if name in self._axes else name)
+
+    def name(self, name: str) -> str:
+        """Return what a gait, an act, a loop or a tool is called; its plain name where there are no words for it."""
+        return _named(self.t, "names", name)
+
+    def names(self, names: Iterable[str]) -> dict[str, str]:
+        """Return what several are called, to choose from."""
+        return {name: self.name(name) for name in names}
 
     def target(self, name: str, value: float) -> str:
         """Return where an axis goes."""
@@ -48,11 +52,14 @@ class Phrases:
         kind, content = next(iter(move.items()))
         if kind not in _TOLD:
             return as_text(move)
-        first, *others = content.values() if isinstance(content, Mapping) else [content]
-        keys = list(content)[1:] if others else []
-        rest = ", ".join(f"{key.replace('_', ' ')} {as_text(value)}" for key, value in zip(keys, others, strict=True))
-        told = self.t(f"legs.told_{kind}", what=figure(first) if isinstance(first, (int, float)) else first)
-        return f"{told} ({rest})" if rest else told
+        told = dict(content) if isinstance(content, Mapping) else {kind: content}
+        first = told.pop(next(iter(told)))
+        what = figure(first) if isinstance(first, (int, float)) else self.name(first)
+        rest = ", ".join(
+            f"{key.replace('_', ' ')} {as_text(value)}" for key, value in told.items() if value is not None
+        )
+        words = self.t(f"legs.told_{kind}", what=what)
+        return f"{words} ({rest})" if rest else words
 
     def change(self, change: Change, grid: float) -> str:
         """Return a change of a run in one line; ``grid`` is the program's [s]."""
@@ -66,6 +73,13 @@ class Phrases:
         else:
             told = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
         return t("legs.told_at", time=figure(change.time), what=told)
+
+
+def _named(t: Words, section: str, name: str) -> str:
+    try:
+        return t(f"{section}.{name}")
+    except KeyError:
+        return name.replace("_", " ")
 
 
 def matches(search: str, texts: Iterable[str]) -> bool:
