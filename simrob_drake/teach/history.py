@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from pydantic import ValidationError
 
 from simrob_drake.errors import SimrobError
@@ -16,10 +14,10 @@ MOST_STEPS, MOST_LETTERS = 200, 2_000_000
 class History:
     """What is taught now, with what undo goes back to and what redo brings back."""
 
-    def __init__(self, steps: Iterable[Taught] = (), at: int = -1) -> None:
-        """Begin with steps, or anew; ``at`` is the number of the present one."""
-        self._steps = [(step, step.model_dump_json()) for step in steps] or [_as_step(Taught())]
-        self._at = range(len(self._steps))[at]
+    def __init__(self, taught: Taught | None = None) -> None:
+        """Begin with what is taught already."""
+        self._steps = [_as_step(Taught() if taught is None else taught)]
+        self._at = 0
         self._label = ""
 
     @property
@@ -74,10 +72,13 @@ class History:
     def of_text(cls, text: str) -> History | None:
         """Return what :meth:`text` gave; None of anything else."""
         at, *lines = text.removesuffix("\n").split("\n")
+        history = cls()
         try:
-            return cls([Taught.model_validate_json(line) for line in lines], int(at))
+            history._steps = [(Taught.model_validate_json(line), line) for line in lines]
+            history._at = range(len(lines))[int(at)]
         except (ValidationError, SimrobError, ValueError, IndexError):
             return None
+        return history
 
 
 def _as_step(taught: Taught) -> tuple[Taught, str]:

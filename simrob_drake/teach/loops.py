@@ -24,23 +24,28 @@ def loops_known(own: StationConfig) -> dict[str, Settings]:
     return known
 
 
-def switched(own: StationConfig, settings: Settings, name: str, on: bool) -> Settings:
-    """Return the settings with a loop switched on or off.
+def switched(known: dict[str, Settings], settings: Settings, name: str, on: bool) -> Settings:
+    """Return the settings of a station with a loop switched on or off.
+
+    Args:
+        known: the loops.
+        settings: as they are.
+        name: of a loop.
+        on: whether it is to be there.
 
     Raises:
         UnknownName: no such loop; proposes the nearest.
     """
-    known = loops_known(own)
     needed, key = known[one_of("loop", name, known)], f"controllers.{name}"
-    others = {other for loop in loops_on(own, settings) - {name} for other in known[loop]}
-    left = {other: value for other, value in settings.items() if other != key and other not in needed.keys() - others}
+    others = {other for loop in loops_on(known, settings) if loop != name for other in known[loop]}
+    dropped = {key, *needed} - others
+    left = {other: value for other, value in settings.items() if other not in dropped}
     return left | (needed if on else {} if needed else {key: None})
 
 
-def loops_on(own: StationConfig, settings: Settings) -> set[str]:
-    """Return the loops that a station has with its settings."""
-    given = {key.removeprefix("controllers."): value for key, value in settings.items() if key.count(".") == 1}
-    return {name for name in loops_known(own) if given.get(name, name in own.controllers or None)}
+def loops_on(known: dict[str, Settings], settings: Settings) -> list[str]:
+    """Return the loops that a station has with its settings: its own unless taken out, and those that are given."""
+    return [name for name, needed in known.items() if settings.get(f"controllers.{name}", not needed)]
 
 
 def _sensors(section: Any, content: dict[str, Any]) -> Settings:

@@ -62,7 +62,7 @@ class Session(Jogging):
         """Begin empty; :meth:`open` makes one that can be used."""
         super().__init__(live, hand_over)
         self.subject, self.folder = "", Path()
-        self._held = ExitStack()
+        self._held, self._loops = ExitStack(), dict[str, dict[str, Any]]()
 
     @classmethod
     def open(
@@ -94,6 +94,7 @@ class Session(Jogging):
         session.subject = str(subject)
         name, session.station = station_for(subject, Path(folder))
         session.config = load_station(session.station)
+        session._loops = loops_known(session.config)
         robots = list(session.config.robots)
         session.robot = one_of("robot", robot, robots) if robot is not None else next(iter(robots), "")
         session.folder = (Path(folder) / name).absolute()
@@ -135,7 +136,7 @@ class Session(Jogging):
     def switch_loop(self, name: str, on: bool) -> bool:
         """Switch an outer loop of the station on or off, while nothing runs."""
         try:
-            settings = switched(load_station(self.station), self.settings, name, on)
+            settings = switched(self._loops, self.settings, name, on)
         except SimrobError as problem:
             self._wrong(problem)
             return False
@@ -188,7 +189,8 @@ class Session(Jogging):
         self._store, self._history, notice = opened(first, self.folder, self._fits)
         self.file = self._store.file
         try:
-            self.config = load_station(self.station, self._history.present.settings)
+            if settings := self._history.present.settings:
+                self.config = load_station(self.station, settings)
         except SimrobError as problem:  # of a station whose file has changed
             self._wrong(problem)
             self._history.record(self._history.present.but(settings={}))
@@ -233,9 +235,8 @@ class Session(Jogging):
         return True
 
     def _described(self, description: dict[str, Any]) -> dict[str, Any]:
-        own = load_station(self.station)
-        on = loops_on(own, self.settings)
-        loops = [{"name": name, "on": name in on} for name in loops_known(own)]
+        on = loops_on(self._loops, self.settings)
+        loops = [{"name": name, "on": name in on} for name in self._loops]
         return super()._described({**description, "loops": loops})
 
     def _exported(self, file: Path, text: str) -> Future[Any]:

@@ -84,7 +84,7 @@ class Store:
             return steps or History()
         program, self._written = Program.load(self.file), text_of(self.file)
         if steps is None:
-            steps = History([Taught.of(program)])
+            steps = History(Taught.of(program))
         elif program != self._present(steps):
             if _digest(self._written) == before:  # the last save was stopped before it came to this file
                 return steps
@@ -144,7 +144,7 @@ def opened(first: Store, folder: Path, fits: Fits) -> tuple[Store, History, Noti
         key, why, taken = (
             "taken_over",
             str(history.present.program.station),
-            History([Taught.of(history.present.program)]),
+            History(Taught.of(history.present.program)),
         )
     except SimrobError as problem:
         key, why, taken = "damaged", str(problem), first.last()

@@ -194,7 +194,7 @@ class Trying(Keeping):
     # News
 
     def _ended(self, news: News) -> None:
-        self.ending = news
+        self.ending, jogged = news, self._kind == "free"
         if not self._rewound:
             self.time = news["time"]
         if news["ending"] == "stopped":
@@ -203,7 +203,8 @@ class Trying(Keeping):
             self._failed()
         self._kind, self._failed, self._kind_seen = "", lambda: None, self._kind
         if news["ending"] != "stopped":
-            self._say(Notice(fills={"text": news["message"]}, wrong=news["ending"] != "completed"))
+            well = news["ending"] == "completed"
+            self._say(Notice() if well and jogged else Notice(fills={"text": news["message"]}, wrong=not well))
 
     def _noted(self, change: dict[str, Any]) -> None:
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
