@@ -16,6 +16,7 @@ from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Arm
 from simrob_drake.programs.branches import Branch
 from simrob_drake.programs.one_move import targets_on
+from simrob_drake.programs.workcell import Workcell
 
 BASE, TOOL = "base", "tool"
 """Frames of every arm: of its foot, and of its tool centre point where its reference has it."""
@@ -108,14 +109,15 @@ def jog(arm: Arm, targets_deg: Mapping[str, float], duration: float | None = Non
     return {"move_abs_j": move if arm.cell.config.only_robot else {**move, "robot": arm.name}}
 
 
-def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE) -> list[dict[str, Any]]:
-    """Return every posture that brings the tool to a pose, usable ones first; without a pose, where it is now.
+def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE, tool: str = "") -> list[dict[str, Any]]:
+    """Return every posture that brings a tool, the one in use unless named, to a pose; without a pose, where it is now.
 
-    Each is ``{axes, torque, limit, load, room, gap, collision, usable}``: positions [deg or m], what holds them, the
-    limits of that [N·m or N] by axis; ``load`` ``{share, axis}`` of a limit, ``room`` ``{left, unit, axis}`` to a
-    joint's, ``gap`` ``{distance, between: [what, what]}`` to what is nearest [m], or None with nothing around; what
-    would be in what; and whether the arm can stand so.
+    Usable ones come first. Each is ``{axes, torque, limit, load, room, gap, collision, usable}``: positions [deg or m],
+    what holds them and the limits of that [N·m or N], by axis; ``load`` ``{share, axis}`` of a limit; ``room`` ``{left,
+    unit, axis}`` to a joint's; ``gap`` ``{distance, between: [what, what]}`` to what is nearest [m], or None with
+    nothing around; what would be in what; and whether the arm can stand so.
     """
+    arm = _using(arm, tool)
     target = _tool(arm) if pose is None else _frame(arm, frame) @ _pose(pose, "pose")
     return [_meaning(arm, branch) for branch in arm.branches(target, start=arm.reference)]
 
@@ -138,6 +140,15 @@ def _meaning(arm: Arm, branch: Branch) -> dict[str, Any]:
         "collision": branch.collision,
         "usable": branch.usable,
     }
+
+
+def _using(arm: Arm, tool: str) -> Arm:
+    """Return the arm with a tool, in a station of its own unless it has that already."""
+    if tool in ("", arm.cell.robot(arm.name).tcp):
+        return arm
+    cell = Workcell(arm.cell.config)
+    cell.state = arm.cell.state
+    return cell.arm(arm.name, tool)
 
 
 def _tool(arm: Arm) -> RigidTransform:

@@ -224,9 +224,11 @@ class Bench:
         return arm_questions.inverse(self._arm(), pose, frame)
 
     @at_any_time
-    def branches(self, pose: Sequence[float] | None = None, frame: str = arm_questions.BASE) -> list[dict[str, Any]]:
+    def branches(
+        self, pose: Sequence[float] | None = None, frame: str = arm_questions.BASE, tool: str = ""
+    ) -> list[dict[str, Any]]:
         """Tell all postures that reach a pose, that of the tool unless given, and what each means."""
-        return arm_questions.branches(self._arm(), pose, frame)
+        return arm_questions.branches(self._arm(), pose, frame, tool)
 
     @at_any_time
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:

@@ -120,13 +120,17 @@ class Jogging(Driving):
         def found(branches: list[dict[str, Any]]) -> Any:
             self.ghosts = branches
             self._tell("program")
-            good = [branch["usable"] for branch in branches]
-            return self._ask("ghosts", lambda _: branches, postures=[one["axes"] for one in branches], good=good)
+            return self.mark_branch(None)
 
         known = self._history.present.targets
         goal = known.get(target or "")
-        of: dict[str, Any] = {"pose": list(goal.pose), "frame": goal.frame} if goal else {}
+        of: dict[str, Any] = {"pose": list(goal.pose), "frame": goal.frame, "tool": goal.tool} if goal else {}
         return self._ask("branches", found, **of)
+
+    def mark_branch(self, number: int | None) -> Future[Any]:
+        """Let the view show one of ``ghosts`` less faint than the others, or none."""
+        postures, good = ([one[key] for one in self.ghosts] for key in ("axes", "usable"))
+        return self._ask("ghosts", lambda _: self.ghosts, postures=postures, good=good, marked=number)
 
     def choose_branch(self, number: int) -> Future[Any]:
         """Go to one of ``ghosts``, and hide them."""
@@ -142,7 +146,7 @@ class Jogging(Driving):
         """Hide the ghosts."""
         self.ghosts = []
         self._tell("program")
-        return self._ask("ghosts", postures=[], good=[])
+        return self.mark_branch(None)
 
     def _jog(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
         self._course.went_on([None], self.time, free=True)

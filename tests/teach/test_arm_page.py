@@ -105,6 +105,10 @@ class ArmSession(StubSession):
         self.hide_ghosts()
         return self.jog_axes(axes)
 
+    def mark_branch(self, number):
+        self.calls.append(("mark_branch", number))
+        return given(True)
+
     def hide_ghosts(self):
         self.told("program", ghosts=[])
         return given(True)

@@ -137,6 +137,19 @@ def test_each_branch_brings_the_tool_to_the_pose_and_is_another(arm):
     assert ask.branches(arm, [2.0, 0, 0, 0, 0, 0]) == []
 
 
+def test_a_pose_may_be_that_of_another_tool():
+    arm = Arm("irb120_workcell")
+    pose = arm_pose_of(arm, "gripper")
+    found = ask.branches(arm, pose, "world", "gripper")
+    assert any(branch["axes"] == pytest.approx(ask.where(arm)["axes"], abs=1e-6) for branch in found)
+    assert ask.where(arm)["tool"] == "pencil", "the arm keeps its own"
+
+
+def arm_pose_of(arm, tool):
+    other = Workcell(arm.cell.config).arm(tool=tool)
+    return ask.tool_pose(other, "world")
+
+
 def test_the_torque_of_a_branch_is_drakes_gravity_load(arm):
     model = StationModel(arm.cell.config)
     plant: MultibodyPlant = model.plant

@@ -38,7 +38,10 @@ def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str
     """Build the entry of one."""
     t, usable = phrases.t, branch["usable"]
     icon, colour, text = ("check", "positive", "usable") if usable else ("block", "negative", "not_usable")
-    with ui.element("li").classes("w-full py-1").style("border-top: 1px solid var(--line)"):
+    with ui.element("li").classes("w-full py-1").style("border-top: 1px solid var(--line)") as entry:
+        for event in ("mouseenter", "focusin"):
+            entry.on(event, partial(session.mark_branch, number))
+        entry.on("mouseleave", partial(session.mark_branch, None))
         with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.icon(icon, color=colour, size="1.4rem").props("aria-hidden=true")
             ui.label(t(f"arm.{text}", number=number + 1)).classes("font-medium")
