@@ -83,21 +83,31 @@ class _Scope:
         unit, self._factor = _AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
         self._drawn: object = None
         ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
-        with ui.column().classes("w-full gap-0") as self.element:
-            with ui.row().classes("w-full items-center no-wrap"):
+        names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
+        first = [number for number, column in enumerate(about["columns"]) if only in ("", column)]
+        first = first[: 3 if len(names) == _POSE else _AT_ONCE]
+        with ui.column().classes("w-full gap-1") as self.element:
+            with ui.row().classes("w-full items-center justify-between"):
                 ui.label(f"{title}{f' [{unit}]' if unit else ''}").classes("font-bold")
-                self._choice = ui.select({}, value=[], label=t("plots.curves"), multiple=True, clearable=True)
-                self._choice.props("dense use-chips").classes("grow min-w-0")
+                self._choice = ui.select(names, value=first, label=t("plots.curves"), multiple=True)
+                self._choice.props("dense outlined options-dense").classes("w-40").set_visibility(len(names) > 1)
+            self._legend = ui.row().classes("w-full gap-x-4 gap-y-0 text-sm")
             self._chart = ui.echart({}, renderer="svg").classes("w-full h-56 simrob-plot")
             self._chart.props(f'role=img aria-label="{title}"')
             ui.timer(_PAUSE, self._look)
-        names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
-        first = [number for number, column in enumerate(about["columns"]) if only in ("", column)]
-        self._choice.set_options(names, value=first[: 3 if len(names) == _POSE else _AT_ONCE])
-        self._choice.set_visibility(len(names) > 1)
-        self._choice.on_value_change(self._forget)
+        self._choice.on_value_change(self._choose)
+        self._choose()
 
-    def _forget(self) -> None:
+    def _choose(self) -> None:
+        """Tell which curves are chosen, and draw these from now on."""
+        chosen = self._choice.value
+        self._choice.props["display-value"] = f"{len(chosen)} / {len(self._choice.options)}"
+        self._legend.clear()
+        with self._legend:
+            for column in chosen:
+                with ui.row().classes("items-center gap-1 no-wrap"):
+                    ui.element("span").style(f"width: 1.2em; height: 3px; background: {_colour(column)}")
+                    ui.label(self._choice.options[column])
         self._drawn = None
 
     def _look(self) -> None:
@@ -107,11 +117,15 @@ class _Scope:
         if seen == self._drawn:
             return
         self._drawn = seen
-        chosen: list[int] = sorted(self._choice.value or ())
+        chosen: list[int] = sorted(self._choice.value)
         rows = thinned(newest(ring), _POINTS)
         source = [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
         names = [self._choice.options[column] for column in chosen]
-        self._chart.props["options"] = _picture(names, [_COLOURS[i % len(_COLOURS)] for i in chosen], source)
+        self._chart.props["options"] = _picture(names, [_colour(column) for column in chosen], source)
+
+
+def _colour(column: int) -> str:
+    return _COLOURS[column % len(_COLOURS)]
 
 
 def short(names: Sequence[str]) -> list[str]:
@@ -157,8 +171,7 @@ def _picture(names: Sequence[str], colours: Sequence[str], source: Sequence[Sequ
     return {
         "animation": False,
         "color": list(colours),
-        "grid": {"left": 56, "right": 12, "top": 30, "bottom": 40},
-        "legend": {"type": "scroll", "top": 0},
+        "grid": {"left": 56, "right": 12, "top": 12, "bottom": 40},
         "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax", **name, **faint, **ends},
         "yAxis": {"type": "value", "scale": True, **faint},
         "dataset": {"source": list(source)},
