@@ -5,8 +5,8 @@ import json
 import pytest
 
 from simrob_drake.teach.pages import shell
-from tests.teach.serving import serving
-from tests.teach.stub_session import StubSession
+from serving import serving
+from stub_session import StubSession
 
 PLACES = ["/", "/view/", "/view/events", "/_nicegui_ws/socket.io/?EIO=4&transport=polling", "/nowhere"]
 SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
@@ -16,8 +16,8 @@ HANDSHAKE = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version:
 @pytest.fixture(scope="module")
 def served():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(shell, "BUILDERS", {})
-        with serving(lambda subject: StubSession(subject, drawn=[{"type": "delete", "path": "/x"}])) as served:
+        patch.setattr(shell, "TABS", {"station": lambda *_: None})
+        with serving(lambda subject, _: StubSession(subject, drawn=[{"type": "delete", "path": "/x"}])) as served:
             yield served
 
 

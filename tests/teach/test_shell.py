@@ -1,0 +1,360 @@
+"""What all tabs of the pendant share: words, keys, what is loaded, the bar that runs it, the view, what is taken."""
+
+import asyncio
+import re
+from base64 import b64encode
+from concurrent.futures import Future
+
+import pytest
+from stub_session import Notice, StubSession
+
+pytest.importorskip("nicegui", reason="needs the extra gui")
+from nicegui import ElementFilter, ui
+from nicegui.testing import user_simulation
+from nicegui.testing.user_interaction import UserInteraction
+
+from simrob_drake.errors import SimrobError, UnknownName
+from simrob_drake.robots.catalog import robot_names
+from simrob_drake.teach.notices import NOTICES
+from simrob_drake.teach.pages import shell
+from simrob_drake.teach.pages.buttons import KEYS
+from simrob_drake.teach.pages.words import languages, texts_of, words
+from simrob_drake.teach.pendant import Pendant
+
+EN, ES = texts_of("en"), texts_of("es")
+BRACES = re.compile(r"{(\w+)}")
+
+
+def opened(subject, robot=None, **more):
+    if subject == "wrong":
+        raise SimrobError("there is no station or robot 'wrong'")
+    session = StubSession(subject, **more)
+    session.robot = robot or session.robot
+    session.opened()
+    return session
+
+
+@pytest.fixture(autouse=True)
+def bare_tabs(monkeypatch):
+    """The tabs have tests of their own."""
+    monkeypatch.setattr(shell, "TABS", {name: lambda *_: None for name in ("legs", "arm", "station")})
+
+
+def visit(scenario, pendant=None, *, webgl=True):
+    """Let a user do something in the page of a pendant."""
+
+    async def run():
+        shown = pendant or Pendant(opened, "humanoid")
+        async with user_simulation(root=lambda: shell.build(shown)) as user:
+            user.javascript_rules[re.compile(r"window\.hasWebGL\(\)")] = lambda _: webgl
+            await user.open("/")
+            await asyncio.sleep(0.05)
+            await scenario(user, shown)
+
+    asyncio.run(run())
+
+
+def shown_name(picture):
+    return picture.default_slot.children[1].text.replace(" ", "_")
+
+
+def button(user, keys):
+    (found,) = elements(user, **{KEYS: keys})
+    return found
+
+
+def press(user, element):
+    UserInteraction(user, {element}, None).click()
+
+
+def elements(user, **properties):
+    """Return the elements of the page whose properties are so."""
+    with user:
+        found = ElementFilter(local_scope=False)
+        return [one for one in found if all(one.props.get(name) == value for name, value in properties.items())]
+
+
+async def until(condition):
+    for _ in range(250):
+        if condition():
+            return
+        await asyncio.sleep(0.02)
+    pytest.fail("it did not come")
+
+
+async def heard(session, *topics, **news):
+    session.told(*topics, **news)
+    await asyncio.sleep(0.12)
+
+
+# Words
+
+
+def test_the_languages_say_the_same_things():
+    assert languages() == ["en", "es"]
+    assert EN.keys() == ES.keys()
+    assert {key: sorted(BRACES.findall(text)) for key, text in EN.items()} == {
+        key: sorted(BRACES.findall(text)) for key, text in ES.items()
+    }
+    assert all(isinstance(text, str) and text.strip() for text in [*EN.values(), *ES.values()])
+    with pytest.raises(UnknownName, match="language 'fr'"):
+        words("fr")
+
+
+def test_every_notice_of_a_session_has_its_words():
+    assert {key.removeprefix("notice."): text for key, text in EN.items() if key.startswith("notice.")} == NOTICES
+
+
+# What is loaded
+
+
+def test_the_robots_are_shown_and_the_loaded_one_is_marked():
+    async def scenario(user, pendant):
+        buttons = [one for one in elements(user) if "pendant-robot" in one.classes]
+        pictures = {shown_name(one): one.props["aria-pressed"] for one in buttons}
+        assert pictures.keys() == set(robot_names())
+        assert [name for name, pressed in pictures.items() if pressed == "true"] == ["humanoid"]
+        assert list(pictures)[:4] == ["humanoid", "roid1", "yobotics", "zjudancer"]  # those with legs first
+
+    visit(scenario)
+
+
+def test_another_robot_takes_the_place_of_the_loaded_one():
+    pendant = Pendant(opened, "humanoid")
+    first = pendant.session
+
+    async def scenario(user, pendant):
+        (picture,) = (one for one in elements(user) if "pendant-robot" in one.classes and shown_name(one) == "irb120")
+        UserInteraction(user, {picture}, None).trigger("click")
+        assert first.closed
+        assert pendant.session.subject == "irb120"
+        second = pendant.session
+        assert not pendant.load("irb120")  # again
+        assert pendant.session is second
+        assert not second.closed
+
+    visit(scenario, pendant)
+
+
+def test_what_cannot_be_loaded_is_told_and_what_is_loaded_stays():
+    pendant = Pendant(opened, "humanoid")
+    first = pendant.session
+    with pytest.raises(SimrobError, match="wrong"):
+        pendant.load("wrong")
+    assert pendant.session is first
+    assert not first.closed
+
+
+def test_of_several_robots_one_is_taught():
+    def two(subject, robot=None):
+        session = opened(subject, robot or "left", station="two_arms")
+        kinds = {"left": "arm", "right": "legs"}
+        session.told(description={"robots": {name: {"model": "irb120", "kind": kinds[name]} for name in kinds}})
+        return session
+
+    async def scenario(user, pendant):
+        first = pendant.session
+        with user:
+            choice = next(one for one in ElementFilter(kind=ui.select, local_scope=False) if one.value == "left")
+        assert choice.options == ["left", "right"]
+        choice.set_value("right")
+        assert first.closed  # before: two do not teach in one folder
+        assert (pendant.session.subject, pendant.session.robot) == (first.subject, "right")
+
+    visit(scenario, Pendant(two, "two_arms"))
+
+
+def test_the_tab_of_its_kind_comes_to_the_front():
+    async def scenario(user, pendant):
+        with user:
+            (tabs,) = ElementFilter(kind=ui.tabs, local_scope=False)
+            heads = {one.props["name"]: one for one in ElementFilter(kind=ui.tab, local_scope=False)}
+        assert tabs.value == "legs"
+        assert {name: head.visible for name, head in heads.items()} == {"legs": True, "arm": False, "station": True}
+        tabs.set_value("station")
+        await heard(pendant.session, "description")
+        assert tabs.value == "station"  # as its user wants
+
+    visit(scenario)
+
+
+# The run
+
+
+def test_the_bar_follows_a_run_and_play_does_what_comes_next():
+    async def scenario(user, pendant):
+        session = pendant.session
+        play, tick, stop, start = (button(user, keys) for keys in ("Space", ".", "Shift+S", "Home"))
+        assert (play.enabled, tick.enabled, stop.enabled) == (True, False, False)
+        press(user, play)
+        await heard(session, "phase", phase="running")
+        assert (play.props["icon"], play.props["aria-label"]) == ("pause", EN["run.pause"])
+        await heard(session, "tick", time=1.25, ratio=0.8)
+        await user.should_see("1.25 of 1.25 s  0.8 × the clock")
+        press(user, play)
+        await heard(session, "phase", phase="paused")
+        assert (play.props["icon"], tick.enabled, stop.enabled) == ("play_arrow", True, True)
+        press(user, tick)
+        press(user, start)
+        await heard(session, "phase", "tick", time=0.0)
+        await user.should_see("0.00 of 1.25 s")
+        press(user, play)
+        await heard(session, "phase", "tick", phase="running", time=0.3)
+        await user.should_see("0.30 of 0.30 s")  # what came after is forgotten
+        press(user, stop)
+        await heard(session, "phase", phase="idle")
+        press(user, play)
+        asked = [("simulate",), ("pause",), ("one_tick",), ("rewind", 0.0), ("go_on",), ("stop",), ("simulate",)]
+        assert session.calls == asked
+        await heard(session, "program", pending=({"target_deg": {}},))
+        assert not play.enabled  # it would forget what was tested
+
+    visit(scenario)
+
+
+def test_the_way_back_is_the_user_s_and_no_echo_of_the_run():
+    async def scenario(user, pendant):
+        session = pendant.session
+        await heard(session, "phase", "tick", phase="running", time=2.0)
+        (slider,) = (one for one in elements(user) if isinstance(one, ui.slider))
+        assert (slider.value, slider.props["max"], slider.props["step"]) == (2.0, 2.0, 0.05)
+        assert session.calls == []
+        UserInteraction(user, {slider}, None).trigger("update:modelValue", 0.75)
+        assert session.calls == [("rewind", 0.75)]
+
+    visit(scenario)
+
+
+def test_a_pace_that_is_shown_is_not_asked_for_again():
+    """Else two tabs would answer each other for ever."""
+
+    async def scenario(user, pendant):
+        session = pendant.session
+        (pace,) = (one for one in elements(user) if isinstance(one, ui.select) and "max" in one.options)
+        await heard(session, "phase", pace=0.25)
+        assert (pace.value, session.calls) == ("0.25", [])
+        pace.set_value("max")
+        assert session.calls == [("set_pace", None)]
+
+    visit(scenario)
+
+
+def test_a_message_is_told_in_the_page_s_language_and_what_is_wrong_stands_out():
+    pendant = Pendant(opened, "humanoid", language="es")
+
+    async def scenario(user, pendant):
+        await heard(pendant.session, "message", message=Notice("exported", {"file": "a.csv"}))
+        await user.should_see("Se ha escrito a.csv")
+        await heard(pendant.session, "message", message=Notice(fills={"text": "kp is -1"}, wrong=True))
+        (line,) = elements(user, role="status")
+        assert (line.text, "pendant-wrong" in line.classes) == ("kp is -1", True)
+
+    visit(scenario, pendant)
+
+
+# The view
+
+
+def test_the_view_is_a_frame():
+    async def scenario(user, pendant):
+        await until(lambda: elements(user, src="/view/"))
+        (frame,) = elements(user, src="/view/")
+        assert (frame.tag, frame.props["title"]) == ("iframe", EN["shell.view"])
+        drag = button(user, "D")
+        press(user, drag)
+        assert drag.props["aria-pressed"] == "true"
+        press(user, drag)
+        assert drag.props["aria-pressed"] == "false"
+
+    visit(scenario)
+
+
+def test_without_webgl_a_run_is_a_strip_of_pictures_and_why(tmp_path):
+    file = tmp_path / "program.png"
+    file.write_bytes(b"\x89PNG strip")
+    drawn = []
+
+    def strip(self):
+        drawn.append(self.time)
+        done = Future()
+        done.set_result(file)
+        return done
+
+    async def scenario(user, pendant):
+        await user.should_see(EN["shell.no_webgl"])
+        assert drawn == []  # nothing was run
+        await heard(pendant.session, "phase", phase="running", time=2.0)
+        assert drawn == []
+        await heard(pendant.session, "phase", phase="idle")
+        await until(lambda: drawn == [2.0])
+        (image,) = elements(user, alt=EN["shell.view"])
+        assert image.props["src"] == f"data:image/png;base64,{b64encode(file.read_bytes()).decode()}"
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(StubSession, "film_strip", strip)
+        visit(scenario, webgl=False)
+
+
+# The rest of the head
+
+
+def test_undo_and_redo_are_there_when_something_can_be():
+    async def scenario(user, pendant):
+        undo, redo = button(user, "Control+Z"), button(user, "Control+Shift+Z")
+        assert (undo.enabled, redo.enabled) == (False, False)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(StubSession, "can_undo", True)
+            await heard(pendant.session, "program")
+            assert (undo.enabled, redo.enabled) == (True, False)
+
+    visit(scenario)
+
+
+def test_what_is_written_is_taken_away(tmp_path):
+    file = tmp_path / "program.yaml"
+    done = Future()
+    done.set_result(file)
+
+    async def scenario(user, pendant):
+        first, *_ = (one for one in elements(user) if isinstance(one, ui.menu_item))
+        press(user, first)
+        await until(lambda: user.download.http_responses)
+        (taken,) = user.download.http_responses
+        assert taken.request.url.path == str(file)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(StubSession, "export_program", lambda _: done)
+        visit(scenario)
+
+
+def test_the_help_lists_the_keys_of_what_is_there():
+    async def scenario(user, pendant):
+        press(user, button(user, "?"))
+        await user.should_see("Control+Shift+Z")
+        await user.should_see("Alt+1")
+        await user.should_not_see("Alt+2")  # no arm is loaded
+        keys = [one.props[KEYS] for one in elements(user) if KEYS in one.props]
+        assert len(keys) == len(set(keys))  # each presses one button
+
+    visit(scenario)
+
+
+def test_all_that_is_pressed_has_a_name():
+    async def scenario(user, pendant):
+        for one in elements(user):
+            if isinstance(one, ui.button | ui.slider | ui.select):
+                assert one.props.get("aria-label") or one.props.get("label"), one
+
+    visit(scenario)
+
+
+def test_a_language_is_for_all_pages_from_then_on():
+    async def scenario(user, pendant):
+        await user.should_see(EN["shell.title"])
+        user.find("ES").click()
+        await asyncio.sleep(0.05)
+        assert pendant.language == "es"
+        await user.open("/")
+        await user.should_see(ES["shell.title"])
+
+    visit(scenario)
