@@ -138,6 +138,7 @@ def bound(port: int | None) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # one that was just left is free
         try:
             listening.bind((_HOST, one))
+            listening.listen()  # another one could be bound there until then
         except OSError:
             listening.close()
             continue

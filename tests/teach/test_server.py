@@ -1,0 +1,125 @@
+"""``simrob teach`` as a process: what listens, which port it takes, how it ends, and what it says of bad input."""
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from simrob_drake.cli.app import run_command
+
+pytest.importorskip("nicegui", reason="needs the extra gui")
+from simrob_drake.errors import OutputError
+from simrob_drake.teach.server import PORT, bound
+
+PROC = Path("/proc")
+LISTENS = "0A"  # state of a socket in /proc/net/tcp
+LOOPBACK = re.compile(r"[0-9A-F]{6}7F")  # 127.x.x.x, the last byte first
+
+
+def started(folder, *options, subject="irb120"):
+    command = [sys.executable, "-m", "simrob_drake.cli", "teach", subject, "--no-browser", "--folder", str(folder)]
+    own = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "200"}
+    return subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=own)
+
+
+def told_url(process):
+    found = re.search(r"http://\S+", process.stdout.readline())
+    assert found, process.stderr.read()
+    return found[0]
+
+
+def ended(process, how=signal.SIGINT):
+    """End a process, and return its code and what else it said."""
+    process.send_signal(how)
+    try:
+        out, wrong = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    return process.returncode, out, wrong
+
+
+def family(pid):
+    """Return a process and all that it has started."""
+    children = [
+        int(child) for task in (PROC / str(pid) / "task").iterdir() for child in _read(task / "children").split()
+    ]
+    return {pid}.union(*map(family, children))
+
+
+def listening(pids):
+    """Return where processes listen, as ``ss -ltn`` does: addresses and ports in hexadecimal figures."""
+    sockets = set()
+    for pid in pids:
+        with contextlib.suppress(OSError):  # it has ended, or has just closed one
+            sockets |= {os.readlink(handle) for handle in (PROC / str(pid) / "fd").iterdir()}
+    rows = [row.split() for table in ("tcp", "tcp6") for row in _read(PROC / "net" / table).splitlines()[1:]]
+    return {tuple(row[1].split(":")) for row in rows if row[3] == LISTENS and f"socket:[{row[9]}]" in sockets}
+
+
+def _read(file):
+    try:
+        return file.read_text()
+    except OSError:  # it has ended
+        return ""
+
+
+@pytest.mark.skipif(not PROC.is_dir(), reason="looks at sockets as Linux shows them")
+def test_it_listens_on_loopback_alone_at_one_port_and_ends_with_all_it_started(tmp_path):
+    process = started(tmp_path)
+    port = int(re.search(r":(\d+)/", told_url(process))[1])
+    seen, pids, end = set(), set(), time.monotonic() + 2.5
+    while time.monotonic() < end:  # the view is drawn meanwhile
+        now = family(process.pid)
+        seen, pids = seen | listening(now), pids | now
+        time.sleep(0.01)
+    assert len(pids) > 1  # the run has a process of its own
+    assert all(LOOPBACK.fullmatch(address) for address, _ in seen), seen
+    assert ("0100007F", f"{port:04X}") in seen
+    kept = listening(family(process.pid))
+    assert kept == {("0100007F", f"{port:04X}")}
+    code, out, wrong = ended(process)
+    assert (code, wrong) == (0, "")
+    assert out.splitlines()[-1] == f"ended; what was taught is in {tmp_path}"
+    end = time.monotonic() + 5.0
+    while left := {pid for pid in pids if "simrob" in _read(PROC / str(pid) / "cmdline")}:
+        assert time.monotonic() < end, left
+        time.sleep(0.05)
+
+
+def test_the_first_free_port_is_taken_and_one_asked_for_or_none():
+    with bound(None) as first, bound(None) as second:
+        assert PORT <= first.getsockname()[1] < second.getsockname()[1]
+        assert first.getsockname()[0] == second.getsockname()[0] == "127.0.0.1"
+        first.listen()
+        with pytest.raises(
+            OutputError, match=f"port {first.getsockname()[1]} is taken; choose another one with --port"
+        ):
+            bound(first.getsockname()[1])
+
+
+def test_a_taken_port_or_a_bad_subject_or_language_is_one_line(tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        taken = str(other.getsockname()[1])
+        for options, told in [
+            (["irb120", "--port", taken], f"port {taken} is taken"),
+            (["irb12"], "there is no station or robot 'irb12'; did you mean 'irb120'?"),
+            ([str(tmp_path / "gone.urdf")], "there is no such file"),
+            (["irb120", "--language", "fr"], "'fr'"),
+            (["irb120", "--port", "70000"], "65535"),
+        ]:
+            assert run_command(["teach", *options, "--no-browser", "--folder", str(tmp_path / "taught")]) == 2
+            (line,) = capsys.readouterr().err.splitlines()
+            assert told in line
+
+
+def test_without_the_extra_one_line_names_it(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    assert run_command(["teach", "irb120"]) == 2
+    assert 'pip install "simrob-drake[gui]"' in capsys.readouterr().err
