@@ -22,17 +22,23 @@ class Leg:
 
 
 class Course:
-    """What was run, move by move; what was tried stands behind :attr:`mark`."""
+    """What was run, move by move.
+
+    Attributes:
+        mark: where in it what was tried begins.
+        in_time: whether times are those of a program of the same moves.
+    """
 
     def __init__(self) -> None:
         """Begin at the start of the station, where nothing was run."""
         self._legs: list[Leg] = []
         self.mark = 0
+        self.in_time = True
 
     def played(self, moves: Sequence[AnyMove]) -> None:
         """Take a whole program that was run from the start."""
         self._legs = [Leg(move, None if number else 0.0) for number, move in enumerate(moves)]
-        self.mark = len(self._legs)
+        self.mark, self.in_time = len(self._legs), True
 
     def went_on(self, moves: Sequence[AnyMove | None], time: float, *, free: bool = False) -> None:
         """Take moves that were begun at a time [s]; ``free`` ones count as no tries."""
@@ -45,8 +51,8 @@ class Course:
         self.mark = len(self._legs)
 
     def stands_behind(self, moves: Sequence[AnyMove]) -> bool:
-        """Tell whether exactly these moves were run before what was tried, from the start on."""
-        return [leg.move for leg in self._legs[: self.mark]] == list(moves)
+        """Tell whether exactly these moves were run before what was tried, from the start on and in their time."""
+        return self.in_time and [leg.move for leg in self._legs[: self.mark]] == list(moves)
 
     def at_start(self) -> bool:
         """Tell whether nothing was run."""

@@ -17,6 +17,8 @@ from simrob_drake.teach.taught import Target, entry_of
 
 Line = Literal["move_abs_j", "move_j", "move_l", "move_c"]
 
+_DIGITS = 6  # of degrees, and of metres: a thousandth of a millimetre
+
 
 class Jogging(Driving):
     """What a pendant of an arm does. Jogs are neither stored nor wait to be.
@@ -65,8 +67,9 @@ class Jogging(Driving):
         def keep(place: dict[str, Any]) -> str:
             known = self._history.present.targets
             called = name or next(text for number in range(1, len(known) + 2) if (text := f"p{number}") not in known)
-            content = {"axes": place["axes"], "pose": place["pose"], "tool": place["tool"] or ""}
-            target = Target(**content, frame=frame, robot=self.robot)
+            axes = {axis: round(value, _DIGITS) + 0.0 for axis, value in place["axes"].items()}
+            pose = tuple(round(value, _DIGITS) + 0.0 for value in place["pose"])
+            target = Target(axes=axes, pose=pose, frame=frame, tool=place["tool"] or "", robot=self.robot)
             self._record(self._history.present.but(targets={**known, called: target}))
             return called
 

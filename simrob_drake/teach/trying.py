@@ -10,9 +10,10 @@ from concurrent.futures import Future
 from typing import Any, Literal
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.programs.moves import PlayMove
+from simrob_drake.programs.arm_moves import ToolMove
+from simrob_drake.programs.moves import AttachMove, PlayMove, ReleaseMove, WaitMove
 from simrob_drake.programs.program import AnyMove, Program
-from simrob_drake.programs.timeline import Change
+from simrob_drake.programs.timeline import GRID, Change
 from simrob_drake.stations.load import load_station
 from simrob_drake.teach.course import Course
 from simrob_drake.teach.hub import HandOver, MakeLive, News, done
@@ -99,7 +100,7 @@ class Trying(Keeping):
                 self._record(self._history.present.but(**kept_changes))
 
         def run(_: Any = None) -> Future[Any]:
-            return self._start("tried", "do", give_up, moves=told(moves))
+            return self._do("tried", moves, give_up)
 
         return run() if back is None else self._ask("rewind", run, give_up, time=back)
 
@@ -107,7 +108,13 @@ class Trying(Keeping):
         """Run what is neither stored nor waits to be."""
         self._course.went_on([None] if self._rewound else [], self.time)
         self._course.went_on(moves, self.time, free=True)
-        return self._start("free", "do", moves=told(moves))
+        return self._do("free", moves)
+
+    def _do(self, kind: Kind, moves: Sequence[AnyMove], failed: Callable[[], object] = lambda: None) -> Future[Any]:
+        """Run moves from where the robot is; those that take no time are followed by a moment, to be seen."""
+        if all(isinstance(move, AttachMove | ReleaseMove | ToolMove) for move in moves):
+            moves, self._course.in_time = [*moves, WaitMove(wait=self.program.grid or GRID)], False
+        return self._start(kind, "do", failed, moves=told(moves))
 
     def _go_back(self) -> Future[Any]:
         """Show where the robot was before what is not tried any more."""

@@ -1,0 +1,187 @@
+"""Sessions with the real run: what is taught is done, and can be done again without the page to the last bit."""
+
+import os
+import runpy
+import signal
+import time
+
+import numpy as np
+import pytest
+from runs import BenchRun
+
+from simrob_drake import Program
+from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.teach.session import Session
+
+
+@pytest.fixture
+def teach(tmp_path):
+    opened = []
+
+    def open_(subject, **how):
+        for before in opened:
+            before.close()
+        runs = []
+        session = Session.open(subject, tmp_path, live=lambda tell: runs.append(BenchRun(tell)) or runs[0], **how)
+        session.hear()
+        opened.append(session)
+        return session, runs[0]
+
+    yield open_
+    for before in opened:
+        before.close()
+
+
+def heard(session, future):
+    while not future.done():
+        session.hear(0.1)
+    session.hear()
+    return future.result()
+
+
+def table(file):
+    with open(file) as opened:
+        names = opened.readline().strip().split(",")
+        return names, np.loadtxt(opened, delimiter=",")
+
+
+def check_script(session, page):
+    """The exported script gives the signals of the page's own run."""
+    script = heard(session, session.export_script())
+    quick = script.with_name("quick.py")
+    quick.write_text(script.read_text().partition("result.save(")[0])
+    result = runpy.run_path(str(quick))["result"]
+    names, values = page
+    assert names == ["time", *result.names]
+    np.testing.assert_allclose(values[:, 1:], result.values, rtol=0, atol=1e-9)
+
+
+def test_the_script_gives_the_signals_of_the_page(teach):
+    session, run = teach("humanoid")
+    for target, duration in [({"left_elbow": 30, "right_knee": 5}, 0.3), ({"HomIF": 30}, 0.33)]:
+        heard(session, session.test(target, duration))
+        session.add()
+    session.set("servo.kd", 9)
+    session.hear()
+    held = {"at": "trunk", "point": [0, 0, 0.1]}
+    run.at = {
+        0.1: [("change", {"settings": {"servo.kp": 90.0}}), ("push", {"at": "trunk", "force": [5, 0, 0]})],
+        0.2: [("drag", {**held, "target": [0.05, 0, 0.5]})],
+        0.3: [("drag", {**held, "target": [0.08, 0, 0.5]})],
+        0.4: [("drag", {**held, "target": None})],
+    }
+    assert heard(session, session.simulate())["ending"] == "completed"
+    assert [len(change.drag.targets) if change.drag else 0 for change in session.program.changes] == [0, 0, 4]
+    page = table(heard(session, session.export_csv()))
+    check_script(session, page)
+    assert heard(session, session.simulate())["ending"] == "completed"  # again, and nobody touches it
+    assert np.array_equal(table(heard(session, session.export_csv()))[1], page[1])
+    assert Program.load(session.file).changes == session.program.changes
+    unchanged = session.program.model_copy(update={"changes": ()})
+    heard(session, run.call("play", program=unchanged.text()))
+    calm = table(heard(session, session.export_csv()))[1]
+    assert np.abs(calm - page[1][: len(calm)]).max() > 1e-3  # they were felt
+
+
+def test_an_arm_is_jogged_taught_and_plays(teach):
+    session, _ = teach("irb120")
+    for axes in ({"joint_1": 20, "joint_5": 40}, {"joint_1": -20}):
+        assert heard(session, session.jog_axes(axes)) is not None
+        assert heard(session, session.jog_tool([0, 0, 0.03, 0, 0, 5], "tool")) is not None
+        assert heard(session, session.teach_target())
+    assert list(session.targets) == ["p1", "p2"]
+    assert not session.program.moves  # jogs are no moves of the program
+    assert session.add_line("move_abs_j", "p1")
+    assert session.add_line("move_l", "p2", speed=0.4)
+    assert heard(session, session.simulate())["ending"] == "completed"
+    place = heard(session, session.where("world"))
+    np.testing.assert_allclose(place["pose"], session.targets["p2"]["pose"], atol=1e-4)
+    check_script(session, table(heard(session, session.export_csv())))
+    found = heard(session, session.branches("p1"))
+    number = next(n for n, branch in enumerate(found) if branch["usable"])
+    assert heard(session, session.choose_branch(number)) is not None
+    reached = heard(session, session.where("world"))
+    np.testing.assert_allclose(reached["pose"][:3], session.targets["p1"]["pose"][:3], atol=1e-5)
+    heard(session, session.tool("gripper"))
+    heard(session, session.teach_target("grip"))
+    assert session.add_line("move_j", "grip")
+    kinds = [next(iter(type(move).model_fields)) for move in session.program.moves]
+    assert kinds == ["move_abs_j", "move_l", "tool", "move_j"]
+    assert heard(session, session.jog_tool([0, 0, 5, 0, 0, 0])) is None
+    assert "out of reach" in str(session.message)
+
+
+def test_a_piece_is_taken_and_left(teach):
+    session, _ = teach("humanoid_box")
+    pose = [0, 0, -0.1, 0, 0, 0]
+    assert heard(session, session.attach("parcel", "right_hand", pose=pose))["ending"] == "completed"
+    assert heard(session, session.test({"right_elbow": 20}, 0.2))["ending"] == "completed"
+    assert [next(iter(move)) for move in session.pending] == ["attach", "target_deg"]
+    session.add()
+    assert heard(session, session.simulate())["ending"] == "completed"
+    assert heard(session, session.attach("parcle", "right_hand")) is None
+    assert "did you mean 'parcel'?" in str(session.message)
+    assert not session.pending
+
+
+def forward(session, run, tool):
+    """Return how far ahead of the trunk the reference of a humanoid has a tool [m]."""
+    cell = run._bench.cell
+    own, model = cell.robot(session.robot), cell.model
+    model.place_robots({session.robot: cell.reference(session.robot)})
+    place = model.pose(own.root).inverse() @ model.pose(model.mount(session.robot, own.model.tools[tool]))
+    facing = np.deg2rad(load_gaits(own.model).facing_deg)
+    return float(np.array([np.cos(facing), np.sin(facing), 0]) @ place.translation())
+
+
+def test_taught_once_the_same_limbs_move_the_same_way_on_all_humanoids(teach):
+    session, run = teach("humanoid")
+    heard(session, session.test({"HomIF": 30}, 0.4))
+    heard(session, session.test({"CadDF": 30}))
+    session.add()
+    file = session.file
+    for robot in ("humanoid", "roid1", "zjudancer"):
+        if robot != "humanoid":
+            session, run = teach(robot, program=file)
+        tools = "left_hand", "right_hand", "right_foot", "left_foot"
+        heard(session, session.restart())
+        before = {tool: forward(session, run, tool) for tool in tools}
+        assert heard(session, session.simulate()) is not None
+        moved = {tool: forward(session, run, tool) - place for tool, place in before.items()}
+        assert moved["left_hand"] > 0.03, robot
+        assert moved["right_foot"] > 0.03, robot
+        assert abs(moved["right_hand"]) < 1e-9, robot
+        assert abs(moved["left_foot"]) < 1e-9, robot
+        asked = np.rad2deg(run._bench.cell.reference(session.robot))
+        reached = heard(session, run.call("posture"))  # the humanoid of MATLAB follows with a lag of 1 s
+        for alias in ("HomIF", "CadDF"):
+            number = session.model.axis_index(alias)
+            assert asked[number] == pytest.approx(30, abs=1e-9), robot
+            assert 4 < reached[list(session.model.axes)[number]] < 34, robot
+
+
+def test_a_worker_that_is_killed_comes_back_with_the_program(tmp_path):
+    session = Session.open("irb120_kinematic", tmp_path)
+    try:
+        heard_until(session, lambda: session.phase == "idle")
+        session.test({"joint_1": 20}, 5.0)
+        session.add()
+        asked = session.simulate()
+        heard_until(session, lambda: session.phase == "running")
+        os.kill(session._live.pid, signal.SIGKILL)
+        heard_until(session, asked.done)
+        assert asked.result() is None
+        heard_until(session, lambda: session.message.key == "died")
+        heard_until(session, lambda: session.phase == "idle")
+        assert len(session.program.moves) == 1
+        session.set_pace(None)
+        assert heard(session, session.simulate())["ending"] == "completed"
+    finally:
+        session.close()
+
+
+def heard_until(session, condition, patience=60.0):
+    end = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < end, f"{session.phase}: {session.message}"
+        session.hear(0.1)
