@@ -182,19 +182,19 @@ async def choose(user, label):
 async def test_a_slider_of_a_joint_moves_it_and_all_others_show_where_it_is():
     session = ArmSession()
     async with opened(session) as user:
-        assert the(user, ui.slider, "joint 5").value == 90
-        the(user, ui.slider, "joint 1").value = 20
+        assert the(user, ui.slider, "Joint 5").value == 90
+        the(user, ui.slider, "Joint 1").value = 20
         await settled()
         assert session.calls == [("jog_axes", {"joint_1": 20})]
         assert session.arm.reference[0] == pytest.approx(radians(20))
-        assert the(user, ui.number, "joint 1").value == 20
+        assert the(user, ui.number, "Joint 1").value == 20
 
 
 @on_page
 async def test_a_number_beyond_the_limit_is_refused_in_its_field():
     session = ArmSession()
     async with opened(session) as user:
-        field = the(user, ui.number, "joint 1")
+        field = the(user, ui.number, "Joint 1")
         field.value = 170
         await settled()
         assert session.calls == []
@@ -348,7 +348,7 @@ async def test_tools_and_pieces_change_hands():
 async def test_it_speaks_spanish():
     async with opened(ArmSession(), "es") as user:
         await user.should_see("Enseñar")
-        assert the(user, ui.slider, "eje 1").value == 0
+        assert the(user, ui.slider, "Eje 1").value == 0
 
 
 def test_a_pose_reads_in_millimetres_and_degrees():

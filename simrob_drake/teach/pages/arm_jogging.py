@@ -56,7 +56,7 @@ class Jogging:
     def _joint(self, phrases: Phrases, axis: Mapping[str, Any]) -> Dial:
         name, far = axis["name"], _FAR[axis["unit"]]
         return Dial(
-            joint_words(phrases, name),
+            joint_words(phrases, name).capitalize(),
             low=axis["low"] if isfinite(axis["low"]) else -far,
             high=axis["high"] if isfinite(axis["high"]) else far,
             step=_STEPS[axis["unit"]],

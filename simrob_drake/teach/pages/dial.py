@@ -11,6 +11,13 @@ from simrob_drake.teach.pages.phrases import figure
 _PAUSE = 600
 """After the last key until a typed number counts, unless the user ends it with Enter [ms]."""
 _DIGITS = 3  # behind the point
+_LABEL = "min-width: 3.4rem; white-space: nowrap"
+
+
+class Slider(ui.slider):
+    """A slider that moves in the browser alone: what comes back late from here would take back what was done since."""
+
+    LOOPBACK = False
 
 
 class Dial:
@@ -35,15 +42,15 @@ class Dial:
         """
         self._value, self._moved, self._wrong, self._unit, self._quiet = 0.0, moved, wrong, unit, False
         with ui.row().classes("w-full items-center gap-x-3 gap-y-0"):
-            ui.label(name[:1].upper() + name[1:]).classes("grow").style("flex-basis: 5rem; min-width: 4rem")
+            ui.label(name).classes("grow").style("flex-basis: 5rem; min-width: 4rem")
             self._field = ui.number(value=0, step=step, suffix=unit, validation=self._problem)
             self._field.props(f'dense outlined hide-bottom-space debounce={_PAUSE} aria-label="{name}"')
             self._field.classes("w-28").on_value_change(lambda event: self._set(event.value))
             with ui.row().classes("grow items-center gap-2 no-wrap").style("flex-basis: 13rem"):
-                self._from = ui.label().classes("text-xs opacity-70 text-right").style("min-width: 2.8rem")
-                self._slider = ui.slider(min=low, max=high, step=step, value=0).props(f'dense aria-label="{name}"')
+                self._from = ui.label().classes("text-xs opacity-70 text-right").style(_LABEL)
+                self._slider = Slider(min=low, max=high, step=step, value=0).props(f'dense aria-label="{name}"')
                 self._slider.on_value_change(lambda event: self._set(event.value))
-                self._to = ui.label().classes("text-xs opacity-70").style("min-width: 2.8rem")
+                self._to = ui.label().classes("text-xs opacity-70").style(_LABEL)
         self.between(low, high)
 
     @property
