@@ -146,7 +146,7 @@ def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
         await settled(0.2)
         assert 'class="node chosen" data-block="joint_2.pd"' in picture.content
         await user.should_see("joint_2: PD\nkp 1000, kd 10")
-        await user.should_see("position.joint_2")  # the one curve that is drawn
+        await user.should_see("joint 2")  # the one curve that is drawn
         assert sorted(map(str, session.watched.values())) == ["['position']", "['torque']"]
         sliders = {one.props["aria-label"]: one for one in user.find(kind=ui.slider).elements}
         assert set(sliders) == {"servo.kp", "servo.kd"}

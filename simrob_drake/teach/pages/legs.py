@@ -65,9 +65,15 @@ def _build(session: Session, t: Words, robot: Content) -> None:
         panel.clear()
         if expansion.value:
             with panel:
-                plots.build(session, t)
+                plots.build(session, t, _moved(session, phrases))
 
     expansion.on_value_change(show_plots)
+
+
+def _moved(session: Session, phrases: Phrases) -> set[str]:
+    """Return the axes that are told where to go."""
+    moves = [*session.pending, *(move.model_dump() for move in session.program.moves)]
+    return {phrases.plain(axis) for move in moves for axis in move.get("target_deg", ())}
 
 
 class _Teaching:

@@ -26,11 +26,15 @@ class Phrases:
 
     def axis(self, name: str) -> str:
         """Return what an axis is called, and which way is positive; its plain name where there are no words for it."""
-        return _named(self.t, "axes", self._axes[name]["name"] if name in self._axes else name)
+        return self._named("axes", self.plain(name))
 
-    def name(self, name: str) -> str:
-        """Return what a gait, an act, a loop or a tool is called; its plain name where there are no words for it."""
-        return _named(self.t, "names", name)
+    def plain(self, name: str) -> str:
+        """Return the name of an axis that may be called by an alias."""
+        return str(self._axes[name]["name"]) if name in self._axes else name
+
+    def name(self, name: str, otherwise: str | None = None) -> str:
+        """Return what a gait, an act, a loop, a tool or a signal is called; else ``otherwise``, or its plain name."""
+        return self._named("names", name, otherwise)
 
     def names(self, names: Iterable[str]) -> dict[str, str]:
         """Return what several are called, to choose from."""
@@ -74,12 +78,11 @@ class Phrases:
             told = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
         return t("legs.told_at", time=figure(change.time), what=told)
 
-
-def _named(t: Words, section: str, name: str) -> str:
-    try:
-        return t(f"{section}.{name}")
-    except KeyError:
-        return name.replace("_", " ")
+    def _named(self, section: str, name: str, otherwise: str | None = None) -> str:
+        try:
+            return self.t(f"{section}.{name}")
+        except KeyError:
+            return name.replace("_", " ") if otherwise is None else otherwise
 
 
 def matches(search: str, texts: Iterable[str]) -> bool:

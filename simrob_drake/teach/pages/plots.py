@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import takewhile
 from math import pi
 from typing import Any
@@ -19,7 +19,7 @@ _POINTS = 200  # of a curve: more than that does not show in it
 _POSE = 7  # numbers of a pose: of these the position is drawn
 _SAME = 1e-9  # s
 _AT_ONCE = 6  # curves of a signal that are drawn until others are chosen
-_COLOURS = ("#2f86d0", "#e08214", "#4d9f21", "#c44fae", "#01a0a0", "#b5761f", "#f4729b", "#888888")
+_COLOURS = ("#2f86d0", "#d97706", "#3f9b2f", "#c44fae", "#d9534f", "#0d9aa0", "#888888", "#8a7fe0")
 """They can be told apart on white and on black."""
 _AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
@@ -28,9 +28,9 @@ Row = tuple[float, Any]
 _FIRST = ("position", "torque")  # signals that are shown at first
 
 
-def build(session: Session, t: Words) -> None:
-    """Build plots of the signals that the user chooses, one below the other."""
-    titles = {signal["name"]: signal.get("title") or signal["name"] for signal in session.description["signals"]}
+def build(session: Session, t: Words, axes: Collection[str] = ()) -> None:
+    """Build plots of the signals that the user chooses, one below the other; at first with the curves of ``axes``."""
+    titles = {signal["name"]: _title(t, signal) for signal in session.description["signals"]}
     first = [name for name in titles if name.rpartition(".")[2] in _FIRST]
     choice = ui.select(titles, value=first, label=t("plots.signals"), multiple=True, with_input=True)
     choice.classes("w-full").props("use-chips")
@@ -40,20 +40,20 @@ def build(session: Session, t: Words) -> None:
         place.clear()
         with place:
             for name in choice.value:
-                scope(session, t, name)
+                scope(session, t, name, only=axes)
 
     choice.on_value_change(show)
     show()
 
 
-def scope(session: Session, t: Words, signal: str, *, only: str = "") -> ui.element:
+def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str] = ()) -> ui.element:
     """Build the plot of one signal; it is watched until what is returned is deleted.
 
     Args:
         session: whose run.
         t: the words.
         signal: its name, of ``session.description["signals"]``.
-        only: the one of its columns to begin with; some of them unless given.
+        only: the columns to begin with, or their axes; some of them where none is of these.
     """
     element = _Scope(session, t, signal, only).element
     watch(session, signal, element)
@@ -76,15 +76,16 @@ def watch(session: Session, signal: str, element: ui.element) -> None:
 class _Scope:
     """The plot of one signal, and the choice of its curves."""
 
-    def __init__(self, session: Session, t: Words, signal: str, only: str) -> None:
+    def __init__(self, session: Session, t: Words, signal: str, only: str | Collection[str]) -> None:
         self._session, self._name = session, signal
         about = next(one for one in session.description["signals"] if one["name"] == signal)
-        title = about.get("title") or signal
+        title, wanted = _title(t, about), {only} if isinstance(only, str) else set(only)
         unit, self._factor = _AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
         self._drawn: object = None
         ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
-        first = [number for number, column in enumerate(about["columns"]) if only in ("", column)]
+        columns = enumerate(about["columns"])
+        first = [number for number, column in columns if {column, column.rpartition(".")[2]} & wanted] or list(names)
         first = first[: 3 if len(names) == _POSE else _AT_ONCE]
         with ui.column().classes("w-full gap-1") as self.element:
             with ui.row().classes("w-full items-center justify-between"):
@@ -122,6 +123,13 @@ class _Scope:
         source = [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
         names = [self._choice.options[column] for column in chosen]
         self._chart.props["options"] = _picture(names, [_colour(column) for column in chosen], source)
+
+
+def _title(t: Words, signal: Mapping[str, Any]) -> str:
+    """Return what a signal is called; as the station calls it where there are no words for it."""
+    whose, _, name = signal["name"].rpartition(".")
+    words = Phrases(t, ()).name(name, signal["title"])
+    return f"{whose}: {words}" if whose and words != signal["title"] else words
 
 
 def _colour(column: int) -> str:
