@@ -367,6 +367,8 @@ class Bench:
                 place.doing()
             finally:
                 self.conductor.end()
+        line = self.cell.timeline
+        line.changes[:] = [change for change in line.changes if line.steps(change.time) < line.steps(line.now)]
 
     def _new_line(self, grid: float, changes: Sequence[Change] = ()) -> None:
         self.cell.timeline = self.conductor.line = Timeline(grid, changes)

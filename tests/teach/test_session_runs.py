@@ -83,6 +83,21 @@ def test_the_script_gives_the_signals_of_the_page(teach):
     assert np.abs(calm - page[1][: len(calm)]).max() > 1e-3  # they were felt
 
 
+def test_a_push_of_a_test_that_was_discarded_is_forgotten(teach):
+    ends = []
+    for pushed in (False, True):
+        session, run = teach("humanoid")
+        if pushed:
+            run.at = {0.1: [("push", {"at": "trunk", "force": [9, 0, 0]})]}
+            heard(session, session.test({"left_elbow": 30}, 0.2))
+            heard(session, session.discard())
+            assert not run.at
+        heard(session, session.test({"left_knee": 5}, 0.3))
+        ends.append(heard(session, run.call("posture")))
+        heard(session, session.discard())
+    assert ends[0] == ends[1]
+
+
 def test_an_arm_is_jogged_taught_and_plays(teach):
     session, _ = teach("irb120")
     for axes in ({"joint_1": 20, "joint_5": 40}, {"joint_1": -20}):
