@@ -21,6 +21,7 @@ ROAD = [
     "stations",
     "results",
     "simulation",
+    "mujoco",
     "identification",
     "linear",
     "kinematics",

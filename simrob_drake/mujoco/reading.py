@@ -1,0 +1,134 @@
+"""What became of a run in MuJoCo, as a result that Drake's runs have, too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from simrob_drake.blocks.monitor import NOT_YET
+from simrob_drake.blocks.references import Course, course_values
+from simrob_drake.frames import Vector
+from simrob_drake.mujoco.built import BuiltStation
+from simrob_drake.mujoco.controls import force_values
+from simrob_drake.results.record.run import DIVERGED
+from simrob_drake.results.record.state import JointState, State, joints_of
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulation.run import sample_times
+from simrob_drake.simulation.stepping import Outcome
+from simrob_drake.stations.config import StationConfig
+
+_ASTRAY = 1e6
+"""No station has a position or velocity like this [SI units]: it has run away."""
+_ROUNDING = 1e-9  # s
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """A run that was stepped.
+
+    Attributes:
+        built: the station.
+        config: as it was run.
+        courses: what the robots were asked, by name.
+        states: MuJoCo's states before each step, shape (m, size).
+        sensed: what the sensors told of them, shape (m, k).
+        seconds: of wall-clock time.
+        start: where it began; None at the initial posture.
+    """
+
+    built: BuiltStation
+    config: StationConfig
+    courses: Mapping[str, Course]
+    states: Vector
+    sensed: Vector
+    seconds: float
+    start: State | None
+
+    def result(self) -> SimulationResult:
+        """Return the result: sampled, and cut where a monitor ends the run or where it ran away."""
+        began, built = perf_counter(), self.built
+        sane = (np.abs(self.states) < _ASTRAY).all(axis=1)  # what is no number is not
+        count = len(sane) if sane.all() else int(np.argmin(sane))
+        steps = np.asarray(built.step * np.arange(count), dtype=float)
+        times = sample_times(min(float(steps[-1]), self.config.duration), self.config.sample_rate)
+        outputs = self._outputs(steps, times)
+        outcome, rows = self._ended(times, outputs, astray=count < len(sane))
+        columns = [
+            outputs[signal.output] if signal.entries is None else outputs[signal.output][:, signal.entries]
+            for signal in built.signals
+        ]
+        return SimulationResult(
+            config=self.config,
+            plant=built.ports.plant,
+            ending=outcome.ending,
+            stopped_by=outcome.stopped_by,
+            message=outcome.message,
+            names=[name for signal in built.signals for name in signal.names],
+            signals=tuple(built.signals),
+            notes={},
+            times=times[:rows],
+            values=np.hstack([np.zeros((len(times), 0)), *columns])[:rows],
+            step_times=steps[steps <= times[rows - 1] + _ROUNDING],
+            positions_at=lambda at: self._motion(steps, at)[0],
+            stepping_time=self.seconds,
+            signal_time=perf_counter() - began,
+            final_state=self._state(steps, float(times[rows - 1])),
+            start=self.start,
+        )
+
+    def _outputs(self, steps: Vector, times: Vector) -> dict[str, Vector]:
+        """Return the outputs that are known, by name, at times (m,)."""
+        built = self.built
+        sensed = _between(steps, self.sensed, times)
+        outputs = {name: built.output(name, sensed) for name in built.told}
+        for robot in built.ports.plant.robots.values():
+            outputs[f"{robot.prefix}reference"] = course_values(self.courses[robot.name], times)
+        for name in built.station.config.forces:
+            outputs[f"applied_force.{name}"] = force_values(self.config.forces.get(name), times, times + built.step)
+        return outputs
+
+    def _motion(self, steps: Vector, times: Vector) -> tuple[Vector, Vector]:
+        """Return positions (k, nq) and velocities (k, nv) of Drake's plant at times (k,)."""
+        model = self.built.model
+        states = _between(steps, self.states[:, 1 : 1 + model.nq + model.nv], times)
+        return self.built.coordinates.to_drake(states[:, : model.nq], states[:, model.nq :])
+
+    def _ended(self, times: Vector, outputs: Mapping[str, Vector], *, astray: bool) -> tuple[Outcome, int]:
+        """Return how the run ended, and how many of its samples count."""
+        monitors = self.built.ports.monitors
+        onsets = dict.fromkeys(monitors, NOT_YET)
+        watched = {name: [outputs[output] for output in own.condition.watched] for name, own in monitors.items()}
+        for row, time in enumerate(times.tolist() if monitors else ()):
+            for name, trigger in monitors.items():
+                values = [rows[row] for rows in watched[name]]
+                onsets[name] = trigger.since(onsets[name], time, values)
+                if trigger.ends(onsets[name], time):
+                    why = trigger.condition.why(*values)
+                    return Outcome("monitor", name, f"{why}, at {time:.4g} s"), row + 1
+        if astray:
+            told = f"diverged at {times[-1]:.4g} s: a state ran away to infinity; shorter steps may help"
+            return Outcome("diverged", DIVERGED, told), len(times)
+        return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s"), len(times)
+
+    def _state(self, steps: Vector, time: float) -> State:
+        """Return where the station was at a time [s], for another run to begin there, in Drake too."""
+        plant, robots = self.built.ports.plant.plant, self.built.ports.plant.robots
+        q, v = (rows[0] for rows in self._motion(steps, np.array([time])))
+        return State(
+            positions={name: robot.axis_map.positions(q) for name, robot in robots.items()},
+            velocities={name: robot.axis_map.velocities(v) for name, robot in robots.items()},
+            references={name: course_values(self.courses[name], np.array([time]))[0] for name in robots},
+            joints={name: JointState(q[places], v[speeds]) for name, places, speeds in joints_of(plant)},
+        )
+
+
+def _between(steps: Vector, rows: Vector, times: Vector) -> Vector:
+    """Return rows (m, k) of steps (m,) at times (n,), on straight lines between two of them, shape (n, k)."""
+    after = np.clip(np.searchsorted(steps, times - _ROUNDING), 1, max(len(steps) - 1, 1))
+    if len(steps) == 1:
+        return np.repeat(rows[:1], len(times), axis=0)
+    part = np.clip((times - steps[after - 1]) / (steps[after] - steps[after - 1]), 0.0, 1.0)[:, np.newaxis]
+    return np.asarray(rows[after - 1] + part * (rows[after] - rows[after - 1]))
