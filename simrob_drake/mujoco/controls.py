@@ -17,23 +17,32 @@ def controls(
     courses: Mapping[str, Course],
     forces: Mapping[str, ForceConfig | None],
     *,
+    with_speeds: bool,
     step: float,
     count: int,
 ) -> Vector:
     """Return the controls of each of ``count`` steps, shape (count, nu).
 
     References are those of a step's end, where servos act that are treated implicitly; forces are their means over it,
-    so that a push gives its whole impulse whatever the step.
+    so that a push gives its whole impulse whatever the step. A servo with_speeds minds the reference's speed, too:
+    k_p (q_r - q) + k_d (v_r - v) is the law of a servo without that asks for q_r + v_r k_d / k_p.
 
     Args:
         plant: of the station.
         courses: of its robots, by name.
         forces: at the places that the model knows, in its order; None for one that does not act.
+        with_speeds: whether references are followed in their speed, too.
         step: length of a step [s].
         count: of the steps.
     """
     ends = np.asarray(step * np.arange(1, count + 1), dtype=float)
-    columns = [course_values(courses[robot], ends) for robot in plant.robots]
+    columns = []
+    for name, robot in plant.robots.items():
+        positions, gains = course_values(courses[name], ends), robot.gains
+        if with_speeds:
+            ahead = np.divide(gains.kd, gains.kp, out=np.zeros_like(gains.kd), where=gains.kp > 0)
+            positions = positions + ahead * course_values(courses[name], ends, 1)
+        columns.append(positions)
     columns += [force_values(force, ends - step, ends) for force in forces.values()]
     return np.hstack([np.zeros((count, 0)), *columns])
 

@@ -124,7 +124,10 @@ class MujocoRunner:
             check_course(robot, courses[robot.name], own.duration)
         count = int(np.ceil(own.duration / self.built.step - 1e-9)) + 1
         forces = {name: own.forces.get(name) for name in known}
-        rows = controls(self.built.ports.plant, courses, forces, step=self.built.step, count=count)
+        speeds = "reference_velocity" in own.inputs
+        rows = controls(
+            self.built.ports.plant, courses, forces, with_speeds=speeds, step=self.built.step, count=count
+        )
         return own, courses, self._start(start), rows
 
     def _start(self, start: State | None) -> Vector:
