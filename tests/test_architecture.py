@@ -22,6 +22,7 @@ ROAD = [
     "results",
     "simulation",
     "mujoco",
+    "comparison",
     "identification",
     "linear",
     "kinematics",

@@ -73,7 +73,7 @@ class ReferenceSource:
 
 
 def course_values(course: Course, times: Vector, order: int = 0) -> Vector:
-    """Return where a course is at times (m,) [s], shape (m, n) [rad], or its derivative of an order; it holds its ends."""
+    """Return where a course is at times (m,) [s], shape (m, n) [rad], or a derivative; it holds its ends."""
     if isinstance(course, SineCourse):
         return course.values(times, order)
     inside = np.clip(times, course.start_time(), course.end_time())

@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.mujoco.coordinates import Coordinates
-from simrob_drake.mujoco.model import mujoco_model
+from simrob_drake.mujoco.model import STEP, mujoco_model
 from simrob_drake.mujoco.names import Names
 from simrob_drake.mujoco.sensors import Told
 from simrob_drake.signals import Signal
@@ -29,7 +29,7 @@ class BuiltStation:
     Attributes:
         station: what it is made of.
         ports: its ports in Drake, which tell what its signals are.
-        model: its MuJoCo model.
+        spec, model: of MuJoCo.
         told: how the model's sensors give outputs of the station, by their names.
         columns: of the sensors in their data, by their names.
         coordinates: between Drake's positions and velocities and MuJoCo's.
@@ -38,6 +38,7 @@ class BuiltStation:
 
     station: ResolvedStation
     ports: StationPorts
+    spec: mujoco.MjSpec
     model: mujoco.MjModel
     told: dict[str, Told]
     columns: dict[str, slice]
@@ -45,8 +46,16 @@ class BuiltStation:
     step: float
 
     @classmethod
-    def of(cls, config: StationConfig, *, step: float, integrator: str | None) -> BuiltStation:
-        """Build a station.
+    def of(
+        cls,
+        config: StationConfig,
+        *,
+        step: float = STEP,
+        integrator: str | None = None,
+        seen: bool = False,
+        moved_by_torque: bool = True,
+    ) -> BuiltStation:
+        """Build a station; the arguments are those of :func:`~simrob_drake.mujoco.model.mujoco_model`.
 
         Raises:
             SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
@@ -54,14 +63,14 @@ class BuiltStation:
         station = resolve(config)
         check_parts(station)
         closed = closed_station(station)
-        made = mujoco_model(closed, step=step, integrator=integrator)
+        made = mujoco_model(closed, step=step, integrator=integrator, seen=seen, moved_by_torque=moved_by_torque)
         columns = {
             made.model.sensor(index).name: slice(start, start + size)
             for index, (start, size) in enumerate(zip(made.model.sensor_adr, made.model.sensor_dim, strict=True))
         }
         plant = closed.ports.plant.plant
         coordinates = Coordinates.of(plant, made.model, Names(plant))
-        return cls(station, closed.ports, made.model, dict(made.told), columns, coordinates, step)
+        return cls(station, closed.ports, made.spec, made.model, dict(made.told), columns, coordinates, step)
 
     @property
     def signals(self) -> list[Signal]:

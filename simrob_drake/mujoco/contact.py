@@ -13,14 +13,15 @@ step allows, for MuJoCo looks at x and its rate at a step's start and needs :mat
 .. math:: 1 - d = \min\Bigl(1 - d_0,\; \frac{1}{4 h^2 K w}\Bigr).
 
 Damping is a ratio :math:`\zeta` of the critical one, :math:`b d = 2 \zeta \omega`. Hunt and Crossley's
-law :math:`f = k x (1 + D \dot x)` of Drake has none, but loses by an impact at speed v, to first order in D, as much
-as that with
+law :math:`f = k x (1 + D \dot x)` of Drake has none, but takes, to first order in D, as much of an impact of a mass
+1/w at speed v under its weight as that with
 
-.. math:: \zeta = \frac{2}{3 \pi} D v:
+.. math:: \zeta = \tfrac12 D A \omega \Bigl(\sin\varphi + \frac{4 \cos^3\varphi}{3 (\pi + 2 \varphi + \sin 2 \varphi)}
+    \Bigr), \qquad A \omega = \sqrt{v^2 + g^2/\omega^2}, \quad \tan\varphi = \frac{g}{v \omega}, \quad \omega^2 = K w:
 
-over half a swing :math:`x = X \sin \omega t` it takes :math:`\int k x D \dot x^2 dt = \tfrac23 k D X^3 \omega`, a
-damper :math:`2 \zeta \sqrt{k m}` takes :math:`\pi \zeta \sqrt{k m}\, \omega X^2`, and :math:`X \omega = v`. A ratio
-above 1 counts as 1: nothing bounces.
+while :math:`x = A (\sin\theta + \sin\varphi)` is positive, :math:`\int k x D \dot x^2 dt` is what the one takes and
+:math:`2 \zeta \sqrt{k/w} \int \dot x^2 dt` the other. Without weight it is :math:`\zeta = 2 D v / (3 \pi)`; at rest
+the law's own slope at the depth g/ω². A ratio above 1 counts as 1: nothing bounces.
 
 Friction creeps in MuJoCo, too: a tangential load f slides with :math:`f R_t / b_t`, where :math:`R_t` is R over
 ``impratio``. It is made to stop within about a step.
@@ -86,9 +87,19 @@ def dry_friction(slope: float, inverse_inertia: float, step: float) -> Softness:
     return Softness((0.0, -slope * inverse_inertia * (1 - impedance)), min(impedance, LARGEST_IMPEDANCE))
 
 
-def ratio(dissipation: float, speed: float) -> float:
-    """Return the damping ratio of Hunt and Crossley's D [s/m] in an impact at a speed [m/s]."""
-    return 2 / (3 * np.pi) * dissipation * speed
+def ratio(surface: Surface, inverse_mass: float, speed: float, gravity: float) -> float:
+    """Return the damping ratio for Hunt and Crossley's D of a surface, as derived above.
+
+    Args:
+        surface: on which something falls.
+        inverse_mass: of that [1/kg].
+        speed: at which it falls [m/s], positive.
+        gravity: its size [m/s²].
+    """
+    swing = np.sqrt(surface.stiffness * inverse_mass)
+    angle = np.arctan2(gravity, speed * swing)
+    part = np.sin(angle) + 4 * np.cos(angle) ** 3 / (3 * (np.pi + 2 * angle + np.sin(2 * angle)))
+    return float(surface.dissipation * np.hypot(speed, gravity / swing) * part / 2)
 
 
 def surfaces(station: StationPlant) -> list[tuple[GeometryId, GeometryId, Surface]]:

@@ -125,10 +125,11 @@ def _soften(
         geoms = model.geom(pair.geomname1).id, model.geom(pair.geomname2).id
         weight = float(sum(model.body_invweight0[model.geom_bodyid[geom], 0] for geom in geoms))
         speed = max(FOOT_SPEED, _falling_speed(model, data, geoms))
-        found = softness(surface.stiffness, ratio(surface.dissipation, speed), weight, step)
+        damping = ratio(surface, weight, speed, float(np.linalg.norm(model.opt.gravity)))
+        found = softness(surface.stiffness, damping, weight, step)
         pair.solref, pair.solimp = found.solref, found.solimp
         pair.solreffriction = [0.0, -found.impedance / step]
-    stiffness, damping = stops_of(ports)
+    stops = stops_of(ports)
     for robot in ports.plant.robots.values():
         rubbing = robot.model.friction
         for joint, most in zip(robot.joints, rubbing, strict=True):
@@ -144,8 +145,8 @@ def _soften(
         if joint.num_velocities() == 1:
             own, place = spec.joint(names.joint(joint)), joint.velocity_start()
             weight = _inverse_inertia(model, own.name)
-            part = damping[place] / 2 * np.sqrt(weight / stiffness[place])
-            _put(own, "limit", softness(stiffness[place], part, weight, step))
+            stiffness, damping = stops[:, place].tolist()
+            _put(own, "limit", softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step))
 
 
 def _put(joint: mujoco.MjsJoint, kind: str, found: Softness) -> None:

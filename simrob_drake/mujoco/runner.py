@@ -45,6 +45,23 @@ class Wanted:
     start: State | None = None
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """A run that is ready to be stepped.
+
+    Attributes:
+        config: the station as it is run.
+        courses: what its robots are asked, by name.
+        start: MuJoCo's state where it begins.
+        controls: of each step, shape (count, nu).
+    """
+
+    config: StationConfig
+    courses: dict[str, Course]
+    start: Vector
+    controls: Vector
+
+
 class MujocoRunner:
     """A station in MuJoCo, built once and run often.
 
@@ -53,19 +70,22 @@ class MujocoRunner:
         built: its model, and what that tells.
     """
 
-    def __init__(self, station: StationLike, *, step: float = STEP, integrator: str | None = None) -> None:
+    def __init__(
+        self, station: StationLike, *, step: float = STEP, integrator: str | None = None, seen: bool = False
+    ) -> None:
         """Build a station.
 
         Args:
             station: as :func:`simrob_drake.simulate` takes it.
             step: length of a step [s].
             integrator: MuJoCo's name of it, as of :func:`~simrob_drake.mujoco.model.mujoco_model`.
+            seen: with the pictures of all bodies.
 
         Raises:
             SimrobError: no such station, or one that MJCF cannot say; the message names the part.
         """
         self.config = config_of(station)
-        self.built = BuiltStation.of(self.config, step=positive(step, "step", "s"), integrator=integrator)
+        self.built = BuiltStation.of(self.config, step=positive(step, "step", "s"), integrator=integrator, seen=seen)
 
     def __repr__(self) -> str:
         """Say in one line what it runs."""
@@ -96,23 +116,21 @@ class MujocoRunner:
             SimrobError: a reference, push or start that does not fit the station.
         """
         config = with_duration(self.config, duration)
-        prepared = [self._prepared(config, one) for one in wanted]
+        prepared = [self.prepared(config, one) for one in wanted]
         began = perf_counter()
-        starts, rows = (np.array(part) for part in zip(*((start, rows) for *_, start, rows in prepared), strict=True))
+        starts, rows = np.array([run.start for run in prepared]), np.array([run.controls for run in prepared])
         data = [mujoco.MjData(self.built.model) for _ in range(max(threads, 1))]
         with Rollout(nthread=threads) as loop:
             states, sensed = loop.rollout(self.built.model, data, starts, rows)
         seconds = (perf_counter() - began) / len(wanted)
         results = []
-        for (own, courses, start, _), after, told, one in zip(prepared, states, sensed, wanted, strict=True):
-            before = np.vstack([start, after[:-1]])  # sensors tell of the state before a step
-            results.append(Stepped(self.built, own, courses, before, told, seconds, one.start).result())
+        for run, after, told, one in zip(prepared, states, sensed, wanted, strict=True):
+            before = np.vstack([run.start, after[:-1]])  # sensors tell of the state before a step
+            results.append(Stepped(self.built, run.config, run.courses, before, told, seconds, one.start).result())
         return results
 
-    def _prepared(
-        self, config: StationConfig, wanted: Wanted
-    ) -> tuple[StationConfig, dict[str, Course], Vector, Vector]:
-        """Return the station as it is run, what its robots are asked, its start and its controls."""
+    def prepared(self, config: StationConfig, wanted: Wanted) -> Prepared:
+        """Return what a run of the station needs, its configuration with another duration perhaps."""
         own, known = with_pushes(config, wanted.pushes), self.config.forces
         for name, force in own.forces.items():
             if force.at != known[one_of("force", name, known)].at:
@@ -122,13 +140,15 @@ class MujocoRunner:
         courses = station_courses(station, given, start.references if start else None)
         for robot in station.robots.values():
             check_course(robot, courses[robot.name], own.duration)
-        count = int(np.ceil(own.duration / self.built.step - 1e-9)) + 1
-        forces = {name: own.forces.get(name) for name in known}
-        speeds = "reference_velocity" in own.inputs
         rows = controls(
-            self.built.ports.plant, courses, forces, with_speeds=speeds, step=self.built.step, count=count
+            self.built.ports.plant,
+            courses,
+            {name: own.forces.get(name) for name in known},
+            with_speeds="reference_velocity" in own.inputs,
+            step=self.built.step,
+            count=int(np.ceil(own.duration / self.built.step - 1e-9)) + 1,
         )
-        return own, courses, self._start(start), rows
+        return Prepared(own, courses, self._start(start), rows)
 
     def _start(self, start: State | None) -> Vector:
         station = self.built.ports.plant
