@@ -59,7 +59,7 @@ class Account:
     def of(cls, name: str, fine: SimulationResult, coarse: SimulationResult) -> Account:
         """Return the account of two runs."""
         told, rough = quantities(fine), quantities(coarse)
-        common = min(len(fine.times), len(coarse.times))
+        common = together(fine.times, coarse.times)
         errors = {what: float(apart(told[what][:common], rough[what][:common]).max()) for what in told}
         return cls(name, fine.times, told, errors, fine.message)
 
@@ -101,21 +101,27 @@ def quantities(result: SimulationResult) -> dict[Quantity, Vector]:
 def differences(first: Account, others: list[Account], rounding: float = 1e-9) -> list[Difference]:
     """Return how far others are from the first account, in all that both tell, to the shorter one's end.
 
-    Figures that differ by less than ``rounding`` of the quantity's size are equal; what stands still is left out.
+    Figures that differ by less than ``rounding`` of the quantity's size are equal; what never changes is left out.
     """
     found = []
     for other in others:
-        common = min(len(first.times), len(other.times))
-        for what in [
-            what for what in first.values if what in other.values and np.ptp(first.values[what], axis=0).any()
-        ]:
-            ours = first.values[what][:common]
-            distances = apart(ours, other.values[what][:common])
+        common = together(first.times, other.times)
+        for what in [what for what in first.values if what in other.values]:
+            ours, theirs = first.values[what][:common], other.values[what][:common]
+            if not (np.ptp(ours, axis=0).any() or np.ptp(theirs, axis=0).any()):
+                continue
+            distances = apart(ours, theirs)
             least = rounding * float(np.abs(ours).max())
             error = first.errors.get(what, 0.0) + other.errors.get(what, 0.0) + least
             worst = int(np.argmax(distances))
             found.append(Difference(what, other.name, float(distances[worst]), float(first.times[worst]), error))
     return found
+
+
+def together(first: Vector, other: Vector) -> int:
+    """Return how many samples two runs have at the same times: one that a monitor ended has its last one elsewhere."""
+    common = min(len(first), len(other))
+    return int(np.isclose(first[:common], other[:common], rtol=0, atol=1e-9).sum())
 
 
 def apart(first: Vector, other: Vector) -> Vector:
@@ -125,7 +131,7 @@ def apart(first: Vector, other: Vector) -> Vector:
     """
     distances = np.abs(first - other).max(axis=1)
     if first.shape[1] == _QUATERNION and np.allclose(np.linalg.norm(first, axis=1), 1.0):
-        return np.minimum(distances, np.abs(first + other).max(axis=1))
+        distances = np.minimum(distances, np.abs(first + other).max(axis=1))
     return np.asarray(distances)
 
 

@@ -38,8 +38,8 @@ from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, Co
 from simrob_drake.mujoco.shapes import touching_pairs
 from simrob_drake.parts.site import StationPlant
 
-LEAST_IMPEDANCE = 0.05
-"""d_0: a contact's inertia is then a twentieth of that of what touches."""
+LEAST_IMPEDANCE = 1e-4
+"""d_0: MuJoCo knows no smaller one; a contact has then a ten-thousandth of the inertia of what touches."""
 LARGEST_IMPEDANCE = 0.9999
 FOOT_SPEED = 0.1
 """At which feet and tools come down, and so the v of damping where nothing falls from higher [m/s]."""

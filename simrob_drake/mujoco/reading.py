@@ -26,6 +26,16 @@ _ROUNDING = 1e-9  # s
 
 
 @dataclass(frozen=True)
+class Stop:
+    """How a monitor ends a run: who, when [s], why, and since when conditions had held one look before."""
+
+    name: str
+    time: float
+    message: str
+    onsets: dict[str, float]
+
+
+@dataclass(frozen=True)
 class Stepped:
     """A run that was stepped.
 
@@ -54,8 +64,11 @@ class Stepped:
         count = len(sane) if sane.all() else int(np.argmin(sane))
         steps = np.asarray(built.step * np.arange(count), dtype=float)
         times = sample_times(min(float(steps[-1]), self.config.duration), self.config.sample_rate)
+        stop = self._stop(steps, times)
+        if stop is not None:
+            times = np.append(times[times < stop.time - _ROUNDING], stop.time)
         outputs = self._outputs(steps, times)
-        outcome, rows = self._ended(times, outputs, astray=count < len(sane))
+        outcome = self._outcome(stop, float(times[-1]), astray=count < len(sane))
         columns = [
             outputs[signal.output] if signal.entries is None else outputs[signal.output][:, signal.entries]
             for signal in built.signals
@@ -69,13 +82,13 @@ class Stepped:
             names=[name for signal in built.signals for name in signal.names],
             signals=tuple(built.signals),
             notes={},
-            times=times[:rows],
-            values=np.hstack([np.zeros((len(times), 0)), *columns])[:rows],
-            step_times=steps[steps <= times[rows - 1] + _ROUNDING],
+            times=times,
+            values=np.hstack([np.zeros((len(times), 0)), *columns]),
+            step_times=steps[steps <= times[-1] + _ROUNDING],
             positions_at=lambda at: self._motion(steps, at)[0],
             stepping_time=self.seconds,
             signal_time=perf_counter() - began,
-            final_state=self._state(steps, float(times[rows - 1])),
+            final_state=self._state(steps, float(times[-1])),
             start=self.start,
         )
 
@@ -96,22 +109,37 @@ class Stepped:
         states = _between(steps, self.states[:, 1 : 1 + model.nq + model.nv], times)
         return self.built.coordinates.to_drake(states[:, : model.nq], states[:, model.nq :])
 
-    def _ended(self, times: Vector, outputs: Mapping[str, Vector], *, astray: bool) -> tuple[Outcome, int]:
-        """Return how the run ended, and how many of its samples count."""
+    def _stop(self, steps: Vector, times: Vector) -> Stop | None:
+        """Return when a monitor ends the run: looked for at samples, then at the steps before the one that tells."""
+        onsets = dict.fromkeys(self.built.ports.monitors, NOT_YET)
+        found = self._looked(steps, times, dict(onsets), onsets)
+        if found is None:
+            return None
+        between = steps[(steps > found.time - 1 / self.config.sample_rate) & (steps < found.time + _ROUNDING)]
+        return self._looked(steps, between, found.onsets, dict(found.onsets)) or found
+
+    def _looked(self, steps: Vector, times: Vector, before: dict[str, float], onsets: dict[str, float]) -> Stop | None:
+        """Ask the monitors at times (m,), in their order; ``onsets`` changes, ``before`` is that of one time before."""
         monitors = self.built.ports.monitors
-        onsets = dict.fromkeys(monitors, NOT_YET)
-        watched = {name: [outputs[output] for output in own.condition.watched] for name, own in monitors.items()}
-        for row, time in enumerate(times.tolist() if monitors else ()):
+        if not monitors:
+            return None
+        outputs = self._outputs(steps, times)
+        for row, time in enumerate(times.tolist()):
+            before.update(onsets)
             for name, trigger in monitors.items():
-                values = [rows[row] for rows in watched[name]]
+                values = [outputs[output][row] for output in trigger.condition.watched]
                 onsets[name] = trigger.since(onsets[name], time, values)
                 if trigger.ends(onsets[name], time):
-                    why = trigger.condition.why(*values)
-                    return Outcome("monitor", name, f"{why}, at {time:.4g} s"), row + 1
+                    return Stop(name, time, f"{trigger.condition.why(*values)}, at {time:.4g} s", dict(before))
+        return None
+
+    def _outcome(self, stop: Stop | None, end: float, *, astray: bool) -> Outcome:
+        if stop is not None:
+            return Outcome("monitor", stop.name, stop.message)
         if astray:
-            told = f"diverged at {times[-1]:.4g} s: a state ran away to infinity; shorter steps may help"
-            return Outcome("diverged", DIVERGED, told), len(times)
-        return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s"), len(times)
+            told = f"diverged at {end:.4g} s: a state ran away to infinity; shorter steps may help"
+            return Outcome("diverged", DIVERGED, told)
+        return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s")
 
     def _state(self, steps: Vector, time: float) -> State:
         """Return where the station was at a time [s], for another run to begin there, in Drake too."""
