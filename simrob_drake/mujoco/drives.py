@@ -10,6 +10,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.mujoco.names import Names
 from simrob_drake.parts.site import StationRobot
 
+_POSITION = mujoco.mjtCtrlInput.mjINPUT_POS
+
 
 def add_servos(spec: mujoco.MjSpec, robot: StationRobot, names: Names) -> None:
     """Add a robot's servos, one actuator an axis in its sense: the control is its reference [rad or m].
@@ -37,7 +39,7 @@ def add_servos(spec: mujoco.MjSpec, robot: StationRobot, names: Names) -> None:
         if np.isfinite(limit):
             servo.forcelimited, servo.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-limit, limit]
         if ki > 0:
-            servo.set_to_pid(kp=float(kp), kv=float(kd), ki=float(ki), imax=float(most))
+            servo.set_to_pid(kp=float(kp), kv=float(kd), ki=float(ki), imax=float(most / ki), ctrlspec=_POSITION)
         else:
             servo.set_to_position(kp=float(kp), kv=float(kd))
 

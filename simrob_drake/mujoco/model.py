@@ -66,7 +66,7 @@ def mujoco_model(
         InvalidParameter: something that MJCF cannot say.
     """
     ports = closed.ports
-    check_sayable(ports.config, moved_by_torque=moved_by_torque)
+    check_sayable(ports.config, ports.plant.robots, moved_by_torque=moved_by_torque)
     spec, names = mujoco.MjSpec(), Names(ports.plant.plant)
     spec.modelname = ports.config.name
     spec.compiler.degree = False

@@ -22,7 +22,9 @@ from simrob_drake.stations.config import StationConfig
 
 _ASTRAY = 1e6
 """No station has a position or velocity like this [SI units]: it has run away."""
-_ROUNDING = 1e-9  # s
+_ROUNDING = 1e-9  # s, and as a part
+_STABLE = 2.0
+"""An explicit damper on a mass is stable while kd h / M stays below this."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ class Stepped:
             positions_at=lambda at: self._motion(steps, at)[0],
             stepping_time=self.seconds,
             signal_time=perf_counter() - began,
+            warnings=self._warnings(self.sensed[:count]),
             final_state=self._state(steps, float(times[-1])),
             start=self.start,
         )
@@ -140,6 +143,20 @@ class Stepped:
             told = f"diverged at {end:.4g} s: a state ran away to infinity; shorter steps may help"
             return Outcome("diverged", DIVERGED, told)
         return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s")
+
+    def _warnings(self, sensed: Vector) -> list[str]:
+        """Tell of servos at their limits that are too stiff for what MuJoCo does there: it treats them explicitly."""
+        built, found = self.built, []
+        for robot in built.ports.plant.robots.values():
+            torque = np.abs(built.output(f"{robot.prefix}torque", sensed)).max(axis=0)
+            light = built.model.dof_invweight0[built.coordinates.velocities[robot.axis_map.velocity_places]]
+            at_limit = torque >= robot.gains.torque_limit * (1 - _ROUNDING)
+            jumps = at_limit & (robot.gains.kd * light * built.step > _STABLE)
+            found += [f"{robot.prefix}{axis}" for axis, jumped in zip(robot.axes, jumps, strict=True) if jumped]
+        told = (
+            "reached the limit of torque, where MuJoCo takes no account of the damping within a step; take shorter ones"
+        )
+        return [f"{', '.join(found)} {told}"] if found else []
 
     def _state(self, steps: Vector, time: float) -> State:
         """Return where the station was at a time [s], for another run to begin there, in Drake too."""
