@@ -21,6 +21,8 @@ ROAD = [
     "stations",
     "results",
     "simulation",
+    "mujoco",
+    "comparison",
     "identification",
     "linear",
     "kinematics",

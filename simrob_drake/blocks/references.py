@@ -46,10 +46,11 @@ class SineCourse:
     frequency: float
     phase: Vector
 
-    def values(self, times: Vector) -> Vector:
-        """Return the positions at times (m,) [s], shape (m, n) [rad]."""
-        angles = 2 * np.pi * self.frequency * times[:, np.newaxis] + self.phase
-        return np.asarray(self.centre + self.amplitude * np.sin(angles))
+    def values(self, times: Vector, order: int = 0) -> Vector:
+        """Return the positions at times (m,) [s], shape (m, n) [rad], or their derivative of an order."""
+        rate = 2 * np.pi * self.frequency
+        swing = self.amplitude * rate**order * np.sin(rate * times[:, np.newaxis] + self.phase + order * np.pi / 2)
+        return np.asarray(swing if order else self.centre + swing)
 
 
 Course: TypeAlias = Trajectory | SineCourse
@@ -72,12 +73,14 @@ class ReferenceSource:
     player: TrajectorySource | None = None
 
 
-def course_values(course: Course, times: Vector) -> Vector:
-    """Return where a course is at times (m,) [s], shape (m, n) [rad]."""
+def course_values(course: Course, times: Vector, order: int = 0) -> Vector:
+    """Return where a course is at times (m,) [s], shape (m, n) [rad], or a derivative; it holds its ends."""
     if isinstance(course, SineCourse):
-        return course.values(times)
+        return course.values(times, order)
     inside = np.clip(times, course.start_time(), course.end_time())
-    return np.asarray(course.vector_values(inside.tolist())).T
+    asked = course.MakeDerivative(order) if order else course
+    values = np.asarray(asked.vector_values(inside.tolist())).T
+    return np.asarray(values * (inside == times)[:, np.newaxis]) if order else values
 
 
 def smooth(part: Vector) -> Vector:

@@ -20,6 +20,7 @@ from simrob_drake.importer.options import ImportOptions
 
 if TYPE_CHECKING:
     from simrob_drake.simulink.simulink_model import SimulinkModel
+    from simrob_drake.stations.config import StationConfig
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
 
@@ -164,35 +165,20 @@ def _tell(model: SimulinkModel) -> None:
     console.print(f"{model.path.name}: {told}; {model.report.summary()}", soft_wrap=True, highlight=False)
 
 
-def compare(
-    station: StationArgument,
-    with_: Annotated[Path, typer.Option("--with", metavar="FILE", help="Logged signals: CSV with a header, or .mat.")],
-    map_: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="THEIRS=OURS", help="What a logged signal is called here, as yout.1=q.joint_1."),
-    ] = None,
-    set_: Settings = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the numbers, and pictures of each signal.")] = None,
-    force: Force = False,
-) -> None:
-    """Hold logged signals of the original against a station's, in numbers and pictures.
-
-    For example:
-
-        simrob compare irb120_dynamic --with logged.mat --map yout.1=q.joint_1
-    """
+def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
+    """Hold logged signals of the original against a station's, in numbers and pictures."""
     from simrob_drake.simulink import comparing
 
     names = {}
-    for entry in map_ or []:
+    for entry in map_:
         theirs, _, ours = (part.strip() for part in entry.partition("="))
         if not (theirs and ours):
             raise InvalidParameter("--map", entry, "of the form THEIRS=OURS, as yout.1=q.joint_1")
         names[theirs] = ours
     if out is not None:
         check_folder(out, marker=comparing.NUMBERS, force=force)
-    times, logged = comparing.read_log(with_, names)
-    _, differences = comparing.compare(given_station(station, set_), times, logged, progress=True)
+    times, logged = comparing.read_log(log, names)
+    _, differences = comparing.compare(config, times, logged, progress=True)
     table = Table("signal", "largest difference", "at [s]", "root mean square", box=None, pad_edge=False)
     for found in differences:
         largest, rms = (in_units(value, found.unit) for value in (found.largest, found.rms))
@@ -205,4 +191,4 @@ def compare(
         console.print(f"result   {out}", soft_wrap=True, highlight=False)
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu, "compare": compare}
+COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu}

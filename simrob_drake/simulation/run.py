@@ -138,7 +138,7 @@ class Run:
 
     def _sampled(self, sampler: Sampler, outcome: Outcome) -> tuple[Outcome, Vector, Vector]:
         """Return how the run ended, times, and values of the signals up to where a block fails."""
-        times = _sample_times(sampler.history.end, self.config.sample_rate)
+        times = sample_times(sampler.history.end, self.config.sample_rate)
         try:
             return outcome, times, sampled(sampler, self.whole.ports, times)
         except Exception as problem:
@@ -174,7 +174,7 @@ def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context],
     return watch
 
 
-def _sample_times(end: float, rate: float) -> Vector:
+def sample_times(end: float, rate: float) -> Vector:
     """Return evenly spaced times; the end of the run is the last one, wherever it lies."""
     times = np.arange(int(np.floor(end * rate + 1e-9)) + 1) / rate
     return times if times[-1] >= end else np.append(times, end)

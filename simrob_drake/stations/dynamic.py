@@ -47,11 +47,11 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     wire_friction(builder, ports)
     if not config.solver.holds_joint_limits:
-        stiffness, damping = _stops(ports)
+        stiffness, damping = stops_of(ports)
         add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
 
 
-def _stops(ports: StationPorts) -> Vector:
+def stops_of(ports: StationPorts) -> Vector:
     """Return stiffness and damping of the stop at each of the plant's velocities, shape (2, nv).
 
     Joints that are no axes have what the station says of all.

@@ -13,14 +13,12 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from simrob_drake.blocks.references import course_values
 from simrob_drake.frames import Vector
-from simrob_drake.stations.closed import closed_station
+from simrob_drake.mujoco.built import BuiltStation
+from simrob_drake.stations.closed import station_courses
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.resolve import resolve
-from tests.benchmarks.mujoco_model import mujoco_spec
 from tests.benchmarks.stepping import SAMPLES, Motion
-
-mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are counted, not told one by one
 
 
 @dataclass(frozen=True)
@@ -67,12 +65,11 @@ class MujocoHumanoid:
     """The robot of a station in MuJoCo, with the station's reference."""
 
     def __init__(self, config: StationConfig) -> None:
-        closed = closed_station(resolve(config))
-        station = closed.ports.plant
-        self._reference = closed.diagram.GetSubsystemByName("reference_source")
-        (self.robot,) = station.robots.values()
+        built = BuiltStation.of(config)
+        (self.robot,) = built.ports.plant.robots.values()
+        self._course = station_courses(built.station)[self.robot.name]
         self.duration = config.duration
-        self._spec = mujoco_spec(station, self.robot)
+        self._spec = built.spec
         self._references: dict[float, Vector] = {}
 
     def contact_like_drake(self, impedance: float) -> Contact:
@@ -107,11 +104,8 @@ class MujocoHumanoid:
     def _controls(self, step: float) -> Vector:
         """Return the references at the ends of the steps, where servos that are treated implicitly act."""
         if step not in self._references:
-            context, rows = self._reference.CreateDefaultContext(), []
-            for number in range(1, round(self.duration / step) + 1):
-                context.SetTime(number * step)
-                rows.append(self._reference.get_output_port().Eval(context))
-            self._references[step] = np.array(rows)
+            ends = step * np.arange(1, round(self.duration / step) + 1)
+            self._references[step] = course_values(self._course, ends)
         return self._references[step]
 
     def _motion(self, model: mujoco.MjModel, states: Vector, step: float, seconds: float) -> Motion:
@@ -129,10 +123,11 @@ def _apply(model: mujoco.MjModel, settings: Settings) -> None:
     option.solver = getattr(mujoco.mjtSolver, f"mjSOL_{settings.solver.upper()}")
     option.cone = getattr(mujoco.mjtCone, f"mjCONE_{settings.cone.upper()}")
     option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # the same figures as dense, a fifth quicker here
-    option.disableflags = mujoco.mjtDisableBit.mjDSBL_ISLAND  # one robot is one island: a tenth quicker
+    off = mujoco.mjtDisableBit.mjDSBL_ISLAND, mujoco.mjtDisableBit.mjDSBL_SENSOR, mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    option.disableflags = sum(map(int, off))  # one robot is one island: a tenth quicker
     option.enableflags = settings.exact_diagonal * int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
-    model.geom_solref[:] = settings.contact.solref
-    model.geom_solimp[:, :2] = settings.contact.impedance
+    model.pair_solref[:], model.pair_solreffriction[:] = settings.contact.solref, 0.0
+    model.pair_solimp[:, :2] = settings.contact.impedance
 
 
 def candidates(ours: list[Contact]) -> list[Settings]:

@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.parts.site import Site, Surroundings, named
+from simrob_drake.parts.site import Site, StationPlant, Surroundings, named
 from simrob_drake.parts.targets import frame_names, frame_of
 from simrob_drake.signals import applied_signal
 from simrob_drake.yaml_files import Strict
@@ -42,9 +42,10 @@ class ForceSection(Strict):
         known = [*station.robots, *(name for name in frame_names(station) if name != "world")]
         if self.at is not None and self.at not in known:
             raise UnknownName(f"robot, tool, link or piece for {key}.at", self.at, known)
-        self._place_name(key, station)
+        self.place_name(key, station)
 
-    def _place_name(self, key: str, station: Surroundings) -> str:
+    def place_name(self, key: str, station: Surroundings) -> str:
+        """Return the name of what it acts on."""
         if self.at is not None:
             return self.at
         robot = station.robots[named(None, list(station.robots), key=f"{key}.at")]
@@ -58,8 +59,8 @@ def add_force(
 
     The ports of the blocks that apply it are gathered in the site, for the plant.
     """
-    place = section._place_name(f"forces.{name}", site.station)
-    frame, point = _place(site, place)
+    place = section.place_name(f"forces.{name}", site.station)
+    frame, point = place_of(site.plant, place)
     given = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
     point = point + section.offset
     force = section.shaped(builder, site, f"force.{name}", frame, point, given)
@@ -73,9 +74,9 @@ def add_force(
     site.add(output, force, applied_signal(output, "N", title, part=name))
 
 
-def _place(site: Site, place: str) -> tuple[Frame, Vector]:
+def place_of(plant: StationPlant, place: str) -> tuple[Frame, Vector]:
     """Return the frame in which a force is given, and the point (3,) [m] in it where it acts."""
-    if place in site.plant.robots:
-        root = site.plant.robots[place].root
+    if place in plant.robots:
+        root = plant.robots[place].root
         return root, np.asarray(root.GetFixedPoseInBodyFrame().inverse() @ root.body().default_com())
-    return frame_of(site.plant, place), np.zeros(3)
+    return frame_of(plant, place), np.zeros(3)

@@ -1,4 +1,4 @@
-"""The MuJoCo model that the speed of stations is measured against is the very robot of the station."""
+"""A station's MuJoCo model is the very robot of the station: masses, inertias, feet, servos, limits."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import Context
 
 from simrob_drake import load_station
-from simrob_drake.stations.plant import StationPlant, add_plant
-from simrob_drake.stations.resolve import resolve
+from simrob_drake.parts.site import StationPlant
 
 mujoco = pytest.importorskip("mujoco", reason="a cross-check, installed with the extra dev")
 
@@ -28,11 +27,11 @@ class Both:
 
 @pytest.fixture(scope="module", params=["humanoid_dynamic", "roid1_dynamic"])
 def both(request: pytest.FixtureRequest) -> Both:
-    from tests.benchmarks.mujoco_model import mujoco_spec
+    from simrob_drake.mujoco.built import BuiltStation
 
-    station = add_plant(DiagramBuilder(), resolve(load_station(request.param)))
+    built = BuiltStation.of(load_station(request.param))
+    station, model = built.ports.plant, built.model
     (robot,) = station.robots.values()
-    model = mujoco_spec(station, robot).compile()
     data, context = mujoco.MjData(model), station.plant.CreateDefaultContext()
     random = np.random.default_rng(1)
     pose = RigidTransform(RollPitchYaw(random.uniform(-1, 1, 3)), random.uniform(-1, 1, 3))
@@ -77,7 +76,8 @@ def test_the_inertia_matrix_is_the_same_in_a_random_posture(both: Both) -> None:
 
 def test_the_feet_are_where_they_are_in_the_plant(both: Both) -> None:
     (robot,) = both.station.robots.values()
-    spheres = np.flatnonzero(both.model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)
+    feet = [f"{link}_contact_{number}" for link in robot.feet.links for number in range(len(robot.feet.points[link]))]
+    spheres = [both.model.geom(name).id for name in feet]
     expected = [
         both.station.plant.GetFrameByName(link).CalcPoseInWorld(both.context) @ np.array(point)
         for link in robot.feet.links
@@ -85,7 +85,9 @@ def test_the_feet_are_where_they_are_in_the_plant(both: Both) -> None:
     ]
     np.testing.assert_allclose(both.data.geom_xpos[spheres], expected, atol=1e-6)
     np.testing.assert_allclose(both.model.geom_size[spheres, 0], robot.feet.radius)
-    np.testing.assert_allclose(both.model.geom_friction[spheres, 0], robot.feet.friction[1])
+    pairs = [row for row in range(both.model.npair) if both.model.pair_geom2[row] in spheres]
+    assert len(pairs) == len(spheres)
+    np.testing.assert_allclose(both.model.pair_friction[pairs, 0], robot.feet.friction[1])
 
 
 def test_servos_damping_and_limits_are_those_of_the_plant(both: Both) -> None:

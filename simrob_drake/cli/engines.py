@@ -1,0 +1,104 @@
+"""A station in other engines: ``simrob export`` writes it as MJCF, ``simrob compare`` holds their runs together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from simrob_drake.cli.given import given_station, refuse
+from simrob_drake.cli.options import Force, Settings, StationArgument
+from simrob_drake.cli.screen import console, errors
+from simrob_drake.cli.simulink import compare_with_log
+from simrob_drake.cli.tables import in_units
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.folders import check_folder
+from simrob_drake.stations.config import StationConfig
+
+
+def export(
+    station: StationArgument,
+    mjcf: Annotated[Path, typer.Option("--mjcf", metavar="FILE", help="The MJCF file of MuJoCo to write, FILE.xml.")],
+    set_: Settings = None,
+    step: Annotated[float, typer.Option(help="Length of MuJoCo's steps [s].")] = 2e-3,
+    force: Force = False,
+) -> None:
+    """Write a station as a model of MuJoCo, with its meshes and the controls over its duration beside it.
+
+    For example:
+
+        simrob export irb120_dynamic --mjcf irb120.xml
+    """
+    if find_spec("mujoco") is None:
+        raise InvalidParameter(
+            "simrob export", "without mujoco", "installed with the extra mujoco: simrob-drake[mujoco]"
+        )
+    from simrob_drake.mujoco.export import save_mjcf
+
+    for written in save_mjcf(given_station(station, set_), mjcf, step=step, force=force):
+        console.print(f"written {written}", soft_wrap=True, highlight=False)
+
+
+def compare(
+    station: StationArgument,
+    with_: Annotated[
+        Path | None, typer.Option("--with", metavar="FILE", help="Logged signals: CSV with a header, or .mat.")
+    ] = None,
+    map_: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="THEIRS=OURS", help="What a logged signal is called here, as yout.1=q.joint_1."),
+    ] = None,
+    set_: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the numbers and pictures.")] = None,
+    force: Force = False,
+) -> None:
+    """Hold a station's run against others: logged signals of the original, or other engines with error bars.
+
+    Other engines are another scheme of Drake, MuJoCo, and inverse dynamics where it exists.
+
+    For example:
+
+        simrob compare irb120_dynamic --out compared
+
+        simrob compare irb120_dynamic --with logged.mat --map yout.1=q.joint_1
+    """
+    if with_ is not None:
+        compare_with_log(given_station(station, set_), with_, map_ or [], out, force=force)
+        return
+    refuse("given with --with", map=map_)
+    _compare_engines(given_station(station, set_), out, force=force)
+
+
+def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:
+    from simrob_drake.comparison.account import differences
+    from simrob_drake.comparison.engines import tell
+    from simrob_drake.comparison.saving import NUMBERS, save_comparison
+
+    if out is not None:
+        check_folder(out, marker=NUMBERS, force=force)
+    with errors.status("running") as status:
+        told = tell(config, progress=lambda name: status.update(f"running in {name}"))
+    first, *others = told.accounts
+    found = differences(first, others)
+    table = Table(
+        "engine", "quantity", f"from {first.name} at most", "at [s]", "error bars", "within", box=None, pad_edge=False
+    )
+    for one in found:
+        largest, error = (in_units(value, one.quantity.unit) for value in (one.largest, one.error))
+        within = "yes" if one.within else f"no, {one.largest / one.error:.2g} ×" if one.error > 0 else "no"
+        table.add_row(one.account, one.quantity.name, largest, f"{one.at:.3f}", error, within)
+    for account in told.accounts:
+        console.print(f"{account.name}: {account.ended}", soft_wrap=True, highlight=False)
+    console.print(table)
+    for name, why in told.missing.items():
+        console.print(f"{name}: {why}", soft_wrap=True, highlight=False)
+    if out is not None:
+        save_comparison(told.accounts, found, out, force=force)
+        console.print(f"result   {out}", soft_wrap=True, highlight=False)
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"export": export, "compare": compare}

@@ -1,0 +1,1 @@
+"""Stations in MuJoCo, a second engine: as MJCF files, in quick roll-outs, and beside Drake's runs."""

@@ -1,0 +1,99 @@
+"""A station that is built in MuJoCo: its model, and between what it tells and what Drake calls that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.mujoco.coordinates import Coordinates
+from simrob_drake.mujoco.model import STEP, mujoco_model
+from simrob_drake.mujoco.names import Names
+from simrob_drake.mujoco.sensors import Told
+from simrob_drake.signals import Signal
+from simrob_drake.stations.closed import closed_station
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.resolve import ResolvedStation, check_parts, resolve
+
+STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+"""What MuJoCo keeps of each step."""
+
+
+@dataclass(frozen=True)
+class BuiltStation:
+    """A station in MuJoCo.
+
+    Attributes:
+        station: what it is made of.
+        ports: its ports in Drake, which tell what its signals are.
+        spec, model: of MuJoCo.
+        told: how the model's sensors give outputs of the station, by their names.
+        columns: of the sensors in their data, by their names.
+        coordinates: between Drake's positions and velocities and MuJoCo's.
+        step: length of a step [s].
+    """
+
+    station: ResolvedStation
+    ports: StationPorts
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    told: dict[str, Told]
+    columns: dict[str, slice]
+    coordinates: Coordinates
+    step: float
+
+    @classmethod
+    def of(
+        cls,
+        config: StationConfig,
+        *,
+        step: float = STEP,
+        integrator: str | None = None,
+        seen: bool = False,
+        moved_by_torque: bool = True,
+    ) -> BuiltStation:
+        """Build a station; the arguments are those of :func:`~simrob_drake.mujoco.model.mujoco_model`.
+
+        Raises:
+            SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
+        """
+        station = resolve(config)
+        check_parts(station)
+        closed = closed_station(station)
+        made = mujoco_model(closed, step=step, integrator=integrator, seen=seen, moved_by_torque=moved_by_torque)
+        columns = {
+            made.model.sensor(index).name: slice(start, start + size)
+            for index, (start, size) in enumerate(zip(made.model.sensor_adr, made.model.sensor_dim, strict=True))
+        }
+        plant = closed.ports.plant.plant
+        coordinates = Coordinates.of(plant, made.model, Names(plant))
+        return cls(station, closed.ports, made.spec, made.model, dict(made.told), columns, coordinates, step)
+
+    @property
+    def signals(self) -> list[Signal]:
+        """The station's signals that are known here."""
+        return [signal for signal in self.ports.signals if self._tells(signal)]
+
+    @property
+    def left_out(self) -> list[str]:
+        """The columns of the station's other signals."""
+        known = {name for signal in self.signals for name in signal.names}
+        return [name for signal in self.ports.signals for name in signal.names if name not in known]
+
+    def state(self, q: Vector, v: Vector) -> Vector:
+        """Return MuJoCo's state at positions (nq,) and velocities (nv,) of the plant, at time zero."""
+        data, state = mujoco.MjData(self.model), np.empty(mujoco.mj_stateSize(self.model, STATE))
+        data.qpos[:], data.qvel[:] = self.coordinates.to_mujoco(q, v)
+        mujoco.mj_getState(self.model, data, state, STATE)
+        return state
+
+    def output(self, name: str, sensed: Vector) -> Vector:
+        """Return an output (m, size) of the station by the sensors' data (m, k)."""
+        return self.told[name].of(self.columns, sensed)
+
+    def _tells(self, signal: Signal) -> bool:
+        given = signal.role in ("reference", "applied")  # what went in is known
+        return signal.compute is None and (given or signal.output in self.told)

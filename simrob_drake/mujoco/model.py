@@ -1,0 +1,167 @@
+"""A station as a MuJoCo model, made from its own plant: robots, pieces, floor, contacts, servos, forces, sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from pydrake.geometry import GeometryId
+
+from simrob_drake.mujoco.contact import FOOT_SPEED, Softness, Surface, dry_friction, ratio, softness, surfaces
+from simrob_drake.mujoco.drives import add_force, add_servos
+from simrob_drake.mujoco.limits import check_sayable
+from simrob_drake.mujoco.names import Names
+from simrob_drake.mujoco.sensors import Told, add_sensors
+from simrob_drake.mujoco.shapes import add_shapes
+from simrob_drake.mujoco.tree import add_tree
+from simrob_drake.parts.forces.force import place_of
+from simrob_drake.stations.closed import ClosedStation
+from simrob_drake.stations.dynamic import stops_of
+from simrob_drake.stations.ports import StationPorts
+
+mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by their results
+
+STEP = 2e-3
+"""Length of MuJoCo's steps unless given [s]."""
+_STICK = 100.0
+"""MuJoCo's ``impratio``: how much harder friction is than what presses."""
+
+
+@dataclass(frozen=True)
+class MujocoModel:
+    """A station in MuJoCo.
+
+    Attributes:
+        spec: of the model, with the figures for its step.
+        model: compiled.
+        told: how the model's sensors give outputs of the station, by their names.
+    """
+
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    told: Mapping[str, Told]
+
+
+def mujoco_model(
+    closed: ClosedStation,
+    *,
+    step: float = STEP,
+    integrator: str | None = None,
+    seen: bool = False,
+    moved_by_torque: bool = True,
+) -> MujocoModel:
+    """Return a station as a MuJoCo model that stands where the station begins.
+
+    Args:
+        closed: the station, built.
+        step: length of a step [s].
+        integrator: MuJoCo's name of it; unless given ``discrete``, which treats servos and contacts in one implicit
+            solve, and ``implicitfast`` where there are no servos, which takes nothing from what swings.
+        seen: with the pictures of all bodies.
+        moved_by_torque: with servos and forces; without, it is there to be asked for its inverse dynamics.
+
+    Raises:
+        InvalidParameter: something that MJCF cannot say.
+    """
+    ports = closed.ports
+    check_sayable(ports.config, ports.plant.robots, moved_by_torque=moved_by_torque)
+    spec, names = mujoco.MjSpec(), Names(ports.plant.plant)
+    spec.modelname = ports.config.name
+    spec.compiler.degree = False
+    _set_options(spec, ports, step, integrator or ("discrete" if ports.plant.robots else "implicitfast"))
+    add_tree(spec, ports.plant, names)
+    shapes = add_shapes(spec, ports.plant, names, seen=seen)
+    pairs = surfaces(ports.plant) if moved_by_torque else []
+    _add_pairs(spec, shapes, pairs)
+    if moved_by_torque:
+        for robot in ports.plant.robots.values():
+            add_servos(spec, robot, names)
+        _add_forces(spec, ports, names)
+    told = add_sensors(spec, ports, names, shapes, moved_by_torque=moved_by_torque)
+    model = spec.compile()
+    if moved_by_torque:
+        _soften(spec, model, ports, names, [surface for _, _, surface in pairs])
+        model = spec.compile()
+    return MujocoModel(spec, model, told)
+
+
+def _set_options(spec: mujoco.MjSpec, ports: StationPorts, step: float, integrator: str) -> None:
+    option = spec.option
+    option.gravity = ports.plant.plant.gravity_field().gravity_vector()
+    option.timestep, option.impratio = step, _STICK
+    option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+
+
+def _add_pairs(
+    spec: mujoco.MjSpec, shapes: Mapping[GeometryId, str], pairs: list[tuple[GeometryId, GeometryId, Surface]]
+) -> None:
+    for first, second, surface in pairs:
+        rubs = surface.friction > 0
+        spec.add_pair(
+            geomname1=shapes[first],
+            geomname2=shapes[second],
+            condim=3 if rubs else 1,
+            friction=[max(surface.friction, 1e-5)] * 2 + [0, 0, 0],
+        )
+
+
+def _add_forces(spec: mujoco.MjSpec, ports: StationPorts, names: Names) -> None:
+    for name, force in ports.config.forces.items():
+        frame, point = place_of(ports.plant, force.place_name(f"forces.{name}", ports.station))
+        add_force(spec, frame, point, name=f"force.{name}", names=names)
+
+
+def _soften(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, ports: StationPorts, names: Names, pairs: list[Surface]
+) -> None:
+    """Give contacts, joint stops and dry friction their figures, which need the inertias of the compiled model."""
+    step, data = spec.option.timestep, mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for pair, surface in zip(spec.pairs, pairs, strict=True):
+        geoms = model.geom(pair.geomname1).id, model.geom(pair.geomname2).id
+        weight = float(sum(model.body_invweight0[model.geom_bodyid[geom], 0] for geom in geoms))
+        speed = max(FOOT_SPEED, _falling_speed(model, data, geoms))
+        damping = ratio(surface, weight, speed, float(np.linalg.norm(model.opt.gravity)))
+        found = softness(surface.stiffness, damping, weight, step)
+        pair.solref, pair.solimp = found.solref, found.solimp
+        pair.solreffriction = [0.0, -found.impedance / step]
+    stops = stops_of(ports)
+    for robot in ports.plant.robots.values():
+        rubbing = robot.model.friction
+        for joint, most in zip(robot.joints, rubbing, strict=True):
+            if most > 0:
+                own = spec.joint(names.joint(joint))
+                weight = _inverse_inertia(model, own.name)
+                slope = most / robot.model.drives.friction_speed
+                _put(own, "friction", dry_friction(slope, weight, step))
+                own.frictionloss = most
+    plant = ports.plant.plant
+    for index in plant.GetJointIndices():
+        joint = plant.get_joint(index)
+        if joint.num_velocities() == 1:
+            own, place = spec.joint(names.joint(joint)), joint.velocity_start()
+            weight = _inverse_inertia(model, own.name)
+            stiffness, damping = stops[:, place].tolist()
+            _put(own, "limit", softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step))
+
+
+def _put(joint: mujoco.MjsJoint, kind: str, found: Softness) -> None:
+    setattr(joint, f"solref_{kind}", found.solref)
+    setattr(joint, f"solimp_{kind}", found.solimp)
+
+
+def _inverse_inertia(model: mujoco.MjModel, joint: str) -> float:
+    return float(model.dof_invweight0[model.joint(joint).dofadr[0]])
+
+
+def _falling_speed(model: mujoco.MjModel, data: mujoco.MjData, geoms: tuple[int, int]) -> float:
+    """Return the speed of what falls freely through the gap between two shapes at the start; 0 for links of robots."""
+    free = [model.body_dofnum[model.body_rootid[model.geom_bodyid[geom]]] == 6 for geom in geoms]
+    if not any(free):
+        return 0.0
+    gap = mujoco.mj_geomDistance(model, data, *geoms, 100.0, None)
+    return float(np.sqrt(2 * np.linalg.norm(model.opt.gravity) * max(gap, 0.0)))

@@ -1,0 +1,179 @@
+"""What became of a run in MuJoCo, as a result that Drake's runs have, too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from simrob_drake.blocks.monitor import NOT_YET
+from simrob_drake.blocks.references import Course, course_values
+from simrob_drake.frames import Vector
+from simrob_drake.mujoco.built import BuiltStation
+from simrob_drake.mujoco.controls import force_values
+from simrob_drake.results.record.run import DIVERGED
+from simrob_drake.results.record.state import JointState, State, joints_of
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulation.run import sample_times
+from simrob_drake.simulation.stepping import Outcome
+from simrob_drake.stations.config import StationConfig
+
+_ASTRAY = 1e6
+"""No station has a position or velocity like this [SI units]: it has run away."""
+_ROUNDING = 1e-9  # s, and as a part
+_STABLE = 2.0
+"""An explicit damper on a mass is stable while kd h / M stays below this."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """How a monitor ends a run: who, when [s], why, and since when conditions had held one look before."""
+
+    name: str
+    time: float
+    message: str
+    onsets: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """A run that was stepped.
+
+    Attributes:
+        built: the station.
+        config: as it was run.
+        courses: what the robots were asked, by name.
+        states: MuJoCo's states before each step, shape (m, size).
+        sensed: what the sensors told of them, shape (m, k).
+        seconds: of wall-clock time.
+        start: where it began; None at the initial posture.
+    """
+
+    built: BuiltStation
+    config: StationConfig
+    courses: Mapping[str, Course]
+    states: Vector
+    sensed: Vector
+    seconds: float
+    start: State | None
+
+    def result(self) -> SimulationResult:
+        """Return the result: sampled, and cut where a monitor ends the run or where it ran away."""
+        began, built = perf_counter(), self.built
+        sane = (np.abs(self.states) < _ASTRAY).all(axis=1)  # what is no number is not
+        count = len(sane) if sane.all() else int(np.argmin(sane))
+        steps = np.asarray(built.step * np.arange(count), dtype=float)
+        times = sample_times(min(float(steps[-1]), self.config.duration), self.config.sample_rate)
+        stop = self._stop(steps, times)
+        if stop is not None:
+            times = np.append(times[times < stop.time - _ROUNDING], stop.time)
+        outputs = self._outputs(steps, times)
+        outcome = self._outcome(stop, float(times[-1]), astray=count < len(sane))
+        columns = [
+            outputs[signal.output] if signal.entries is None else outputs[signal.output][:, signal.entries]
+            for signal in built.signals
+        ]
+        return SimulationResult(
+            config=self.config,
+            plant=built.ports.plant,
+            ending=outcome.ending,
+            stopped_by=outcome.stopped_by,
+            message=outcome.message,
+            names=[name for signal in built.signals for name in signal.names],
+            signals=tuple(built.signals),
+            notes={},
+            times=times,
+            values=np.hstack([np.zeros((len(times), 0)), *columns]),
+            step_times=steps[steps <= times[-1] + _ROUNDING],
+            positions_at=lambda at: self._motion(steps, at)[0],
+            stepping_time=self.seconds,
+            signal_time=perf_counter() - began,
+            warnings=self._warnings(self.sensed[:count]),
+            final_state=self._state(steps, float(times[-1])),
+            start=self.start,
+        )
+
+    def _outputs(self, steps: Vector, times: Vector) -> dict[str, Vector]:
+        """Return the outputs that are known, by name, at times (m,)."""
+        built = self.built
+        sensed = _between(steps, self.sensed, times)
+        outputs = {name: built.output(name, sensed) for name in built.told}
+        for robot in built.ports.plant.robots.values():
+            outputs[f"{robot.prefix}reference"] = course_values(self.courses[robot.name], times)
+        for name in built.station.config.forces:
+            outputs[f"applied_force.{name}"] = force_values(self.config.forces.get(name), times, times + built.step)
+        return outputs
+
+    def _motion(self, steps: Vector, times: Vector) -> tuple[Vector, Vector]:
+        """Return positions (k, nq) and velocities (k, nv) of Drake's plant at times (k,)."""
+        model = self.built.model
+        states = _between(steps, self.states[:, 1 : 1 + model.nq + model.nv], times)
+        return self.built.coordinates.to_drake(states[:, : model.nq], states[:, model.nq :])
+
+    def _stop(self, steps: Vector, times: Vector) -> Stop | None:
+        """Return when a monitor ends the run: looked for at samples, then at the steps before the one that tells."""
+        onsets = dict.fromkeys(self.built.ports.monitors, NOT_YET)
+        found = self._looked(steps, times, dict(onsets), onsets)
+        if found is None:
+            return None
+        between = steps[(steps > found.time - 1 / self.config.sample_rate) & (steps < found.time + _ROUNDING)]
+        return self._looked(steps, between, found.onsets, dict(found.onsets)) or found
+
+    def _looked(self, steps: Vector, times: Vector, before: dict[str, float], onsets: dict[str, float]) -> Stop | None:
+        """Ask the monitors at times (m,), in their order; ``onsets`` changes, ``before`` is that of one time before."""
+        monitors = self.built.ports.monitors
+        if not monitors:
+            return None
+        outputs = self._outputs(steps, times)
+        for row, time in enumerate(times.tolist()):
+            before.update(onsets)
+            for name, trigger in monitors.items():
+                values = [outputs[output][row] for output in trigger.condition.watched]
+                onsets[name] = trigger.since(onsets[name], time, values)
+                if trigger.ends(onsets[name], time):
+                    return Stop(name, time, f"{trigger.condition.why(*values)}, at {time:.4g} s", dict(before))
+        return None
+
+    def _outcome(self, stop: Stop | None, end: float, *, astray: bool) -> Outcome:
+        if stop is not None:
+            return Outcome("monitor", stop.name, stop.message)
+        if astray:
+            told = f"diverged at {end:.4g} s: a state ran away to infinity; shorter steps may help"
+            return Outcome("diverged", DIVERGED, told)
+        return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s")
+
+    def _warnings(self, sensed: Vector) -> list[str]:
+        """Tell of servos at their limits that are too stiff for what MuJoCo does there: it treats them explicitly."""
+        built, found = self.built, []
+        for robot in built.ports.plant.robots.values():
+            torque = np.abs(built.output(f"{robot.prefix}torque", sensed)).max(axis=0)
+            light = built.model.dof_invweight0[built.coordinates.velocities[robot.axis_map.velocity_places]]
+            at_limit = torque >= robot.gains.torque_limit * (1 - _ROUNDING)
+            jumps = at_limit & (robot.gains.kd * light * built.step > _STABLE)
+            found += [f"{robot.prefix}{axis}" for axis, jumped in zip(robot.axes, jumps, strict=True) if jumped]
+        told = (
+            "reached the limit of torque, where MuJoCo takes no account of the damping within a step; take shorter ones"
+        )
+        return [f"{', '.join(found)} {told}"] if found else []
+
+    def _state(self, steps: Vector, time: float) -> State:
+        """Return where the station was at a time [s], for another run to begin there, in Drake too."""
+        plant, robots = self.built.ports.plant.plant, self.built.ports.plant.robots
+        q, v = (rows[0] for rows in self._motion(steps, np.array([time])))
+        return State(
+            positions={name: robot.axis_map.positions(q) for name, robot in robots.items()},
+            velocities={name: robot.axis_map.velocities(v) for name, robot in robots.items()},
+            references={name: course_values(self.courses[name], np.array([time]))[0] for name in robots},
+            joints={name: JointState(q[places], v[speeds]) for name, places, speeds in joints_of(plant)},
+        )
+
+
+def _between(steps: Vector, rows: Vector, times: Vector) -> Vector:
+    """Return rows (m, k) of steps (m,) at times (n,), on straight lines between two of them, shape (n, k)."""
+    after = np.clip(np.searchsorted(steps, times - _ROUNDING), 1, max(len(steps) - 1, 1))
+    if len(steps) == 1:
+        return np.repeat(rows[:1], len(times), axis=0)
+    part = np.clip((times - steps[after - 1]) / (steps[after] - steps[after - 1]), 0.0, 1.0)[:, np.newaxis]
+    return np.asarray(rows[after - 1] + part * (rows[after] - rows[after - 1]))

@@ -1,0 +1,3 @@
+import pytest
+
+pytest.importorskip("mujoco", reason="installed with the extra mujoco")
