@@ -26,12 +26,14 @@ ROAD = [
     "kinematics",
     "programs",
     "tuning",
+    "learning",
     "simulink",
     "cli",
 ]
 BASE = {
     "beside",
     "errors",
+    "extras",
     "files",
     "constants",
     "paths",
