@@ -111,8 +111,9 @@ class Trial:
     duration: float
 
 
-def tried(trial: Trial) -> tuple[int, float, float, float]:
-    """Return number, return, way ahead [m] and duration [s] of an episode; a fall ends it."""
+def tried(trial: Trial) -> tuple[int, float, float, float, float]:
+    """Return number, return, way ahead [m], duration [s] and time of the processor [s] of an episode."""
+    began = time.process_time()
     env = environment(trial.station)
     policy = env.episode.policy
     frequency, weights, bias = Body(env.policy_axes).policy(trial.figures)
@@ -122,27 +123,27 @@ def tried(trial: Trial) -> tuple[int, float, float, float]:
     while not ended and env.episode.time < trial.duration - 1e-6:
         seen, reward, ended, _, info = env.step(weights @ seen + bias)
         total += reward
-    return trial.number, total, float(info["place"][0]), env.episode.time
+    return trial.number, total, float(info["place"][0]), env.episode.time, time.process_time() - began
 
 
-def died(trial: Trial) -> tuple[int, float, float, float]:
+def died(trial: Trial) -> tuple[int, float, float, float, float]:
     """Return what becomes of a trial whose process died."""
-    return trial.number, -1e3, 0.0, 0.0
+    return trial.number, -1e3, 0.0, 0.0, 0.0
 
 
 def search(
-    station: str, folder: Path, *, seed: int, minutes: float, duration: float, population: int, workers: int
+    station: str, folder: Path, *, seed: int, generations: int, duration: float, population: int, workers: int
 ) -> Vector:
-    """Search until the time is over and return the figures of the last mean; the curve goes to the folder."""
+    """Search and return the figures of the last mean; the curve goes to the folder."""
     axes = environment(station).policy_axes
     size = Body(axes).size
     strategy = CMA(mean=np.zeros(size), sigma=0.3, seed=seed, population_size=population)
-    began, generation = time.perf_counter(), 0
+    began, used = time.perf_counter(), 0.0
     folder.mkdir(parents=True, exist_ok=True)
     with Processes(workers) as processes, (folder / "curve.csv").open("w", newline="") as file:
         curve = csv.writer(file)
-        curve.writerow(["generation", "wall_minutes", "best", "mean", "ahead", "lasted"])
-        while time.perf_counter() - began < 60 * minutes:
+        curve.writerow(["generation", "wall_minutes", "processor_minutes", "best", "mean", "ahead", "lasted"])
+        for generation in range(generations):
             asked = [strategy.ask() for _ in range(strategy.population_size)]
             trials = [
                 Trial(number, station, figures, 1000 * seed + generation, duration)
@@ -151,12 +152,13 @@ def search(
             found = sorted(processes.outcomes(tried, trials, died))
             strategy.tell([(asked[number], -total) for number, total, *_ in found])
             best = max(found, key=lambda row: row[1])
-            row = [generation, (time.perf_counter() - began) / 60, best[1], np.mean([f[1] for f in found]), *best[2:]]
+            used += sum(row[4] for row in found)
+            times = [(time.perf_counter() - began) / 60, used / 60]
+            row = [generation, *times, best[1], float(np.mean([each[1] for each in found])), *best[2:4]]
             curve.writerow([f"{value:.5g}" for value in row])
             file.flush()
             (folder / "figures.json").write_text(json.dumps(strategy.mean.tolist()))
-            generation += 1
-    print(f"{generation} generations of {population} in {(time.perf_counter() - began) / 60:.1f} min")
+    print(f"{generations} generations of {population} in {(time.perf_counter() - began) / 60:.1f} min")
     return np.array(strategy.mean)
 
 
@@ -173,7 +175,7 @@ def main() -> None:
     options.add_argument("--station", default="yobotics_dynamic")
     options.add_argument("--out", type=Path, default=Path("runs/walker"))
     options.add_argument("--seed", type=int, default=1)
-    options.add_argument("--minutes", type=float, default=30.0)
+    options.add_argument("--generations", type=int, default=80)
     options.add_argument("--duration", type=float, default=6.0)
     options.add_argument("--population", type=int, default=16)
     options.add_argument("--workers", type=int, default=2)
