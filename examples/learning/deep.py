@@ -14,7 +14,6 @@ from typing import Any
 from held_back import compare
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.monitor import load_results
 from stable_baselines3.common.vec_env import SubprocVecEnv
 from torch import nn, set_num_threads
 
@@ -40,11 +39,12 @@ def learn(env: str, folder: Path, *, algorithm: str, steps: int, seed: int, work
         model.learn(steps)
     finally:
         envs.close()
-    episodes = load_results(str(folder / "monitors"))
+    tables = [file.read_text().splitlines()[1:] for file in (folder / "monitors").glob("*.csv")]
+    episodes = sorted((row for table in tables for row in csv.DictReader(table)), key=lambda row: float(row["t"]))
     with (folder / "curve.csv").open("w", newline="") as file:
         curve = csv.writer(file)
-        curve.writerow(["steps", "return", "wall_minutes"])
-        curve.writerows(zip(episodes["l"].cumsum(), episodes["r"], episodes["t"] / 60, strict=True))
+        curve.writerow(["wall_minutes", "steps", "return"])
+        curve.writerows([float(row["t"]) / 60, row["l"], row["r"]] for row in episodes)
     return model
 
 

@@ -23,12 +23,16 @@ import numpy as np
 from cmaes import CMA
 
 import simrob_drake.learning
+from simrob_drake import load_station
 from simrob_drake.frames import Vector
 from simrob_drake.learning.environment import StationEnvironment
+from simrob_drake.learning.task import load_task
 from simrob_drake.learning.writing import write_network
+from simrob_drake.stations.load import station_yaml
 from simrob_drake.tuning.processes import Processes
 
 assert simrob_drake.learning.ENVIRONMENTS  # importing it registers them
+TASK = Path(__file__).with_name("walk.yaml")
 HARMONICS = 2
 FREQUENCY = (0.5, 4.0)  # Hz: where the search may look for it, by factors, from the middle on
 MIRRORED = np.array([-1, 1, -1, -1, 1, -1])  # roll, pitch, yaw and their rates in a mirror
@@ -94,8 +98,7 @@ def _leg(axis: str) -> str:
 @lru_cache(maxsize=1)
 def environment(station: str) -> StationEnvironment:
     """Return the environment of this process, built once."""
-    task = Path(__file__).with_name("walk.yaml")
-    made = gymnasium.make("simrob/Walk-v0", task=task, station=station).unwrapped
+    made = gymnasium.make("simrob/Walk-v0", task=TASK, station=station).unwrapped
     assert isinstance(made, StationEnvironment)
     return made
 
@@ -163,10 +166,15 @@ def search(
 
 
 def save(station: str, figures: Vector, folder: Path) -> Path:
-    """Write the policy as ONNX, with its frequency in a file beside it."""
+    """Write the policy as ONNX, and a station with it and the solver that the station has; return its file."""
     frequency, weights, bias = Body(environment(station).policy_axes).policy(figures)
-    (folder / "frequency.json").write_text(json.dumps(frequency))
-    return write_network(folder / "policy.onnx", [(weights, bias)])
+    network = write_network(folder / "policy.onnx", [(weights, bias)])
+    learnt = {"network": str(network.resolve()), "clock": [frequency * (number + 1) for number in range(HARMONICS)]}
+    overrides = {key: value for key, value in load_task(TASK)[0].overrides.items() if key != "solver"}
+    config = load_station(station, {**overrides, **{f"controllers.policy.{key}": learnt[key] for key in learnt}})
+    file = folder / "station.yaml"
+    file.write_text(station_yaml(config.model_copy(update={"name": "walker", "duration": 20.0})))
+    return file
 
 
 def main() -> None:

@@ -81,7 +81,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         info = {"rewards": parts, "place": now.place, "time": episode.time}
         if episode.ended:
             info["ended"] = episode.ended
-        truncated = not episode.ended and episode.time > task.duration - episode.period / 2
+        truncated = not episode.ended and episode.time > self.config.duration - episode.period / 2
         return seen.astype(np.float32), sum(parts.values()), bool(episode.ended), truncated, info
 
     def _pushes(self) -> dict[str, Push]:

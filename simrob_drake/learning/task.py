@@ -54,7 +54,7 @@ class Task(Strict):
     overrides: dict[str, Any] = Field(default_factory=dict)
     """What is changed in it: sensors, and the controller of kind `policy` that is to learn."""
     duration: Duration = 10.0
-    """The longest that an episode takes [s]."""
+    """The longest that an episode takes [s], unless overrides say another `duration`."""
     rewards: dict[str, Number] = Field(min_length=1)
     """Weights of the terms of the reward, by name."""
     speed: Positive | None = None
@@ -80,7 +80,7 @@ class Task(Strict):
         Raises:
             SimrobError: one that cannot be, or that has not one place for a policy.
         """
-        config = load_station(station or self.station, {**self.overrides, **overrides, "duration": self.duration})
+        config = load_station(station or self.station, {"duration": self.duration, **self.overrides, **overrides})
         if len(found := policies_of(config)) != 1:
             told = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"
             raise InvalidConfig(where, "overrides.controllers", told)
