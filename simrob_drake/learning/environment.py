@@ -47,7 +47,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         policy = self.episode.policy
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (policy.observed,), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (policy.acts,), np.float32)
-        self._goal = np.zeros(3)
+        self._goal = np.array(self.episode.section.goal)
 
     @property
     def policy_axes(self) -> list[str]:

@@ -58,7 +58,7 @@ class Task(Strict):
     rewards: dict[str, Number] = Field(min_length=1)
     """Weights of the terms of the reward, by name."""
     speed: Positive | None = None
-    """How fast ahead is fast enough [m/s]; the faster the better unless given."""
+    """How fast ahead is best [m/s]; the faster the better unless given."""
     yields: NotNegative = 0.0
     """How fast a tool is to go for a force on it [m/s per N]."""
     noise_deg: NotNegative = 0.0
@@ -84,10 +84,20 @@ class Task(Strict):
         if len(found := policies_of(config)) != 1:
             told = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"
             raise InvalidConfig(where, "overrides.controllers", told)
+        self._check_goals(*(len(section.goal) for section in found.values()), where)
         if self.pushes is not None:
             pushes = [name for name, force in config.forces.items() if isinstance(force, Push) and force.at is None]
             one_of("push of the station, without a place of its own, for pushes.name", self.pushes.name, pushes)
         return config
+
+    def _check_goals(self, size: int, where: Path | str) -> None:
+        if "distance" in self.rewards and size != 3:
+            raise InvalidConfig(
+                where, "rewards.distance", f"needs a goal of the policy of x y z, not of {size} figures"
+            )
+        if self.goals is not None and len(self.goals.low) != size:
+            told = f"is a box of {len(self.goals.low)} figures; the policy's goal has {size}"
+            raise InvalidConfig(where, "goals", told)
 
 
 def task_names() -> list[str]:

@@ -20,6 +20,7 @@ from simrob_drake.learning.episode import Episode  # noqa: E402
 from simrob_drake.learning.task import load_task  # noqa: E402
 from simrob_drake.learning.writing import write_network  # noqa: E402
 from simrob_drake.parts.controllers.network import Network  # noqa: E402
+from simrob_drake.paths import models_root  # noqa: E402
 
 SPAWN = {"context": "spawn"}  # a fork of a process with threads may hang
 NOTHING = {"kind": "sine", "amplitude": [0, 0, 0], "frequency": 1}
@@ -172,6 +173,23 @@ def test_bad_input_gets_one_line(kwargs, told):
     with pytest.raises(SimrobError, match=told) as refused:
         StationEnvironment(**kwargs)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ("goals: {low: [0], high: [1]}", "a box of 1 figures; the policy's goal has 0"),
+        ("goals: {low: [2], high: [1]}", "low is nowhere above high"),
+        ("rewards: {distance: -1}", "needs a goal of the policy of x y z, not of 0"),
+    ],
+)
+def test_goals_that_do_not_fit_are_refused(changed, told, tmp_path):
+    text = (models_root() / "tasks" / "walk.yaml").read_text()
+    kept = [line for line in text.splitlines() if not line.startswith(changed.partition(":")[0])]
+    file = tmp_path / "task.yaml"
+    file.write_text("\n".join([*kept, changed]))
+    with pytest.raises(SimrobError, match=told):
+        StationEnvironment(file)
 
 
 def test_a_task_with_an_unknown_term_names_the_nearest(tmp_path):
