@@ -28,6 +28,7 @@ ROAD = [
     "kinematics",
     "programs",
     "tuning",
+    "learning",
     "simulink",
     "teach",
     "cli",
@@ -35,6 +36,7 @@ ROAD = [
 BASE = {
     "beside",
     "errors",
+    "extras",
     "files",
     "constants",
     "paths",

@@ -1,8 +1,8 @@
 """What README and docs say is so: their scripts, stations, commands and links.
 
 Every block of Python is a script of its own. Every block of YAML tells in its first line what it is: ``station.yaml``,
-``robot.yaml``, ``piece.yaml``, ``program.yaml`` or ``study.yaml``, or what is changed in a station of the package:
-``# irb120_dynamic.yaml, changed``. The commands of a block run one after the other.
+``robot.yaml``, ``piece.yaml``, ``program.yaml``, ``study.yaml`` or ``task.yaml``, or what is changed in a station of
+the package: ``# irb120_dynamic.yaml, changed``. The commands of a block run one after the other.
 """
 
 import re
@@ -84,12 +84,20 @@ def test_every_expected_output_belongs_to_a_script():
     assert all(any(words in script for script in scripts) for words in SHOWN)
 
 
+def task_of(file):
+    pytest.importorskip("gymnasium")
+    from simrob_drake.learning.task import load_task
+
+    return load_task(file)
+
+
 LOADERS: dict[str, Callable] = {
     "station.yaml": lambda file: check_station(load_station(file)),
     "robot.yaml": lambda file: load_robot_file(file).element,
     "piece.yaml": lambda file: weighed(described_piece(file)),
     "program.yaml": Program.load,
     "study.yaml": Study.read,
+    "task.yaml": task_of,
 }
 
 

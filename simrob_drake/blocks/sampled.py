@@ -112,6 +112,11 @@ class SampledBlock(Block):
             RunEnds: the run is to end.
         """
 
+    def now(self, context: Context) -> tuple[Named, Named]:
+        """Return what the block remembers in a context of its own, and what it reads there, by name."""
+        memory = _Remembered(context.get_discrete_state(), self._told, self._group, self._kept)
+        return memory, _Read(self, context, self._inputs)
+
     def _begin(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
         assert self._stage is not None  # only then is this asked
         if context.get_discrete_state(self._stage).value()[0] != _ASLEEP:
@@ -126,9 +131,9 @@ class SampledBlock(Block):
             discrete.set_value(self._stage, np.array([_AWAKE]))
             if stage == _SAMPLED:  # this very moment, before the run began
                 return None
-        memory = _Remembered(context.get_discrete_state(), self._told, self._group, self._kept)
+        memory, read = self.now(context)
         try:
-            changed = self.sample(memory, _Read(self, context, self._inputs))
+            changed = self.sample(memory, read)
         except RunEnds as reason:
             return EventStatus.ReachedTermination(self, str(reason))
         if changed or self._late:

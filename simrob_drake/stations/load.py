@@ -231,6 +231,8 @@ def _with_absolute_paths(content: dict[str, Any], folder: Path) -> dict[str, Any
     for controller in controllers.values():
         if isinstance(controller, dict) and isinstance(controller.get("class"), str):
             controller["class"] = class_beside(controller["class"], folder)
+        if isinstance(controller, dict) and isinstance(controller.get("network"), str):
+            controller["network"] = str(folder / controller["network"])
     for section in [section for section in sections if isinstance(section, dict)]:
         for owner, key in ((section, "urdf"), (section, "mesh"), (section.get("reference"), "file")):
             if isinstance(owner, dict) and isinstance(owner.get(key), str):

@@ -13,6 +13,7 @@ from simrob_drake.parts.controllers.loop import LoopSection, Reader
 from simrob_drake.parts.controllers.motor_protection import MotorProtection
 from simrob_drake.parts.controllers.objective import Objective
 from simrob_drake.parts.controllers.own import OwnController
+from simrob_drake.parts.controllers.policy import Policy
 from simrob_drake.parts.controllers.sequencer import Sequencer
 from simrob_drake.parts.controllers.signal_flow import SignalFlow
 from simrob_drake.parts.controllers.touchdown import Touchdown
@@ -27,7 +28,8 @@ ControllerConfig = Annotated[
     | ForceControl
     | MotorProtection
     | SignalFlow
-    | Touchdown,
+    | Touchdown
+    | Policy,
     Field(discriminator="kind"),
 ]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]

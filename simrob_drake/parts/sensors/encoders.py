@@ -104,13 +104,13 @@ class JointEncoders(SampledBlock):
             delay=delay,
             at_once=True,
         )
-        self._resolution, self._noise, self._seed = resolution, noise, seed
+        self._resolution, self._noise, self.seed = resolution, noise, seed
         self._share = period / (period + smoothing)
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the encoders tell now."""
         count = int(memory["count"][0])
-        told = rounded(read["position"] + self._noise * normal(self._seed, count, len(self._noise)), self._resolution)
+        told = rounded(read["position"] + self._noise * normal(self.seed, count, len(self._noise)), self._resolution)
         difference = (told - memory["position"]) / self.period if count else np.zeros(len(told))
         velocity = memory["velocity"] + self._share * (difference - memory["velocity"])
         return {"position": told, "velocity": velocity, "count": count + 1}

@@ -152,12 +152,12 @@ class MeasuredWrench(SampledBlock):
         super().__init__(
             period=period, reads={"wrench": 6}, memory=memory, gives=("wrench",), delay=delay, at_once=True
         )
-        self._resolution, self._noise, self._seed = resolution, noise, seed
+        self._resolution, self._noise, self.seed = resolution, noise, seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the sensor tells now."""
         count = int(memory["count"].item())
-        told = rounded(read["wrench"] + self._noise * normal(self._seed, count, 6), self._resolution)
+        told = rounded(read["wrench"] + self._noise * normal(self.seed, count, 6), self._resolution)
         return {"wrench": told, "count": count + 1}
 
 

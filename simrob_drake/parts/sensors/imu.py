@@ -135,8 +135,7 @@ class InertialUnit(SampledBlock):
         self._plant, self._frame = weakref.proxy(plant), frame.index()
         self._gravity = plant.gravity_field().gravity_vector()
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
-        self._seed, self._noise = seed, np.repeat(noise, 3)
-        self._bias = np.repeat(bias, 3) * normal(seed, 0, 6)
+        self.seed, self._noise, self._bias = seed, np.repeat(noise, 3), np.repeat(bias, 3)
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return force and rates by the motion since the last sample."""
@@ -150,6 +149,7 @@ class InertialUnit(SampledBlock):
         to_frame = transform_from_xyz_quaternion([0, 0, 0, *middle]).rotation().inverse()
         force = to_frame @ ((velocity - last) / self.period - self._gravity)
         rates = pose.rotation().inverse() @ motion.rotational()
-        measured = np.concatenate([force, rates]) + self._bias + self._noise * normal(self._seed, count + 1, 6)
+        wrong = self._bias * normal(self.seed, 0, 6) + self._noise * normal(self.seed, count + 1, 6)
+        measured = np.concatenate([force, rates]) + wrong
         told = {"specific_force": measured[:3], "angular_velocity": measured[3:], "orientation": orientation}
         return {**told, "velocity": velocity, "count": count + 1}

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
@@ -68,6 +68,7 @@ class SampledSensor(Sensor):
                 site.signals.append(replace(signal, compute=compute))
 
 
+@lru_cache(maxsize=16)  # the bias of a sensor is drawn at each of its samples
 def normal(seed: int, number: int, size: int) -> Vector:
     """Return figures (size,) of the standard normal distribution; a generator each, so that nothing remembers one."""
     return np.random.default_rng([seed, number]).standard_normal(size)

@@ -1,0 +1,91 @@
+"""Prove a walker where it never learnt: seeds, ground, load and solver that were held back, in its station as it is.
+
+python examples/learning/prove_walker.py examples/learning/yobotics_walker.yaml --out runs/proof.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from dataclasses import astuple, dataclass, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simrob_drake import load_station
+from simrob_drake.learning.episode import Episode
+from simrob_drake.tuning.processes import Processes
+
+CONDITIONS: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "friction 0.6": {"contact.friction": {"static": 0.6, "dynamic": 0.6}},
+    "1 kg on its back": {"pieces.load": {"model": "box", "parent": "robot", "mass": 1.0, "pose": [0, 0, 0.1, 0, 0, 0]}},
+    "discrete solver, 1 ms": {"solver": {"kind": "discrete", "time_step": 1e-3}},
+}
+SEEDS = range(900_000, 900_020)
+NOISE_DEG = 1.0  # standard deviation of where each axis begins
+FAR, LONG = 3.0, 20.0  # what is asked for [m, s]
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A walk that is asked for, and what became of it."""
+
+    condition: str
+    seed: int
+    station: Path
+    ahead: float = 0.0  # m
+    aside: float = 0.0  # m
+    lasted: float = 0.0  # s
+    ended: str = ""  # why, if it fell
+
+    @property
+    def proven(self) -> bool:
+        """Whether it went far enough, and stood all the time."""
+        return not self.ended and self.ahead >= FAR
+
+
+@lru_cache(maxsize=1)
+def episode(station: Path, condition: str) -> Episode:
+    """Return the station of this process, built once for a condition."""
+    return Episode(load_station(station, CONDITIONS[condition]))
+
+
+def walked(walk: Walk) -> Walk:
+    """Walk. The policy is the station's own: nothing is asked of it from outside."""
+    made, draw = episode(walk.station, walk.condition), np.random.default_rng(walk.seed)
+    seeds = draw.integers(2**31, size=len(made.seeds)).tolist()
+    made.begin(seeds=seeds, away=np.deg2rad(NOISE_DEG) * draw.standard_normal(len(made.robot.axes)))
+    while not made.ended and made.time < LONG - made.period / 2:
+        made.advance(np.zeros(made.policy.acts))
+    ahead, aside, _ = made.moment(goal=np.zeros(3), wanted_speed=np.inf, yields=0.0).place.round(3).tolist()
+    return Walk(walk.condition, walk.seed, walk.station, ahead, aside, round(made.time, 2), made.ended)
+
+
+def main() -> None:
+    """Walk under all conditions with all seeds, and print in how many the walker did what is asked for."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("station", type=Path)
+    options.add_argument("--out", type=Path, default=Path("runs/proof.csv"))
+    options.add_argument("--conditions", nargs="+", choices=list(CONDITIONS), default=list(CONDITIONS))
+    given = options.parse_args()
+    walks = [Walk(condition, seed, given.station) for condition in given.conditions for seed in SEEDS]
+    with Processes() as processes:
+        died = "its process died"
+        found = list(processes.outcomes(walked, walks, lambda walk: Walk(**{**vars(walk), "ended": died})))
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    with given.out.open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow([field.name for field in fields(Walk)])
+        table.writerows(astuple(walk) for walk in sorted(found, key=lambda walk: (walk.condition, walk.seed)))
+    for condition in given.conditions:
+        own = [walk for walk in found if walk.condition == condition]
+        ways = np.array([walk.ahead for walk in own if not walk.ended] or [0.0])
+        done = sum(walk.proven for walk in own)
+        print(f"{condition}: {done} of {len(own)} upright over {FAR:g} m in {LONG:g} s; median {np.median(ways):.2f} m")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""What is to be learnt, as a YAML file says it: a station with a policy's place, rewards, and what is random."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from simrob_drake.errors import InvalidConfig, UnknownName, one_of
+from simrob_drake.learning.episode import policies_of
+from simrob_drake.learning.rewards import TERMS
+from simrob_drake.parts.forces.push import Push
+from simrob_drake.paths import models_root
+from simrob_drake.quantities import Duration, Instant, NotNegative, Positive
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station
+from simrob_drake.yaml_files import YAML_SUFFIXES, Number, Strict, read_yaml, validated
+
+
+class Pushes(Strict):
+    """A push of random direction in each episode, through the station's push of this name."""
+
+    name: str
+    """Of a `push` among the station's `forces` that says no place: it acts at the tool, or at the root link."""
+    force: tuple[NotNegative, NotNegative]
+    """The least and the largest [N]."""
+    start: tuple[Instant, Instant]
+    """The earliest and the latest [s]."""
+    level: bool = True
+    """Whether they are horizontal, along x and y of what is pushed."""
+
+
+class Goals(Strict):
+    """A box in which each episode has its goal."""
+
+    low: list[Number]
+    high: list[Number]
+
+    @model_validator(mode="after")
+    def _is_a_box(self) -> Self:
+        if len(self.low) != len(self.high) or not np.all(np.array(self.low) <= np.array(self.high)):
+            raise ValueError("low and high are of one size, and low is nowhere above high")
+        return self
+
+
+class Task(Strict):
+    """What is to be learnt."""
+
+    station: str
+    """A name of `simrob list`, or a YAML file."""
+    overrides: dict[str, Any] = Field(default_factory=dict)
+    """What is changed in it: sensors, and the controller of kind `policy` that is to learn."""
+    duration: Duration = 10.0
+    """The longest that an episode takes [s], unless overrides say another `duration`."""
+    rewards: dict[str, Number] = Field(min_length=1)
+    """Weights of the terms of the reward, by name."""
+    speed: Positive | None = None
+    """How fast ahead is best [m/s]; the faster the better unless given."""
+    yields: NotNegative = 0.0
+    """How fast a tool is to go for a force on it [m/s per N]."""
+    noise_deg: NotNegative = 0.0
+    """Standard deviation of where each axis begins [deg, or m]."""
+    pushes: Pushes | None = None
+    """A push in each episode."""
+    goals: Goals | None = None
+    """Where the goals lie."""
+
+    @model_validator(mode="after")
+    def _knows_its_terms(self) -> Self:
+        for name in self.rewards:
+            one_of("term of rewards", name, TERMS)
+        return self
+
+    def config(self, station: str | None, overrides: Mapping[str, Any], where: Path | str) -> StationConfig:
+        """Return the station in which this is learnt: its own, or another one.
+
+        Raises:
+            SimrobError: one that cannot be, or that has not one place for a policy.
+        """
+        config = load_station(station or self.station, {"duration": self.duration, **self.overrides, **overrides})
+        if len(found := policies_of(config)) != 1:
+            told = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"
+            raise InvalidConfig(where, "overrides.controllers", told)
+        self._check_goals(*(len(section.goal) for section in found.values()), where)
+        if self.pushes is not None:
+            pushes = [name for name, force in config.forces.items() if isinstance(force, Push) and force.at is None]
+            one_of("push of the station, without a place of its own, for pushes.name", self.pushes.name, pushes)
+        return config
+
+    def _check_goals(self, size: int, where: Path | str) -> None:
+        if "distance" in self.rewards and size != 3:
+            raise InvalidConfig(
+                where, "rewards.distance", f"needs a goal of the policy of x y z, not of {size} figures"
+            )
+        if self.goals is not None and len(self.goals.low) != size:
+            told = f"is a box of {len(self.goals.low)} figures; the policy's goal has {size}"
+            raise InvalidConfig(where, "goals", told)
+
+
+def task_names() -> list[str]:
+    """Return the names of the tasks that come with the package."""
+    return sorted(file.stem for file in (models_root() / "tasks").glob("*.yaml"))
+
+
+def load_task(name_or_path: str | Path) -> tuple[Task, Path]:
+    """Return a task and its file, by its name or by the file.
+
+    Raises:
+        UnknownName: no such task.
+        InvalidConfig: a file that is none.
+    """
+    if str(name_or_path) in task_names():
+        path = models_root() / "tasks" / f"{name_or_path}.yaml"
+    else:
+        path = Path(name_or_path)
+        if path.suffix not in YAML_SUFFIXES:
+            raise UnknownName("task", str(name_or_path), task_names())
+    return validated(Task, read_yaml(path), path), path

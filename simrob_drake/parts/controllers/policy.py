@@ -1,0 +1,197 @@
+r"""A loop whose law was learnt: a network says by what it observes how far each axis is to move.
+
+At each sample the observation is a vector o of what the section names, and the action that the network gives for it,
+within ±1, moves the axes from their reference,
+
+.. math:: a_k = \mathrm{clip}(\pi(o_k), -1, 1), \qquad \Delta q_i = s_i \, a_{k,i} .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+from pydrake.math import RollPitchYaw, RotationMatrix
+from pydrake.systems.framework import Context
+
+from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.network import Network
+from simrob_drake.parts.controllers.support import rotation_of
+from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.quantities import Frequency, Positive
+from simrob_drake.robots.axis_values import PositiveAxisValues
+from simrob_drake.yaml_files import Number
+
+_READS = {"position": "position", "velocity": "velocity", "attitude": "orientation"}
+"""Which input tells what is observed, where that is not called the same."""
+_REMEMBERED = ("action", "clock", "goal")
+
+
+class Policy(LoopSection):
+    """A network that was learnt: it observes the robot, and moves its axes from their reference."""
+
+    kind: Literal["policy"]
+    rate: Positive = 50.0
+    """Samples a second [Hz]."""
+    network: Path | None = None
+    """The network, an ONNX file; relative paths start at the station's file. Without one nothing is asked of the axes,
+    as where it is yet to be learnt."""
+    moves_deg: PositiveAxisValues
+    """How far an action of 1 moves an axis [deg, or m where it slides]: a number for all, or those that it moves."""
+    observes: list[str] = Field(min_length=1)
+    """What it sees, in this order: `position` from the initial posture and `velocity` of all axes; `attitude`, the
+    angles Rx Ry Rz of the root link from how it stood, and its `angular_velocity`, of an IMU that `reads` names; the
+    last `action`; `clock`; `goal`; or any output of the station, such as `external_force.hand`."""
+    clock: list[Frequency] = Field(default_factory=list)
+    """Of each of these it sees sine and cosine over time [Hz]."""
+    goal: list[Number] = Field(default_factory=list)
+    """Figures that say what is wanted, such as a place."""
+
+    @model_validator(mode="after")
+    def _sees_what_it_is_told(self) -> Policy:
+        for name in ("clock", "goal"):
+            if bool(getattr(self, name)) != (name in self.observes):
+                raise ValueError(f"{name} goes with '{name}' among what it observes")
+        return self
+
+    @property
+    def named(self) -> list[str]:
+        """What it reads by names of the user's."""
+        return [*super().named, *self._outputs]
+
+    def axes(self, robot: ResolvedRobot) -> Sequence[str]:
+        """Return the axes that it moves."""
+        return [axis for axis, reach in zip(robot.axes, self.reach(robot), strict=True) if reach > 0]
+
+    def reach(self, robot: ResolvedRobot) -> Vector:
+        """Return how far an action of 1 moves each axis, shape (n,) [rad or m]; 0 for those that it leaves."""
+        moves = dict(self.moves_deg) if isinstance(self.moves_deg, dict) else self.moves_deg
+        return robot.model.user_units * robot.model.axis_vector(moves, "moves_deg")
+
+    def block(self, key: str, robot: StationRobot, site: Site) -> LearntPolicy:
+        """Return the loop."""
+        for output in self._outputs:
+            if output not in site.outputs:
+                raise UnknownName(f"what {key} observes", output, [*_READS, *_REMEMBERED, *site.outputs])
+        sizes = {name: site.outputs[name].size() for name in self._outputs}
+        block = LearntPolicy(
+            period=1 / self.rate,
+            observes=self.observes,
+            sizes=sizes,
+            reach=self.reach(robot),
+            home=robot.initial,
+            upright=robot.base.rotation(),
+            clock=self.clock,
+            goal=np.array(self.goal),
+        )
+        if self.network is not None:
+            network = Network(self.network, f"{key}.network")
+            if (network.inputs, network.outputs) != (block.observed, block.acts):
+                told = f"a network that takes {network.inputs} figures and gives {network.outputs}"
+                fits = f"one that takes the {block.observed} that are observed and gives {block.acts}"
+                raise InvalidParameter(f"{key}.network", told, fits)
+            block.law = network
+        return block
+
+    @property
+    def _outputs(self) -> list[str]:
+        return [name for name in self.observes if name not in (*_READS, "angular_velocity", *_REMEMBERED)]
+
+
+class LearntPolicy(SampledBlock):
+    """Observe, and move axes by what a law says of that.
+
+    Ports:
+        in  what is observed: ``position``, ``velocity`` (n) [rad, rad/s]; ``orientation`` (4): of the root link, qw qx
+            qy qz; ``angular_velocity`` (3) [rad/s]: of that, in its axes; others as they are called.
+        out ``offset`` (n) [rad]: to be added to the reference; ``action`` (m): within ±1, of the axes that it moves;
+            ``goal``: what is wanted, where something is.
+
+    Attributes:
+        law: gives an action (m,) for an observation; without one the action is as it was asked for.
+        clock: frequencies of which sine and cosine are seen, shape (k,) [Hz].
+        observed, acts: the sizes of observation and action.
+    """
+
+    def __init__(
+        self,
+        *,
+        period: float,
+        observes: Sequence[str],
+        sizes: Mapping[str, int] | None = None,
+        reach: Vector,
+        home: Vector,
+        upright: RotationMatrix | None = None,
+        clock: Sequence[float] = (),
+        goal: Vector | None = None,
+    ) -> None:
+        """Make the block.
+
+        Args:
+            period: between samples [s].
+            observes: what, in this order; as of :class:`Policy`.
+            sizes: of other outputs of the station that it observes, by name.
+            reach: how far an action of 1 moves each axis, shape (n,) [rad].
+            home: positions are seen from here, shape (n,) [rad].
+            upright: the attitude is seen from here.
+            clock: frequencies of which sine and cosine are seen [Hz].
+            goal: figures that are seen as they are.
+        """
+        self.units = {"offset": "rad"}
+        self.law: Callable[[Vector], Vector] | None = None
+        moved = np.flatnonzero(reach)
+        self.acts = len(moved)
+        self._observes, self._home = list(observes), home
+        self._matrix = np.eye(len(reach))[:, moved] * reach[moved]
+        self._upright = (upright or RotationMatrix()).inverse()
+        self.clock = np.array(clock, dtype=float)
+        goal = np.zeros(0) if goal is None else goal
+        seen = {"position": len(reach), "velocity": len(reach), "attitude": 3, "angular_velocity": 3, **(sizes or {})}
+        every = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
+        self.observed = sum(every[name] for name in observes)
+        reads = {_READS.get(name, name): 4 if name == "attitude" else seen[name] for name in observes if name in seen}
+        told = {"goal": goal} if len(goal) else {}
+        super().__init__(
+            period=period,
+            reads=reads,
+            memory={"offset": np.zeros(len(reach)), "action": np.zeros(self.acts), **told, "count": np.zeros(1)},
+            gives=("offset", "action", *told),
+        )
+
+    def observe(self, context: Context) -> Vector:
+        """Return what would be observed in a context of the block, shape (observed,)."""
+        return self._observation(*self.now(context))
+
+    def ask(self, context: Context, **told: Vector) -> None:
+        """Set what the block remembers in its context: the ``action`` of its next sample, or the ``goal``."""
+        for name, values in told.items():
+            context.SetDiscreteState(self._told[name], values)
+
+    def sample(self, memory: Named, read: Named) -> Changes:
+        """Return how far the axes are to be moved now."""
+        action = memory["action"] if self.law is None else self.law(self._observation(memory, read))
+        action = np.clip(action, -1.0, 1.0)
+        return {"offset": self._matrix @ action, "action": action, "count": memory["count"] + 1}
+
+    def _observation(self, memory: Named, read: Named) -> Vector:
+        return np.concatenate([self._part(name, memory, read) for name in self._observes])
+
+    def _part(self, name: str, memory: Named, read: Named) -> Vector:
+        match name:
+            case "position":
+                return np.asarray(read["position"] - self._home)
+            case "attitude":
+                turned: Vector = RollPitchYaw(self._upright @ rotation_of(read["orientation"])).vector()
+                return turned
+            case "clock":
+                angles = 2 * np.pi * self.clock * (memory["count"] * self.period)
+                return np.concatenate([np.sin(angles), np.cos(angles)])
+            case "action" | "goal":
+                return memory[name]
+        return read[name]

@@ -1,0 +1,65 @@
+"""Each term of a reward against the figure worked out by hand."""
+
+import numpy as np
+import pytest
+from pydrake.math import RollPitchYaw, RotationMatrix
+
+from simrob_drake.learning.rewards import TERMS, Moment, rewards, turned_from
+
+NOW = Moment(
+    place=np.array([1.0, -0.2, -0.05]),
+    speed=np.array([0.4, 9.0, 9.0]),
+    turned=RollPitchYaw(0.1, -0.2, 0.3).ToRotationMatrix(),
+    spin=np.array([1.0, 2.0, -2.0]),
+    effort=np.array([0.5, -1.0]),
+    action=np.array([1.0, 0.0]),
+    last_action=np.array([0.5, 0.5]),
+    tool=np.array([0.3, 0.0, 0.4]),
+    tool_speed=np.array([0.1, 0.0, 0.0]),
+    goal=np.array([0.3, 0.3, 0.8]),
+    push=np.array([10.0, 0.0, 5.0]),
+    wanted_speed=0.3,
+    yields=0.02,
+    ended=True,
+)
+BY_HAND = {
+    "ahead": 0.2,  # it goes 0.4 m/s, 0.1 more than is wanted
+    "alive": 1.0,
+    "height": 0.05**2,
+    "lateral": 0.2**2,
+    "rotation": 0.1**2 + 0.2**2 + 0.3**2,
+    "spin": 9.0,
+    "effort": (0.25 + 1.0) / 2,
+    "haste": 0.5,
+    "distance": 0.5,  # 3 4 5
+    "yielding": 0.1**2 + 0.1**2,  # 0.2 and 0.1 m/s are asked for, 0.1 and 0 are there
+    "ended": 1.0,
+}
+
+
+def test_every_term_is_as_worked_out_by_hand():
+    assert set(BY_HAND) == set(TERMS)
+    assert {name: TERMS[name](NOW) for name in TERMS} == pytest.approx(BY_HAND)
+
+
+def test_weights_count_by_the_time_but_the_end_counts_once():
+    assert rewards({"ahead": 2.0, "lateral": -3.0, "ended": -5.0}, NOW, 0.02) == pytest.approx(
+        {"ahead": 0.008, "lateral": -3 * 0.04 * 0.02, "ended": -5.0}
+    )
+
+
+def test_speed_counts_as_it_is_up_to_what_is_wanted():
+    for wanted in (0.5, np.inf):
+        assert TERMS["ahead"](Moment(**{**vars(NOW), "wanted_speed": wanted})) == pytest.approx(0.4)
+
+
+def test_a_robot_that_stands_higher_than_at_the_start_pays_nothing_for_it():
+    assert TERMS["height"](Moment(**{**vars(NOW), "place": np.array([0, 0, 0.1])})) == 0
+
+
+def test_turns_are_seen_from_where_it_stood():
+    """Of a robot that faces y and then leans 0.2 rad about its own x."""
+    faced = RollPitchYaw(0, 0, np.pi / 2).ToRotationMatrix()
+    leaned = faced @ RotationMatrix.MakeXRotation(0.2)
+    poses = [np.concatenate([np.zeros(3), turn.ToQuaternion().wxyz()]) for turn in (faced, leaned)]
+    np.testing.assert_allclose(RollPitchYaw(turned_from(*poses)).vector(), [0.2, 0, 0], atol=1e-12)
