@@ -8,6 +8,7 @@ import numpy as np
 
 from simrob_drake.blocks.references import Course, course_values
 from simrob_drake.frames import Vector
+from simrob_drake.parts.forces.sine import SineForce
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.parts.site import StationPlant
 
@@ -54,5 +55,6 @@ def force_values(force: ForceConfig | None, starts: Vector, ends: Vector) -> Vec
     if isinstance(force, Push):
         inside = np.clip(np.minimum(ends, force.end) - np.maximum(starts, force.start), 0.0, None)
         return np.outer(inside / (ends - starts), force.force)
+    assert isinstance(force, SineForce)  # which MJCF can say
     angles = 2 * np.pi * force.frequency * (starts + ends) / 2 + np.deg2rad(force.phase_deg)
     return np.outer(np.sin(angles), force.amplitude)
