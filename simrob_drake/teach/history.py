@@ -36,12 +36,14 @@ class History:
         return self._at < len(self._steps) - 1
 
     def record(self, taught: Taught, label: str = "") -> None:
-        """Take a step; what was undone before is forgotten.
+        """Take a step, if something is new; what was undone before is forgotten.
 
         Args:
             taught: what is taught from now on.
             label: of a step that goes on with the last one if that had the same, as a slider that is still moved.
         """
+        if taught == self.present:
+            return
         keep = self._at + (0 if label and label == self._label and self._at > 0 else 1)
         self._steps[keep:] = [_as_step(taught)]
         self._at, self._label = len(self._steps) - 1, label

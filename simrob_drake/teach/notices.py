@@ -11,6 +11,7 @@ NOTICES = {
     "lost": "The simulation broke down again and again ({why}); change what breaks it, then try again",
     "gone": "There is no simulation; try again",
     "busy": "End the run first",
+    "waits": "This is done when what runs has ended",
     "nothing_tested": "There is nothing to add: test a move first",
     "not_stored": "This change is not in the program, since the robot is elsewhere than the program leads it",
     "reset": "The program was erased; undo brings it back",

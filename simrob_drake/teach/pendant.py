@@ -72,7 +72,7 @@ class Pendant:
         self.session.close()
 
     def _begin(self) -> None:
-        self.board.tell("scene", [{"type": "delete", "path": "/drake"}])
+        self.board.wipe()
         self.reach = 0.0
         self.session.listen(self._reach)
         self.session.listen_to_view(lambda news: self.board.tell(news["subject"], news["commands"]))

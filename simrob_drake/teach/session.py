@@ -102,7 +102,8 @@ class Session(Jogging):
             with writing(session.folder):
                 session.folder.mkdir(parents=True, exist_ok=True)
             held.enter_context(alone_in(session.folder))
-            session._load(Path(program).absolute() if program is not None else session.folder / _PROGRAM)
+            own = f"{session.robot}.yaml" if session._one_of_several else _PROGRAM
+            session._load(Path(program).absolute() if program is not None else session.folder / own)
             session._held = held.pop_all()
         session._reopen()
         return session
@@ -159,7 +160,7 @@ class Session(Jogging):
     def export_script(self) -> Future[Any]:
         """Write the program as a Python script that runs by itself and gives the same signals."""
         program, file = self._whole_program(), self.file.with_suffix(".py")
-        robot = self.robot if len(self.config.robots) > 1 else None
+        robot = self.robot if self._one_of_several else None
         legs = bool(self.robot) and goes_on_legs(self.model, program)
         return self._exported(file, script(program, self.station, self.settings, robot=robot, legs=legs, file=file))
 
@@ -182,10 +183,14 @@ class Session(Jogging):
 
     # How
 
+    @property
+    def _one_of_several(self) -> bool:
+        """Whether the program is that of one robot beside others; arms share one, whose lines say which is meant."""
+        return len(self.config.robots) > 1 and self.model.feet is not None
+
     def _load(self, file: Path) -> None:
         """Take what is taught in a file, or in another one where that cannot be."""
-        alone = len(self.config.robots) < 2
-        first = Store(file, self.station, None if alone else self.robot)
+        first = Store(file, self.station, self.robot if self._one_of_several else None)
         self._store, self._history, notice = opened(first, self.folder, self._fits)
         self.file = self._store.file
         try:

@@ -70,7 +70,8 @@ class Teaching(Trying):
         self, piece: str, tool: str | None = None, *, pose: Sequence[float] | None = None, robot: str | None = None
     ) -> Future[Any]:
         """Take a piece, likewise; ``pose`` [x y z Rz Ry Rx] puts it into the hand."""
-        content = {"piece": piece, "tool": tool, "pose": pose, "robot": robot}
+        whose = robot or (self.robot if len(self.config.robots) > 1 else None)
+        content = {"piece": piece, "tool": tool, "pose": pose, "robot": whose}
         return self._try_moves(lambda: [AttachMove(attach=checked(Attach, **content))])
 
     def release(self, piece: str, parent: str = "world", *, fixed: bool = False) -> Future[Any]:

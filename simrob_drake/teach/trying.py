@@ -45,6 +45,11 @@ class Trying(Keeping):
         """End the run where it is."""
         return self._ask("stop")
 
+    def close(self) -> None:
+        """End the run and its process."""
+        super().close()
+        self._forget_next()
+
     # How
 
     def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
@@ -72,13 +77,15 @@ class Trying(Keeping):
             self._wrong(problem)
             return done(None)
         self._record(tried)
-        longer = tried.pending[: len(before.pending)] == before.pending
+        count = len(before.pending)
+        longer = len(tried.pending) > count and tried.pending[:count] == before.pending
         return self._idly(lambda: self._run_tried(before), wait=longer)
 
     def _run_tried(self, before: Taught) -> Future[Any]:
         """Run what of the tried moves is not done yet; where that cannot be, they are as ``before``."""
         now = self._history.present
-        back, kept = self._course.back_to(now.pending)
+        again = now.pending == before.pending  # the last of them is run once more
+        back, kept = self._course.back_to(now.pending[:-1] if again else now.pending)
         moves = now.pending[kept:]
         if not moves:
             return done()
@@ -86,13 +93,13 @@ class Trying(Keeping):
             self._course.went_on([None], self.time, free=True)  # no more what the program would do
         begin = self.time if back is None else back
         self._course.went_on(moves, begin)
-        if any(change.time >= begin for change in now.changes):  # made in what is run anew without them
+        if back is not None:  # what was changed then is not changed again
             now = now.but(changes=tuple(change for change in now.changes if change.time < begin))
             self._record(now)
 
         def give_up() -> None:
             self._course.back_to(now.pending[:kept])
-            if self._history.present is now:
+            if self._history.present == now:
                 self._history.withdraw()
                 self._save()
             else:
@@ -165,6 +172,7 @@ class Trying(Keeping):
         if self.phase == "gone":
             self._reopen()
         elif wait:
+            self._say(Notice("waits"))
             self._ask("go_on")
         elif self.phase != "opening":
             self.stop()

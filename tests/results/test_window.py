@@ -148,6 +148,17 @@ def test_a_subject_told_again_takes_the_place_of_what_was_told(window):
     assert window.news({}) == b'data: ["first", "third"]\n\n'  # a page that comes late
 
 
+def test_a_wiped_window_knows_only_what_is_told_from_then_on(window):
+    known = {}
+    window.tell("scene", ["first"])
+    window.tell("ghosts", ["second"])
+    window.news(known)
+    window.wipe()
+    window.tell("scene", ["third"])
+    assert window.news(known) == b'data: ["third"]\n\n'  # and it was never told before, however often it was
+    assert window.news({}) == b'data: ["third"]\n\n'
+
+
 def test_no_message_ends_a_run_that_is_watched(capfd):
     config = load_station("irb120_dynamic", {"duration": 0.5})
     alone = simulate(config, progress=False)

@@ -101,6 +101,10 @@ class LegsSession:
         self.told("program", program=self.program.removed(index).inserted(to, entry))
         return True
 
+    def switch_loop(self, name, on):
+        self.calls.append(("switch_loop", name, on))
+        return self.phase == "idle"
+
     def remove_change(self, index):
         left = [change for number, change in enumerate(self.program.changes) if number != index]
         self.told("program", program=self.program.model_copy(update={"changes": tuple(left)}))

@@ -34,7 +34,11 @@ def called(user, kind, label):
     """Return the elements of a kind that are called so and can be seen, as they come in the page."""
     elements = sorted(user.find(kind).elements, key=lambda element: element.id)
     found = [element for element in elements if label in str(element.props.get("aria-label", ""))]
-    return [element for element in found if all(parent.visible for parent in (element, *element.ancestors()))]
+    return [element for element in found if seen(element)]
+
+
+def seen(element):
+    return all(parent.visible for parent in (element, *element.ancestors()))
 
 
 def field(user, label):
@@ -69,24 +73,24 @@ def test_the_order_of_use_is_numbered():
     shown(script)
 
 
-@pytest.mark.parametrize(
-    ("search", "found"),
-    [
-        ("HomIF", ["left_shoulder_pitch"]),
-        ("caddf", ["right_hip_pitch"]),
-        ("left hip", ["left_hip_roll", "left_hip_pitch"]),
-        ("wrist", ["right_wrist", "left_wrist"]),
-        ("right_knee", ["right_knee"]),
-    ],
-)
-def test_a_joint_is_found_by_its_words_its_name_and_its_name_in_the_thesis(search, found):
+def test_a_joint_is_found_by_its_words_its_name_and_its_name_in_the_thesis():
     axes = described()["robots"]["humanoid"]["axes"]
-    names = [axis["name"] for axis in axes]
+    cases = {
+        "HomIF": ["left_shoulder_pitch"],
+        "caddf": ["right_hip_pitch"],
+        "left hip": ["left_hip_roll", "left_hip_pitch"],
+        "wrist": ["right_wrist", "left_wrist"],
+        "right_knee": ["right_knee"],
+        "": [axis["name"] for axis in axes],
+        "tail": [],
+    }
 
     async def script(user, session):
-        give(user, next(iter(user.find(ui.input).elements)), search)
-        seen = [name for name in names if called(user, ui.number, words("en")(f"axes.{name}"))]
-        assert seen == found
+        for search, found in cases.items():
+            give(user, next(iter(user.find(ui.input).elements)), search)
+            names = [axis["name"] for axis in axes]
+            assert [name for name in names if called(user, ui.number, words("en")(f"axes.{name}"))] == found
+        await user.should_see("No joint is called so.")
 
     shown(script)
 
@@ -134,18 +138,16 @@ def test_a_second_test_has_the_joints_that_were_set_since():
     assert [targets for _, targets, _ in calls] == [{"left_elbow": 30.0}, {"right_elbow": 20.0}]
 
 
-@pytest.mark.parametrize(("value", "refused"), [(180.5, True), (180.0, False), (-90.0, False), (-90.1, True)])
-def test_a_number_beyond_the_limits_is_refused_in_its_field_with_the_limit(value, refused):
+def test_a_number_beyond_the_limits_is_refused_in_its_field_with_the_limit():
     async def script(user, session):
         shoulder = field(user, "right shoulder: arm forward")
-        give(user, shoulder, value)
-        assert (shoulder.error == "from \N{MINUS SIGN}90° to 180°") == refused
-        press(user, "2. Test")
-        assert [call for call in session.calls if call[0] == "test"] == (
-            [] if refused else [("test", {"right_shoulder_pitch": value}, 1.0)]
-        )
+        for value, refused in ((180.5, True), (180.0, False), (-90.1, True), (-90.0, False)):
+            give(user, shoulder, value)
+            assert shoulder.error == ("from \N{MINUS SIGN}90° to 180°" if refused else None)
+            press(user, "2. Test")
 
-    shown(script)
+    tests = [call for call in shown(script).calls if call[0] == "test"]
+    assert [targets for _, targets, _ in tests] == [{"right_shoulder_pitch": 180.0}, {"right_shoulder_pitch": -90.0}]
 
 
 def test_a_joint_that_was_set_can_be_taken_back():
@@ -154,9 +156,45 @@ def test_a_joint_that_was_set_can_be_taken_back():
         give(user, elbow, 30.0)
         press_that(user, "Take back: left elbow")
         assert elbow.value == 0.0
+        press(user, "2. Test")  # of nothing
+
+    assert "test" not in [call[0] for call in shown(script).calls]
+
+
+def test_what_is_set_goes_with_the_move_and_with_all():
+    async def script(user, session):
+        for button, call in (("Discard move", "discard"), ("Reset", "reset")):
+            give(user, field(user, "left elbow"), 30.0)
+            press(user, button)
+            assert field(user, "left elbow").value == 0.0
+            await user.should_see("Set one joint or more")
+            assert session.calls[-1] == (call,)
+
+    shown(script)
+
+
+def test_the_same_is_tested_once_more_in_another_time():
+    async def script(user, session):
+        give(user, field(user, "left elbow"), 30.0)
+        press(user, "2. Test")
+        give(user, field(user, "Duration"), 3.0)
         press(user, "2. Test")
 
-    assert shown(script).calls[-1] == ("test", {}, 1.0)
+    assert shown(script).calls[-1] == ("test", {"left_elbow": 30.0}, 3.0)
+
+
+@pytest.mark.parametrize("robot", ["humanoid", "roid1", "zjudancer"])
+def test_the_demo_of_the_thesis_is_told_the_same_on_all_humanoids(robot):
+    async def script(user, session):
+        search = next(iter(user.find(ui.input).elements))
+        for alias in ("HomIF", "CadDF"):
+            give(user, search, alias)
+            (only,) = (row for row in user.find(ui.number).elements if row.props.get("suffix") == "°" and seen(row))
+            give(user, only, 30.0)
+        press(user, "2. Test")
+
+    calls = shown(script, LegsSession(robot)).calls
+    assert calls[-1] == ("test", {"left_shoulder_pitch": 30.0, "right_hip_pitch": 30.0}, 1.0)
 
 
 def test_the_key_enter_in_a_field_tests():
@@ -307,6 +345,21 @@ def test_changes_of_a_run_stand_below_the_moves():
         assert lines(user) == [told[0], "2. at 2 s: drag the robot for 0.5 s"]
 
     shown(script, LegsSession(changes=changes))
+
+
+def test_a_loop_that_cannot_be_switched_now_stays_as_it_is():
+    async def script(user, session):
+        session.phase = "running"
+        (guard,) = user.find(kind=ui.switch, content="arms against a fall").elements
+        give(user, guard, True)
+        assert not guard.value
+        session.told("description", description=described() | {"loops": [{"name": "guard", "on": True}]})
+        await heard()
+        (guard,) = user.find(kind=ui.switch, content="arms against a fall").elements
+        assert guard.value
+
+    calls = [call for call in shown(script).calls if call[0] == "switch_loop"]
+    assert calls == [("switch_loop", "guard", True)]
 
 
 def test_the_page_is_spanish_where_that_is_asked_for():

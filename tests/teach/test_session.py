@@ -91,6 +91,16 @@ def test_tests_gather_in_one_move_that_begins_where_the_first_did(teach):
     assert session.time == 2.5
 
 
+def test_tested_again_it_is_seen_again(teach):
+    session = teach()
+    tried(session, ELBOW)
+    assert tried(session, ELBOW) is not None
+    assert [name for name, _ in session.run.asked("do", "rewind")] == ["do", "rewind", "do"]
+    assert session.time == 1.0
+    assert session.undo()
+    assert not session.can_undo
+
+
 def test_nothing_is_added_before_something_is_tested(teach):
     session = teach()
     assert not session.add()
@@ -188,6 +198,7 @@ def test_what_is_asked_for_while_something_runs(teach):
     assert [name for name, _ in session.run.asked("do", "stop", "rewind")] == ["do", "stop", "rewind", "do"]
     assert first.done()
     later = session.walk(2)  # does not: it waits
+    assert session.message.key == "waits"
     session.hear()
     assert not later.done()
     assert len(session.run.asked("do")) == 2
@@ -455,6 +466,22 @@ def test_a_program_of_ones_own_is_taught_where_it_lies(teach, tmp_path):
     session.add()
     assert len(Program.load(own).moves) == 2
     assert Program.load(own).station == "humanoid_dynamic"
+
+
+def test_robots_of_one_station_have_programs_of_their_own_and_arms_share_one(teach):
+    for robot in ("roid1", "zjudancer"):
+        session = teach("three_humanoids", robot=robot)
+        tried(session, {"HomIF": 10})
+        session.add()
+        assert session.file.name == f"{robot}.yaml"
+        assert on_disk(session).robot == robot
+        assert len(session.program.moves) == 1
+    for number, robot in enumerate(("left", "right")):
+        session = teach("two_irb120", robot=robot)
+        assert session.message.key == ""
+        assert len(session.program.moves) == number
+        assert session.insert(number, {"move_abs_j": {"targets_deg": [0, 0, 0, 0, 0, 0], "robot": robot}})
+        assert session.file.name == "program.yaml"
 
 
 def test_a_full_disk_is_told_and_nothing_is_forgotten(teach):

@@ -10,6 +10,7 @@ import secrets
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import count
 from pathlib import Path
 from threading import Condition, Thread
 
@@ -69,6 +70,7 @@ class Board:
         self._news = Condition()
         self._told: dict[str, Sequence[Command]] = {}
         self._versions: dict[str, int] = {}
+        self._count = count(1)
         self._open = True
         before, end, after = empty_page().rpartition("</body>")
         script = f"const drags = {json.dumps(on_drag is not None)};\n{_SCRIPT.read_text(encoding='utf-8')}"
@@ -78,8 +80,14 @@ class Board:
         """Tell all pages, and those that come later, in place of what they were told of the same subject."""
         with self._news:
             self._told[subject] = commands
-            self._versions[subject] = self._versions.get(subject, 0) + 1
+            self._versions[subject] = next(self._count)
             self._news.notify_all()
+
+    def wipe(self) -> None:
+        """Forget all that was told; pages that are open show it until they are loaded anew."""
+        with self._news:
+            self._told.clear()
+            self._versions.clear()
 
     def hear(self, message: bytes) -> None:
         """Hear of a control that is set to a number, or of a dragged body: lists in JSON. All else is not heard."""
@@ -107,10 +115,11 @@ class Board:
     def news(self, known: dict[str, int]) -> bytes | None:
         """Wait for what a page does not know, and return it as an event; None when the board is closed."""
         with self._news:
-            self._news.wait_for(lambda: known != self._versions or not self._open, timeout=_BREATH)
+            self._news.wait_for(lambda: self._unknown(known) or not self._open, timeout=_BREATH)
             if not self._open:
                 return None
-            new = [command for subject in self._new(known) for command in self._told[subject]]
+            new = [command for subject in self._unknown(known) for command in self._told[subject]]
+            known.update(self._versions)
         return f"data: {json.dumps(new)}\n\n".encode() if new else b": nothing new\n\n"
 
     def close(self) -> None:
@@ -119,10 +128,8 @@ class Board:
             self._open = False
             self._news.notify_all()
 
-    def _new(self, known: dict[str, int]) -> list[str]:
-        new = [subject for subject, version in self._versions.items() if known.get(subject) != version]
-        known.update(self._versions)
-        return new
+    def _unknown(self, known: dict[str, int]) -> list[str]:
+        return [subject for subject, version in self._versions.items() if known.get(subject) != version]
 
 
 def is_short(length: str) -> bool:

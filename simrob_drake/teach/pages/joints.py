@@ -57,6 +57,11 @@ class Joints:
         for row in self._rows:
             row.settle(row.value if row.is_set else None)
 
+    def forget(self) -> None:
+        """Take back all that was set."""
+        for row in self._rows:
+            row.settle(None)
+
     def follow(self, values: Mapping[str, float]) -> None:
         """Show where joints are [deg or m] that are not set."""
         for row in self._rows:

@@ -42,7 +42,8 @@ def build(session: Session, t: Words) -> None:
 def _what_counts(session: Session, robot: Content) -> list[Any]:
     """Return what the page is built of."""
     axes = [{key: value for key, value in axis.items() if key != "now"} for axis in robot.get("axes", ())]
-    return [{**robot, "axes": axes}, *(session.description.get(key) for key in ("pieces", "loops", "signals"))]
+    loops = [loop["name"] for loop in session.description.get("loops", ())]
+    return [{**robot, "axes": axes}, loops, session.description.get("pieces")]
 
 
 def _build(session: Session, t: Words, robot: Content) -> None:
@@ -58,16 +59,27 @@ def _build(session: Session, t: Words, robot: Content) -> None:
             _loops(session, phrases)
     with _card(t("legs.program")):
         move_list.build(session, phrases, robot)
-    with ui.expansion(t("legs.plots")).classes("pendant-plate w-full") as expansion:
+    _plots(session, phrases)
+
+
+def _plots(session: Session, phrases: Phrases) -> None:
+    """Build the plots, which are there while their place is open, and anew where there are other signals."""
+    drawn: list[Any] = []
+    with ui.expansion(phrases.t("legs.plots")).classes("pendant-plate w-full") as expansion:
         panel = ui.column().classes("w-full")
 
-    def show_plots() -> None:
+    def show() -> None:
+        wanted = session.description.get("signals", []) if expansion.value else []
+        if wanted == drawn:
+            return
+        drawn[:] = wanted
         panel.clear()
-        if expansion.value:
+        if wanted:
             with panel:
-                plots.build(session, t, _moved(session, phrases))
+                plots.build(session, phrases.t, _moved(session, phrases))
 
-    expansion.on_value_change(show_plots)
+    expansion.on_value_change(show)
+    follow(session, show, "description")
 
 
 def _moved(session: Session, phrases: Phrases) -> set[str]:
@@ -92,8 +104,8 @@ class _Teaching:
             with ui.row().classes("w-full items-center gap-2"):
                 _button(t("legs.add"), session.add, 3, "Alt+A")
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
-                _button(t("legs.discard"), session.discard, keys="Alt+X").props("outline")
-                _button(t("legs.reset"), session.reset, keys="Alt+R").props("outline")
+                _button(t("legs.discard"), lambda: self._back(session.discard), keys="Alt+X").props("outline")
+                _button(t("legs.reset"), lambda: self._back(session.reset), keys="Alt+R").props("outline")
         self._axes, self._reference = robot["axes"], _reference_of(session)
         if self._reference:
             plots.watch(session, self._reference, card)
@@ -101,11 +113,23 @@ class _Teaching:
         follow(session, self._show_where, "phase", "tick")
 
     def _test(self) -> None:
+        """Test what is set, or once more what was tested last, in the time that is given now."""
         seconds = self._duration.needed()
-        if seconds is not None and not self._joints.refuse_wrong():
-            self._session.test(self._joints.targets, seconds)
+        if seconds is None or self._joints.refuse_wrong():
+            return
+        last = self._session.pending[-1] if self._session.pending else {}
+        targets = self._joints.targets or last.get("target_deg", {})
+        if targets:
+            self._session.test(targets, seconds)
             self._joints.settle()
-            self._tell()
+        else:
+            ui.notify(self._phrases.t("legs.choose"))
+        self._tell()
+
+    def _back(self, how: Callable[[], object]) -> None:
+        self._joints.forget()
+        self._tell()
+        how()
 
     def _show_where(self) -> None:
         """Show what the joints are asked for that the user has not set, while nothing runs."""
@@ -173,10 +197,23 @@ def _pieces(session: Session, phrases: Phrases, robot: Content) -> None:
 
 def _loops(session: Session, phrases: Phrases) -> None:
     """Build a switch for each loop around the servos; the station is opened anew when one is switched."""
+
+    def on() -> dict[str, bool]:
+        return {loop["name"]: loop["on"] for loop in session.description.get("loops", ())}
+
+    def switch(name: str, value: bool) -> None:
+        if value != on().get(name, value) and not session.switch_loop(name, value):
+            show()
+
+    def show() -> None:
+        for name, value in on().items():
+            switches[name].value = value
+
     with ui.row().classes("w-full gap-x-4 gap-y-0"):
-        for loop in session.description["loops"]:
-            switch = ui.switch(phrases.name(loop["name"]), value=loop["on"])
-            switch.on_value_change(lambda event, name=loop["name"]: session.switch_loop(name, event.value))
+        switches = {name: ui.switch(phrases.name(name), value=value) for name, value in on().items()}
+    for name, element in switches.items():
+        element.on_value_change(lambda event, name=name: switch(name, event.value))
+    follow(session, show, "description")
 
 
 def _card(title: str, number: int = 0) -> ui.column:

@@ -45,11 +45,11 @@ def build(pendant: Pendant) -> None:
     with ui.element("header").classes("pendant-bar"):
         ui.html(t("shell.title"), tag="h1", sanitize=False)
         _loaded(session, t, load)
-        ui.element("span").classes("pendant-grow")
-        _undo(session, t)
-        _take_away(session, t)
-        _looks(pendant)
-        _help(t)
+        with ui.element("div").classes("pendant-tools"):
+            _undo(session, t)
+            _take_away(session, t)
+            _looks(pendant)
+            _help(t)
     choosing.build(session, t, load)
     with ui.element("main").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):

@@ -1,0 +1,189 @@
+"""The pendant as its users meet it: a browser in front of ``simrob teach``."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+import yaml
+from playwright.sync_api import expect
+from running import ROOT, running
+
+
+def opened(page, pendant, pace="fastest"):
+    """Open the page, wait until the robot is there, and choose a pace."""
+    page.goto(pendant.url)
+    expect(button(page, "Play")).to_be_enabled()
+    page.get_by_role("combobox", name="Speed", exact=True).click()
+    page.get_by_role("option", name=pace, exact=True).click()
+
+
+def button(page, name):
+    return page.get_by_role("button", name=name, exact=True)
+
+
+def ran(page):
+    """Wait until a run has ended that was begun."""
+    expect(page.get_by_role("status")).to_contain_text("ran to its end")
+    expect(button(page, "Stop")).to_be_disabled()
+
+
+def program(pendant, name="humanoid_dynamic"):
+    return yaml.safe_load((pendant.folder / name / "program.yaml").read_text())
+
+
+def typed(page, name, text):
+    """Type into the field of a joint, and give it to be tested."""
+    field = page.get_by_role("spinbutton", name=re.compile(name))
+    field.fill(str(text))
+    field.press("Enter")
+
+
+def keyed(slider, key, times):
+    """Move a slider by a key."""
+    for _ in range(times):
+        slider.locator("[tabindex='0']").press(key)
+
+
+def taken(page, what):
+    """Take something away, and return its file."""
+    button(page, "Take away").click()
+    with page.expect_download() as download:
+        page.get_by_role("menu").get_by_text(what).click()
+    return download.value.path()
+
+
+@pytest.fixture(scope="module")
+def humanoid(tmp_path_factory):
+    with running("humanoid", tmp_path_factory.mktemp("humanoid")) as pendant:
+        yield pendant
+
+
+def test_a_humanoid_is_taught_by_the_keyboard(page, humanoid):
+    opened(page, humanoid)
+    page.get_by_role("searchbox", name="Search for a joint").fill("CodI")
+    elbow = "left elbow: fore-arm up"
+    typed(page, elbow, 400)
+    expect(page.get_by_text(re.compile("from .130° to 130°"))).to_be_visible()  # refused in the field, with the limit
+    typed(page, elbow, 30)
+    expect(page.get_by_text("Tested and not added yet")).to_be_visible()
+    ran(page)
+    page.keyboard.press("Alt+A")
+    expect(page.get_by_role("listitem")).to_have_count(1)
+    assert program(humanoid)["moves"] == [{"target_deg": {"left_elbow": 30.0}, "duration": 1.0}]
+
+
+def test_a_stored_move_is_edited_and_walks_follow(page, humanoid):
+    opened(page, humanoid)
+    page.get_by_role("button", name=re.compile("^Edit: 1")).click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_role("spinbutton", name=re.compile("left elbow")).fill("45")
+    dialog.get_by_role("button", name="Save").click()
+    expect(dialog).to_be_hidden()
+    assert program(humanoid)["moves"][0]["target_deg"] == {"left_elbow": 45.0}
+    page.get_by_role("spinbutton", name="Steps").fill("2")
+    button(page, "Walk").click()
+    expect(page.get_by_text("Tested and not added yet: walk 2 steps")).to_be_visible()
+    ran(page)
+    page.keyboard.press("Alt+A")
+    expect(page.get_by_role("listitem")).to_have_count(2)
+    button(page, "Undo").click()
+    expect(page.get_by_role("listitem")).to_have_count(1)
+    button(page, "Redo").click()
+    expect(page.get_by_role("listitem")).to_have_count(2)
+    assert program(humanoid)["moves"][1]["walk"]["steps"] == 2
+
+
+def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_path):
+    opened(page, humanoid, pace="0.25 ×")
+    page.get_by_role("tab", name="Station").click()
+    page.locator('[data-block="plant"]').click()
+    gain = page.get_by_role("slider", name="servo.kp")
+    expect(gain).to_be_visible()
+    page.get_by_text("Push", exact=True).click()
+    button(page, "Play").click()
+    push = page.get_by_role("button", name="push along +x")
+    expect(push).to_be_enabled()
+    push.click()
+    keyed(gain, "ArrowRight", 3)
+    expect(page.locator(".simrob-plot").first).to_be_visible()
+    page.get_by_role("combobox", name="Speed", exact=True).click()
+    page.get_by_role("option", name="fastest").click()
+    ran(page)
+    changes = program(humanoid)["changes"]
+    assert next(one for one in changes if "push" in one)["push"]["force"] == [10.0, 0.0, 0.0]
+    gains = [one["set"]["servo.kp"] for one in changes if "set" in one]
+    assert gains
+    assert all(100 < gain < 120 for gain in gains)  # up to three steps of a hundredth of a decade
+    end = page.locator(".pendant-time").inner_text()
+    keyed(page.get_by_role("slider", name="Moment of the run"), "PageDown", 3)
+    expect(page.locator(".pendant-time")).not_to_have_text(end)
+    button(page, "Play").click()  # from there, with the same changes
+    expect(page.locator(".pendant-time")).to_have_text(end)
+    ran(page)
+    script, signals = taken(page, "script"), taken(page, "signals")
+    run = [sys.executable, str(script)]
+    subprocess.run(run, cwd=tmp_path, check=True, capture_output=True, timeout=120, env={"PYTHONPATH": str(ROOT)})
+    made = next(tmp_path.rglob("signals.csv"))
+    assert made.read_text() == signals.read_text()
+    assert "push" in taken(page, "program").read_text()
+
+
+def test_nothing_is_lost_by_a_kill(page, humanoid):
+    opened(page, humanoid)
+    before = program(humanoid)
+    humanoid.kill_worker()
+    expect(page.get_by_role("status")).to_contain_text("was started again")
+    expect(button(page, "Play")).to_be_enabled()
+    humanoid.kill()
+    humanoid.start()
+    assert program(humanoid) == before
+    opened(page, humanoid)
+    expect(page.get_by_role("listitem")).to_have_count(2 + len(before["changes"]))
+    button(page, "4. Simulate").click()
+    ran(page)
+
+
+def test_the_station_is_changed_and_refused_in_the_checkers_words(page, humanoid):
+    opened(page, humanoid)
+    page.get_by_role("tab", name="Station").click()
+    page.get_by_role("textbox", name="Search for a key").fill("proportional gain")
+    field = page.get_by_role("textbox", name="servo.kp")
+    field.fill("{left_elbo: 5}")
+    field.press("Enter")
+    expect(page.get_by_text("did you mean 'left_elbow'").first).to_be_visible()
+    field.fill("150")
+    field.press("Enter")
+    expect(page.get_by_text("servo.kp: 150")).to_be_visible()
+    expect(page.locator('[data-block="plant"]')).to_contain_text("kp 150")
+
+
+def test_an_arm_is_jogged_and_taught(page, tmp_path):
+    with running("irb120_workcell", tmp_path) as pendant:
+        opened(page, pendant)
+        clock = page.locator(".pendant-time")
+        for angle in (20, -20):
+            before = clock.inner_text()
+            typed(page, "Joint 1", angle)
+            expect(clock).not_to_have_text(before)
+            expect(button(page, "Stop")).to_be_disabled()
+            button(page, "Teach").click()
+            button(page, "Add line").click()
+        button(page, "Play from the start").click()
+        ran(page)
+        lines = [move["move_j"]["targets_deg"] for move in program(pendant, "irb120_workcell")["moves"]]
+        (x1, y1), (x2, y2) = (line[:2] for line in lines)
+        assert (x1, y1) == pytest.approx((x2, -y2))  # mirrored, as its postures are
+        assert y1 > 0.05
+        button(page, "Every posture for this pose").click()
+        expect(page.get_by_text("(impossible)")).to_have_count(7)  # with board and limits one of eight is left
+
+
+def test_robots_are_loaded_by_their_pictures(page, humanoid):
+    opened(page, humanoid)
+    for robot, tab in (("yobotics", "Legged"), ("ur5", "Arm"), ("zjudancer", "Legged")):
+        button(page, robot).click()
+        expect(page.locator(f"[aria-pressed=true]:has-text('{robot}')")).to_be_visible()
+        expect(page.get_by_role("tab", name=tab, selected=True)).to_be_visible()
+        expect(button(page, "Play")).to_be_enabled()
+        expect(page.get_by_role("status")).to_be_empty()
