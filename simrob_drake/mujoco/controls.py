@@ -8,8 +8,8 @@ import numpy as np
 
 from simrob_drake.blocks.references import Course, course_values
 from simrob_drake.frames import Vector
-from simrob_drake.parts.forces.sine import SineForce
 from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.parts.forces.sine import SineForce
 from simrob_drake.parts.site import StationPlant
 
 

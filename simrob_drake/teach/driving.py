@@ -10,14 +10,14 @@ from simrob_drake.errors import InvalidParameter, SimrobError, quoted
 from simrob_drake.programs.moves import plain
 from simrob_drake.programs.timeline import Change
 from simrob_drake.teach.hub import done
-from simrob_drake.teach.teaching import Teaching
+from simrob_drake.teach.trying import Trying
 from simrob_drake.yaml_files import validated
 
 SLOWEST, FASTEST = 0.1, 4.0
 """Simulated time over the clock's that can be asked for."""
 
 
-class Driving(Teaching):
+class Driving(Trying):
     """The bar of a run, the gains and the hand in the picture."""
 
     def pause(self) -> Future[Any]:

@@ -11,16 +11,16 @@ from simrob_drake.given import whole
 from simrob_drake.programs.arm_moves import ToolMove
 from simrob_drake.programs.moves import plain
 from simrob_drake.programs.program import AnyMove, Program
-from simrob_drake.teach.driving import Driving
 from simrob_drake.teach.hub import HandOver, MakeLive, done
 from simrob_drake.teach.taught import Target, entry_of
+from simrob_drake.teach.trying import Trying
 
 Line = Literal["move_abs_j", "move_j", "move_l", "move_c"]
 
 _DIGITS = 6  # of degrees, and of metres: a thousandth of a millimetre
 
 
-class Jogging(Driving):
+class Jogging(Trying):
     """What a pendant of an arm does. Jogs are neither stored nor wait to be.
 
     Attributes: those of the session that tell of arms.

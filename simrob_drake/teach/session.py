@@ -16,6 +16,7 @@ from simrob_drake.programs.moves import ActMove, WalkMove
 from simrob_drake.programs.program import Program
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.schema import station_schema
+from simrob_drake.teach.driving import Driving
 from simrob_drake.teach.export import script
 from simrob_drake.teach.hub import HandOver, MakeLive, Topic, done
 from simrob_drake.teach.jogging import Jogging
@@ -23,13 +24,14 @@ from simrob_drake.teach.loops import loops_known, loops_on, switched
 from simrob_drake.teach.notices import Notice
 from simrob_drake.teach.store import Store, opened
 from simrob_drake.teach.subjects import goes_on_legs, station_for
+from simrob_drake.teach.teaching import Teaching
 
 __all__ = ["Session", "Topic"]
 
 _PROGRAM = "program.yaml"
 
 
-class Session(Jogging):
+class Session(Teaching, Driving, Jogging):
     """One robot or station being taught; tabs share it. All calls come from one thread, and none waits.
 
     Nothing raises because of what a user does: what is wrong becomes :attr:`message`. Methods that need the run give a

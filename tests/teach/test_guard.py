@@ -3,10 +3,10 @@
 import json
 
 import pytest
-
-from simrob_drake.teach.pages import shell
 from serving import serving
 from stub_session import StubSession
+
+from simrob_drake.teach.pages import shell
 
 PLACES = ["/", "/view/", "/view/events", "/_nicegui_ws/socket.io/?EIO=4&transport=polling", "/nowhere"]
 SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
