@@ -78,6 +78,7 @@ def look_at(cell: Workcell, program: Program, file: str) -> Finding:
     from simrob_drake.programs.arm_program import rehearse
     from simrob_drake.programs.legged_robot import LeggedRobot
     from simrob_drake.programs.legged_stages import stages_of_program
+    from simrob_drake.programs.whole_program import of_arms
     from simrob_drake.programs.workcell import Workcell
 
     moves = len(program.moves)
@@ -91,27 +92,9 @@ def look_at(cell: Workcell, program: Program, file: str) -> Finding:
     return Finding("ok", "program", told)
 
 
-def of_arms(cell: Workcell, program: Program) -> bool:
-    """Tell whether a program is done by arms: it has moves of theirs, or its robots have no legs."""
-    from simrob_drake.programs.arm_program import ARM_ONLY
-
-    if program.references:
-        return False
-    robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]
-    models = [cell.robot(name).model for name in robots]
-    legless = all(model.base == "fixed" and model.feet is None and model.tools for model in models)
-    return legless or any(isinstance(move, ARM_ONLY) for move in program.moves)
-
-
 def _performed(cell: Workcell, program: Program, file: str) -> tuple[SimulationResult, str]:
     """Let the robots of a station do a program; return all of it, and the way of one that walks in words."""
-    from simrob_drake.programs.legged_robot import LeggedRobot
-    from simrob_drake.programs.recorded import STATION
-    from simrob_drake.results.whole import joined
+    from simrob_drake.programs.whole_program import of_arms, perform
 
-    if of_arms(cell, program):
-        return cell.perform(file), ""
-    robot, begun = LeggedRobot(cell, program.robot), (cell.config, cell.state)
-    robot.run(file)
-    result = joined(robot.runs, begun=begun, left=cell.config, program=program.on(STATION).text())
-    return result, way_of(result, robot.name)
+    result = perform(cell, program, file)
+    return result, "" if of_arms(cell, program) else way_of(result, cell.robot_name(program.robot))
