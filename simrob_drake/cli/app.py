@@ -10,7 +10,19 @@ from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
 import simrob_drake
-from simrob_drake.cli import ExitCode, engines, legged, linear, robots, simulink, stations, sweep, teach, tune
+from simrob_drake.cli import (
+    ExitCode,
+    engines,
+    legged,
+    linear,
+    prove,
+    robots,
+    simulink,
+    stations,
+    sweep,
+    teach,
+    tune,
+)
 from simrob_drake.cli.interrupts import Interrupted
 from simrob_drake.cli.screen import console, tell
 from simrob_drake.errors import InvalidParameter, SimrobError
@@ -34,7 +46,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",  # what stands in brackets is a unit, and no markup
     pretty_exceptions_enable=False,
 )
-for room in (stations, linear, legged, sweep, tune, robots, teach, simulink, engines):
+for room in (stations, linear, legged, sweep, tune, prove, robots, teach, simulink, engines):
     for name, command in room.COMMANDS.items():
         app.command(name)(command)
 

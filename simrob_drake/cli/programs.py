@@ -75,10 +75,11 @@ def look_at(cell: Workcell, program: Program, file: str) -> Finding:
     Raises:
         SimrobError: what they cannot do; names the file and the move.
     """
-    from simrob_drake.programs.arm_program import of_arms, rehearse
+    from simrob_drake.programs.arm_program import rehearse
     from simrob_drake.programs.legged_robot import LeggedRobot
     from simrob_drake.programs.legged_stages import stages_of_program
     from simrob_drake.programs.timeline import Timeline
+    from simrob_drake.programs.whole_program import of_arms
     from simrob_drake.programs.workcell import Workcell
 
     moves = len(program.moves)
@@ -95,14 +96,7 @@ def look_at(cell: Workcell, program: Program, file: str) -> Finding:
 
 def _performed(cell: Workcell, program: Program, file: str) -> tuple[SimulationResult, str]:
     """Let the robots of a station do a program; return all of it, and the way of one that walks in words."""
-    from simrob_drake.programs.arm_program import of_arms
-    from simrob_drake.programs.legged_robot import LeggedRobot
-    from simrob_drake.programs.recorded import STATION
-    from simrob_drake.results.whole import joined
+    from simrob_drake.programs.whole_program import of_arms, perform
 
-    if of_arms(cell, program):
-        return cell.perform(file), ""
-    robot, begun = LeggedRobot(cell, program.robot), (cell.config, cell.state)
-    robot.run(file)
-    result = joined(robot.runs, begun=begun, left=cell.config, program=program.on(STATION).text())
-    return result, way_of(result, robot.name)
+    result = perform(cell, program, file)
+    return result, "" if of_arms(cell, program) else way_of(result, cell.robot_name(program.robot))

@@ -18,7 +18,6 @@ from simrob_drake.cli.saving import prepared_folder, saved
 from simrob_drake.cli.screen import console
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.files import default_folder
-from simrob_drake.simulation import simulate
 from simrob_drake.yaml_files import parse_yaml
 
 if TYPE_CHECKING:
@@ -60,6 +59,7 @@ def sweep(
 
         simrob sweep runs/gains --run 12
     """
+    from simrob_drake.tuning.scene import beside
     from simrob_drake.tuning.sweep import Sweep
     from simrob_drake.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
 
@@ -71,7 +71,9 @@ def sweep(
         asked = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
             vary=dict(texts_by_key(vary, "--vary")),
-            overrides={key: parse_yaml(text, f"--set {key}") for key, text in texts_by_key(set_, "--set")},
+            overrides=beside(
+                {key: parse_yaml(text, f"--set {key}") for key, text in texts_by_key(set_, "--set")}, Path.cwd()
+            ),
             seeds=seeds,
         )
         folder = out or default_folder(f"{Path(station).stem}-sweep")
@@ -92,9 +94,9 @@ def _run_again(place: SweepFolder, number: int, out: Path | None, *, force: bool
     if not 1 <= number <= len(place.cases):
         raise InvalidParameter("--run", number, f"a number of the table, 1 to {len(place.cases)}")
     case = place.cases[number - 1]
-    config = case.config()
-    folder = prepared_folder(config, out or place.folder / f"run_{number}", force=force)
-    return saved(simulate(config), folder, force=force, recording=recording)
+    scene = case.scene()
+    folder = prepared_folder(scene.config, out or place.folder / f"run_{number}", force=force)
+    return saved(scene.run(), folder, force=force, recording=recording)
 
 
 def _tell(rows: list[Row]) -> None:

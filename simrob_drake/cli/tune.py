@@ -62,7 +62,7 @@ def tune(
     for name, place in places.items():
         console.print(f"{name}:", highlight=False)
         _tell(place, place.run(workers=workers, scheduler=scheduler))
-    costs = {name: [cost for _, cost in place.trials] for name, place in places.items()}
+    costs = {name: [float(cost.sum()) for _, cost in place.trials] for name, place in places.items()}
     save_convergence(whole / "convergence.png", f"{study.stem}: {asked.station}", costs)
     console.print(f"result {whole}", soft_wrap=True, highlight=False)
     return ExitCode.DONE
@@ -70,17 +70,22 @@ def tune(
 
 def _tell(place: StudyFolder, proof: list[Row]) -> None:
     """Show the best figures, and what the proof says of them and of where the search began."""
+    from simrob_drake.tuning.verdict import cost_columns
+
     figures, cost = place.best
     table = Table("key", "start", "best", box=None, pad_edge=False)
     for key, value in figures.items():
         table.add_row(key, f"{place.study.start[key]:.5g}", f"{value:.5g}")
-    table.add_row("cost", f"{place.trials[0][1]:.5g}", f"{cost:.5g}")
+    for before, after in zip(place.trials[0][1], cost, strict=True):
+        table.add_row("cost", f"{before:.5g}", f"{after:.5g}")
+    if len(cost) > 1:
+        table.add_row("trades", "", f"{len(place.front())} in front.csv")
     console.print(table)
     table = Table("proof", "start", "best", "ratio", box=None, pad_edge=False)
     start, best = ([row for row in proof if row["of"] == of] for of in ("start", "best"))
     ends = [f"{sum(row['ended'] == 'completed' for row in rows)} of {len(rows)}" for rows in (start, best)]
     table.add_row("completed", *ends, "")
-    for name in dict.fromkeys(["cost", *place.study.cost, *place.study.limits]):
+    for name in dict.fromkeys([*cost_columns(proof[0]), *place.study.measures]):
         before, after = (
             mean(found) if (found := [row[name] for row in rows if row.get(name) is not None]) else None
             for rows in (start, best)

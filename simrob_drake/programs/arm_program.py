@@ -148,13 +148,3 @@ def _names(move: AnyMove) -> Iterator[str]:
 
 ARM_ONLY = PlannedMove | ToolMove | TogetherMove
 """Moves by which a program is one of arms."""
-
-
-def of_arms(cell: Workcell, program: Program) -> bool:
-    """Tell whether a program is done by arms: it has moves of theirs, or its robots have no legs."""
-    if program.references:
-        return False
-    robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]
-    models = [cell.robot(name).model for name in robots]
-    legless = all(model.base == "fixed" and model.feet is None and model.tools for model in models)
-    return legless or any(isinstance(move, ARM_ONLY) for move in program.moves)

@@ -1,8 +1,9 @@
 """Run a station: reference in, result out, however the run ends."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
@@ -11,6 +12,7 @@ from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.given import drake_asserts, instance
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
+from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
@@ -94,6 +96,19 @@ class Runner:
     def __repr__(self) -> str:
         """Say in one line what it runs."""
         return f"<Runner of {self.config!r}>"
+
+    def like(self, config: StationConfig) -> Self | None:
+        """Return a runner of another station that uses what this one has built; None where that is built otherwise.
+
+        References, figures of pushes, the start, the duration and the sample rate may differ; so may names.
+        """
+        if self._blocks or _built_of(config) != _built_of(self.config):
+            return None
+        other = copy(self)  # which shares the diagrams
+        other.config = config
+        own = config.model_copy(update={"inputs": self._station.config.inputs})
+        other._station = replace(self._station, config=own)
+        return other
 
     @drake_asserts()
     def run(
@@ -207,6 +222,18 @@ def simulate_diagram(
         instance(context, "context", Context, expected)
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
     return Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
+
+
+def _built_of(config: StationConfig) -> StationConfig:
+    """Return a station without what its diagrams can be given anew."""
+    robots = {name: robot.model_copy(update={"reference": None}) for name, robot in config.robots.items()}
+    nothing = {"start": 0.0, "duration": 0.0, "force": ()}
+    forces = {
+        name: force.model_copy(update=nothing) if isinstance(force, Push) else force
+        for name, force in config.forces.items()
+    }
+    played = {"reference": None, "duration": 0.0, "sample_rate": 0.0, "start": None, "name": "", "description": ""}
+    return config.model_copy(update={**played, "robots": robots, "forces": forces})
 
 
 def _checked_start(config: StationConfig, start: State | None) -> State | None:

@@ -1,12 +1,13 @@
 """Work on a Dask cluster: other machines, with the same versions of what counts."""
 
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
 from importlib.metadata import version
 from itertools import islice
 from platform import python_version
 from typing import Self, TypeVar
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.tuning.packages import needed
 
 Task = TypeVar("Task")
@@ -29,6 +30,7 @@ class Cluster:
             SimrobError: the extra ``tune`` is missing.
             InvalidParameter: no scheduler there, one without workers, or workers with other versions.
         """
+        self._scheduler = scheduler
         with needed("a cluster"):
             from distributed import Client
         try:
@@ -56,6 +58,9 @@ class Cluster:
 
         Dask gives the tasks of a worker that is gone to others; one that several were working on when they died counts
         as what killed them.
+
+        Raises:
+            SimrobError: the scheduler went away.
         """
         from distributed import KilledWorker, as_completed
 
@@ -64,14 +69,18 @@ class Cluster:
         done = as_completed(list(under_way))
         for future in done:
             task = under_way.pop(future)
+            try:
+                outcome = future.result()
+            except KilledWorker:
+                outcome = died(task)
+            except CancelledError as problem:
+                told = f"the scheduler {self._scheduler} is gone; what is done is kept, go on with another one"
+                raise SimrobError(told) from problem
             for one in islice(waiting, 1):
                 more = submit(work, one, pure=False)
                 under_way[more] = one
                 done.add(more)
-            try:
-                yield future.result()
-            except KilledWorker:
-                yield died(task)
+            yield outcome
 
     def _checked_threads(self, scheduler: str) -> int:
         """Return how many tasks the cluster works on at a time."""

@@ -24,6 +24,8 @@ UNITS = {
     "tilt": "rad",
     "smallest_height": "m",
     "cost_of_transport": "–",
+    "fall": "of the runs",
+    "margin": "× the push",
 }
 """The measures of :func:`measures` and their units."""
 _WALKS = ("distance", "ahead", "speed", "tilt", "smallest_height", "cost_of_transport")
@@ -37,7 +39,7 @@ def measures(run: RecordedRun) -> dict[str, float | None]:
     largest :math:`|q_{ref} - q|` at the end, ``overshoot`` by how much a joint goes beyond its reference's end, as
     a part of the move, ``peak_torque`` the largest :math:`|\tau| / \tau_{max}`, and ``work``
     :math:`\int \sum_i |\tau_i \dot q_i| \, dt`. Legged robots have those of
-    :class:`~simrob_drake.results.record.walks.Locomotion`, too.
+    :class:`~simrob_drake.results.record.walks.Locomotion`, too, and ``fall``, 1 if a fall ended the run, else 0.
     """
     found: dict[str, float | None] = {}
     if run.ending in (DIVERGED, FAILED):
@@ -48,6 +50,7 @@ def measures(run: RecordedRun) -> dict[str, float | None]:
         if name in walkers:
             walk = locomotion(run, name)
             own |= {measure: getattr(walk, measure) for measure in _WALKS}
+            own["fall"] = float(not walk.upright)
         found |= {f"{robot.prefix}{measure}": value for measure, value in own.items()}
     return found
 

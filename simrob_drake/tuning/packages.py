@@ -1,4 +1,4 @@
-"""Packages of the extra ``tune``, which most users do without."""
+"""Packages of the extra ``tune``, and others, which most users do without."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ from simrob_drake.errors import SimrobError
 
 
 @contextmanager
-def needed(what: str) -> Iterator[None]:
+def needed(what: str, packages: str = "simrob-drake[tune]") -> Iterator[None]:
     """Say how to get the packages that something needs, where their import fails.
 
     Raises:
@@ -16,4 +16,4 @@ def needed(what: str) -> Iterator[None]:
     try:
         yield
     except ImportError as problem:
-        raise SimrobError(f'{what} needs other packages: pip install "simrob-drake[tune]"') from problem
+        raise SimrobError(f'{what} needs other packages: pip install "{packages}"') from problem

@@ -5,7 +5,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import wait as wait_for
+from threading import Thread
 from typing import Self, TypeVar
 
 Task = TypeVar("Task")
@@ -73,4 +75,17 @@ class Processes:
 
     @staticmethod
     def _fresh(workers: int) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), max_tasks_per_child=_TASKS)
+        context = get_context("spawn")
+        return ProcessPoolExecutor(workers, context, initializer=_die_with_parent, max_tasks_per_child=_TASKS)
+
+
+def _die_with_parent() -> None:
+    """End this process once the one that began it is gone, however that ended: nobody else would tell it."""
+    parent = parent_process()
+    assert parent is not None  # it is a worker
+
+    def watch() -> None:
+        wait_for([parent.sentinel])
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()

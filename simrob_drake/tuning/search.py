@@ -14,8 +14,9 @@ from simrob_drake.frames import Vector
 from simrob_drake.tuning.packages import needed
 from simrob_drake.tuning.study import Method
 
-Costs = Callable[[Vector], Vector]
-"""What points cost, shape (k, n) to (k,)."""
+Costs = Callable[[Vector], tuple[Vector, Vector]]
+"""What points (k, n) cost, shape (k, aims), and by how much they break limits, shape (k,), which costs as well."""
+_Cost = Callable[[Vector], Vector]
 _SPREAD = 0.2  # of the first points of CMA-ES about the start, as a part of the ranges
 _NEAR = 0.1  # between the first corners of a simplex
 _FEWEST = 5  # of a population
@@ -26,7 +27,7 @@ class Enough(Exception):
     """As many points have been tried as were asked for."""
 
 
-def search(method: Method, start: Vector, costs: Costs, *, together: int, seed: int) -> None:
+def search(method: Method, start: Vector, costs: Costs, *, together: int, seed: int, aims: int = 1) -> None:
     """Ask for costs until that raises :class:`Enough`, or nothing better is near.
 
     Args:
@@ -35,16 +36,20 @@ def search(method: Method, start: Vector, costs: Costs, *, together: int, seed: 
         costs: what points cost.
         together: how many points are asked for at a time, where the method lets them be chosen together.
         seed: of all that it draws.
+        aims: how many costs there are; more than one for those of Optuna only.
 
     Raises:
         SimrobError: the extra ``tune`` is missing.
     """
     ways = {"cma": _cma, "differential_evolution": _evolve, "nelder_mead": _local, "powell": _local}
     with suppress(Enough):
-        ways.get(method, _ask)(method, start, costs, together, seed)
+        if method in ways:
+            ways[method](method, start, lambda points: costs(points)[0][:, 0], together, seed)
+        else:
+            _ask(method, start, costs, together, seed, aims)
 
 
-def _local(method: str, start: Vector, costs: Costs, _: int, seed: int) -> None:
+def _local(method: str, start: Vector, costs: _Cost, _: int, seed: int) -> None:
     """Go downhill from the start, by a simplex or along one line after the other; nothing is drawn."""
     from scipy.optimize import minimize
 
@@ -58,7 +63,7 @@ def _local(method: str, start: Vector, costs: Costs, _: int, seed: int) -> None:
     minimize(cost, start, method=way, bounds=[(0.0, 1.0)] * len(start), options=options)
 
 
-def _evolve(_: str, start: Vector, costs: Costs, together: int, seed: int) -> None:
+def _evolve(_: str, start: Vector, costs: _Cost, together: int, seed: int) -> None:
     from scipy.optimize import Bounds, differential_evolution
 
     source, population = np.random.default_rng(seed), max(together, _FEWEST)
@@ -75,7 +80,7 @@ def _evolve(_: str, start: Vector, costs: Costs, together: int, seed: int) -> No
     )
 
 
-def _cma(_: str, start: Vector, costs: Costs, together: int, seed: int) -> None:
+def _cma(_: str, start: Vector, costs: _Cost, together: int, seed: int) -> None:
     with needed("cmaes"):
         from cmaes import CMA
 
@@ -87,7 +92,7 @@ def _cma(_: str, start: Vector, costs: Costs, together: int, seed: int) -> None:
         strategy.tell(list(zip(points, costs(points).tolist(), strict=True)))
 
 
-def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int) -> None:
+def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int, aims: int) -> None:
     with needed(method):
         import optuna
 
@@ -96,12 +101,22 @@ def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int) -> 
         "tpe": lambda: optuna.samplers.TPESampler(seed=seed, constant_liar=True),
         "genetic": lambda: optuna.samplers.NSGAIISampler(population_size=max(together, _FEWEST), seed=seed),
         "random": lambda: optuna.samplers.RandomSampler(seed=seed),
+        "gp": lambda: _gaussian_process(seed),
     }
     names = [str(place) for place in range(len(start))]
-    study = optuna.create_study(sampler=samplers[method]())
+    study = optuna.create_study(sampler=samplers[method](), directions=["minimize"] * aims)
     study.enqueue_trial(dict(zip(names, start.tolist(), strict=True)))
     while True:
         trials = [study.ask() for _ in range(together)]
         points = np.array([[trial.suggest_float(name, 0.0, 1.0) for name in names] for trial in trials])
-        for trial, value in zip(trials, costs(points), strict=True):
-            study.tell(trial, value)
+        for trial, values, over in zip(trials, *costs(points), strict=True):
+            trial.set_constraint("limits", float(over))
+            study.tell(trial, values.tolist())
+
+
+def _gaussian_process(seed: int) -> Any:
+    with needed("method gp", "torch"):
+        import torch  # noqa: F401  # which Optuna would miss only when it is asked
+    from optuna.samplers import GPSampler
+
+    return GPSampler(seed=seed, deterministic_objective=True)

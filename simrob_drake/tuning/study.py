@@ -1,10 +1,10 @@
-"""A search for figures of a station: what varies, what it costs, under which conditions, and which others prove it."""
+"""A search for figures: what varies, what it costs, under which conditions, and which others prove it."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -14,11 +14,15 @@ from simrob_drake.frames import Vector
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.stations.load import load_station
 from simrob_drake.tuning.measures import UNITS
-from simrob_drake.tuning.rollout import Case, Row
+from simrob_drake.tuning.rollout import Case, Margin, Row
+from simrob_drake.tuning.scene import Scene, beside, of_station
 from simrob_drake.tuning.variation import seeded
 from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
 
-Method = Literal["cma", "tpe", "genetic", "random", "nelder_mead", "powell", "differential_evolution"]
+Method = Literal["cma", "tpe", "gp", "genetic", "random", "nelder_mead", "powell", "differential_evolution"]
+SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")
+"""Methods that look for the best trades between several costs."""
+Weights = Annotated[dict[str, Number], Field(min_length=1)]
 Figures = dict[str, float]
 """Values of what varies, by key."""
 
@@ -79,11 +83,15 @@ class Study(Strict):
     overrides: dict[str, Any] = Field(default_factory=dict)
     """What is changed in all runs."""
     vary: dict[str, Range] = Field(min_length=1)
-    """What is searched for: dotted paths of keys, and their ranges."""
-    cost: dict[str, Number] = Field(min_length=1)
-    """Weights of measures; their weighted sum is to be small."""
+    """What is searched for: dotted paths of keys of the station, of a gait or of a program, and their ranges."""
+    cost: Weights | Annotated[list[Weights], Field(min_length=2)]
+    """Weights of measures; their weighted sum is to be small. Several in a list are traded for each other."""
     limits: dict[str, Positive] = Field(default_factory=dict)
     """What a measure must not exceed; beyond, a run costs ``failure`` times the part by which it does."""
+    least: dict[str, Positive] = Field(default_factory=dict)
+    """What a measure must not fall below, likewise."""
+    margin: Margin | None = None
+    """The push that the measure ``margin`` is about."""
     failure: NotNegative = 100.0
     """What a run costs that does not go to its end; one that ends at once costs twice as much."""
     method: Method = "cma"
@@ -106,9 +114,10 @@ class Study(Strict):
             SimrobError: a station, a key or a measure that there is not.
         """
         study = validated(cls, read_yaml(file), file)
-        beside = file.parent / study.station
-        if beside.is_file():
-            study = study.model_copy(update={"station": str(beside.resolve())})
+        own = file.parent / study.station
+        if own.is_file():
+            study = study.model_copy(update={"station": str(own.resolve())})
+        study = study.model_copy(update={"overrides": beside(study.overrides, file.parent)})
         study.check(file)
         return study
 
@@ -118,8 +127,13 @@ class Study(Strict):
         Raises:
             SimrobError: a station, a key or a measure that there is not.
         """
-        for name in (*self.cost, *self.limits):
+        for name in self.measures:
             one_of("measure", name.rpartition(".")[2], UNITS)
+        if len(self.aims) > 1 and self.method not in SEVERAL_AIMS:
+            told = f"knows one cost, and here are {len(self.aims)}; these know several: {', '.join(SEVERAL_AIMS)}"
+            raise InvalidConfig(where, f"method {self.method}", told)
+        if self.margin is None and any(name.endswith("margin") for name in self.measures):
+            raise InvalidConfig(where, "margin", "this key is needed where a margin counts")
         for kind, conditions in (("search", self.search), ("proof", self.proof)):
             for number, case in enumerate(conditions.cases):
                 twice = next((key for key in case if key in self.vary), None)
@@ -128,7 +142,19 @@ class Study(Strict):
                 called = {key: f"{kind}.cases.{number} {key}" for key in case}
                 called |= {key: f"overrides {key}" for key in self.overrides}
                 called |= {key: f"vary {key}" for key in self.vary}
-                load_station(self.station, {**self.overrides, **case, **self.start}, called=called)
+                scene = Scene.of(self.station, {**self.overrides, **case, **self.start}, called=called)
+                if self.margin is not None:
+                    scene.pushed(self.margin.push, 0.0)
+
+    @property
+    def aims(self) -> list[dict[str, float]]:
+        """The costs, each the weights of measures."""
+        return self.cost if isinstance(self.cost, list) else [self.cost]
+
+    @property
+    def measures(self) -> list[str]:
+        """All measures that count."""
+        return list(dict.fromkeys([*(name for aim in self.aims for name in aim), *self.limits, *self.least]))
 
     @property
     def start(self) -> Figures:
@@ -146,17 +172,43 @@ class Study(Strict):
 
     def _case(self, number: int, figures: Figures, case: Mapping[str, Any], seed: int) -> Case:
         changed = {**self.overrides, **case}
-        streams = _streams(self.station, json.dumps(changed, sort_keys=True), seed)
-        return Case(number, self.station, {**changed, **streams, **figures}, dict(figures), seed)
+        streams = _streams(self.station, json.dumps(of_station(changed), sort_keys=True), seed)
+        return Case(number, self.station, {**changed, **streams, **figures}, figures, seed, margin=self.margin)
 
-    def costs(self, row: Row) -> float:
-        """Return what a run costs, from its row."""
-        if row["ended"] != "completed":
-            done = float(row.get("stop_time", 0.0)) / float(row.get("duration", np.inf))
-            return self.failure * (2.0 - done)
-        cost = sum(weight * _figure(row, name) for name, weight in self.cost.items())
-        over = sum(max(_figure(row, name) / most - 1.0, 0.0) for name, most in self.limits.items())
-        return float(cost + self.failure * over)
+    def judged(self, row: Row) -> tuple[Vector, float]:
+        """Return what a run costs, shape (aims,), and by which part it breaks limits, which is in these, too."""
+        known = {name: float(row[name]) for name in self.measures if row.get(name) is not None}
+        figures = {name: value for name, value in known.items() if np.isfinite(value)}
+        counts = row["ended"] == "completed" or bool(row.get("fall") and "fall" in figures)
+        if not counts or len(figures) < len(self.measures):
+            done = 0.0 if counts else float(row.get("stop_time", 0.0)) / float(row.get("duration", np.inf))
+            return np.full(len(self.aims), self.failure * (2.0 - done)), 2.0 - done
+        over = sum(max(figures[name] / most - 1.0, 0.0) for name, most in self.limits.items())
+        over += sum(max(1.0 - figures[name] / least, 0.0) for name, least in self.least.items())
+        costs = [sum(weight * figures[name] for name, weight in aim.items()) for aim in self.aims]
+        return np.array(costs) + self.failure * over, float(over)
+
+    def mean(self, rows: Sequence[Row]) -> tuple[Vector, float]:
+        """Return the means of what runs cost and of how far they break limits."""
+        costs, over = zip(*(self.judged(row) for row in rows), strict=True)
+        return np.mean(costs, axis=0), float(np.mean(over))
+
+    def check_measures(self, rows: Sequence[Row]) -> None:
+        """Check that where the search begins each measure means something in some run.
+
+        Raises:
+            InvalidConfig: one that is missing in all that went to their ends; there would be nothing to compare.
+        """
+        ended = [row for row in rows if row["ended"] == "completed"]
+        for name in self.measures:
+            if ended and all(row.get(name) is None for row in ended):
+                raise InvalidConfig("study", f"cost.{name}", "means nothing in this station")
+
+
+def named(costs: Vector) -> dict[str, float]:
+    """Return costs, shape (aims,), by the names of their columns."""
+    names = ["cost"] if len(costs) == 1 else [f"cost_{place}" for place in range(1, len(costs) + 1)]
+    return dict(zip(names, costs.tolist(), strict=True))
 
 
 @lru_cache(maxsize=1000)
@@ -164,11 +216,3 @@ def _streams(station: str, changed: str, seed: int) -> dict[str, int]:
     """Return the seeds of a station with changes, which are the same for all figures that are tried."""
     overrides = json.loads(changed)
     return seeded(load_station(station, overrides).model_dump(), seed, overrides)
-
-
-def _figure(row: Row, name: str) -> float:
-    """Return a measure of a run; the costs of one that means nothing there are nothing to compare."""
-    value = row.get(name)
-    if value is None:
-        raise InvalidConfig("study", f"cost.{name}", "means nothing in this station")
-    return float(value)

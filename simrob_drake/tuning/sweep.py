@@ -9,8 +9,8 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.load import load_station
 from simrob_drake.tuning.rollout import Case
+from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.variation import MOST_SEEDS, Variation, parsed, seed_keys, seeded
 from simrob_drake.yaml_files import Strict
 
@@ -50,7 +50,7 @@ class Sweep(Strict):
         variations = self.variations
         first = {one.key: one.values[0] if one.values else one.draw(0, 0) for one in variations}
         called = {key: f"--set {key}" for key in self.overrides} | {key: f"--vary {key}" for key in first}
-        config = load_station(self.station, {**self.overrides, **first}, called=called, allow_code=allow_code)
+        config = Scene.of(self.station, {**self.overrides, **first}, called=called, allow_code=allow_code).config
         if not (variations or self.seeds > 1):
             raise InvalidParameter("--vary", "left out", "given at least once, or --seeds above 1")
         if self.seeds > 1 and not (any(one.drawn for one in variations) or seed_keys(config.model_dump())):

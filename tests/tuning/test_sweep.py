@@ -4,19 +4,22 @@ import csv
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
+from threading import Thread
 
 import numpy as np
+import psutil
 import pytest
 from distributed import LocalCluster
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
+from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError
 from simrob_drake.paths import diagrams_root
-from simrob_drake.tuning import cluster
+from simrob_drake.tuning import cluster, journal
 from simrob_drake.tuning.cluster import Cluster
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.processes import Processes
@@ -75,7 +78,7 @@ def test_every_combination_is_run_with_every_seed():
     assert [case.shown["servo.kp"] for case in cases] == [50, 50, 50, 100, 100, 100]
     assert [case.seed for case in cases] == [0, 1, 2, 0, 1, 2]
     assert [case.shown["servo.kd"] for case in cases[:3]] == [case.shown["servo.kd"] for case in cases[3:]]
-    seeds = [tuple(sensor.seed for sensor in case.config().sensors.values()) for case in cases[:3]]
+    seeds = [tuple(sensor.seed for sensor in case.scene().config.sensors.values()) for case in cases[:3]]
     assert seeds == [(0, 1000, 7), (1, 1001, 7), (2, 1002, 7)]
 
 
@@ -128,6 +131,8 @@ class TestFolder:
         alone = measures(simulate(load_station("double_pendulum", {**SHORT, "servo.kp": 40})))
         assert {name: rows[1][name] for name in alone} == alone
         assert float(table[1]["tracking_error"]) == alone["tracking_error"]
+        columns = pytest.importorskip("pyarrow.parquet").read_table(tmp_path / "sweep/sweep.parquet").to_pydict()
+        assert columns["tracking_error"] == [row["tracking_error"] for row in rows]
         assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {"over_servo.kp.png", "spread.png"}
 
     def test_it_goes_on_where_it_was_killed(self, tmp_path):
@@ -174,8 +179,11 @@ def test_the_command_goes_on_after_kill_9(tmp_path):
     while not (folder / "rows.jsonl").is_file() or not (folder / "rows.jsonl").read_text():
         assert going.poll() is None
         time.sleep(0.01)
-    os.killpg(going.pid, signal.SIGKILL)
+    workers = psutil.Process(going.pid).children()
+    going.kill()
     going.wait()
+    _, alive = psutil.wait_procs(workers, timeout=10)
+    assert alive == []  # no worker stays behind
     assert 0 < len((folder / "rows.jsonl").read_text().splitlines()) < 12
     assert run_command(command) == 0
     rows = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
@@ -205,6 +213,36 @@ class TestCluster:
         tasks = [(number, tmp_path / str(number)) for number in range(7)]
         found = made_by(Cluster(scheduler), tasks)
         assert found == [-3, 0, 1, 2, 4, 5, 6]
+
+    def test_a_scheduler_that_is_killed_takes_no_run_with_it(self, scheduler, tmp_path):
+        """What it had done is kept, and another one goes on: each run is there once."""
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host", address]
+        short_lived = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads=1", "--no-dashboard"]
+        working = subprocess.Popen(worker, start_new_session=True, stderr=subprocess.DEVNULL)
+        folder = SweepFolder(tmp_path / "sweep", PENDULUM.model_copy(update={"vary": {"servo.kp": "lin:10:100:30"}}))
+
+        def kill():
+            while not journal.rows(folder.folder):
+                time.sleep(0.01)
+            short_lived.kill()
+
+        killer = Thread(target=kill)
+        killer.start()
+        while True:
+            try:
+                with pytest.raises(SimrobError, match=f"the scheduler {address} is gone"):
+                    folder.run(scheduler=address, progress=False)
+                break
+            except InvalidParameter:  # it is not there yet, or has no worker
+                continue
+        killer.join()
+        os.killpg(working.pid, signal.SIGKILL)
+        assert 0 < len(journal.rows(folder.folder)) < 30
+        assert [row["number"] for row in folder.run(scheduler=scheduler, progress=False)] == list(range(1, 31))
 
     def test_workers_with_other_versions_are_refused(self, scheduler, monkeypatch):
         monkeypatch.setattr(cluster, "python_version", lambda: "2.7")

@@ -1,0 +1,154 @@
+"""What may be otherwise than was thought: changes of a station under which a winner is proven.
+
+Each kind changes one thing alone, by a draw of its own for each seed.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake.robots.feet import FootContact
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import ONLY_ROBOT
+from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.resolve import ResolvedStation, resolve
+from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.tuning.variation import seeded
+
+Change = dict[str, Any]
+_PUSH = 0.2  # at most, of a robot's weight, for a tenth of a second
+_MOMENT = (0.3, 0.6)  # when, in parts of the run
+_MASS = 0.2  # more or less, of each piece
+_BALLAST = 0.1  # at most, of the mass of a robot that carries none
+_FRICTION = (0.6, 1.2)  # times
+_JOINT_FRICTION = 0.02  # at most, of a joint's torque limit
+_STIFFNESS = 3.0  # times, or a part
+_POSTURE = 0.5  # deviation of each joint at the start [deg]
+_STREAM = 7_919  # apart from the streams of searches and sweeps
+
+
+@dataclass(frozen=True)
+class _Thought:
+    """A station as it was thought, and the weights of its robots with what they carry [N]."""
+
+    config: StationConfig
+    station: ResolvedStation
+    weights: Mapping[str, float]
+
+    def key(self, robot: str) -> str:
+        """Return under which key a robot stands."""
+        return robot if robot == self.config.only_robot == ONLY_ROBOT else f"robots.{robot}"
+
+
+def doubts(config: StationConfig, seeds: int) -> dict[str, list[Change]]:
+    """Return by their kinds the changes under which a station is to be run again; the first kind has none.
+
+    Args:
+        config: the station as it was thought.
+        seeds: how many draws of each kind.
+    """
+    found: dict[str, list[Change]] = {"as thought": [{}]}
+    if config.mode == "kinematic":
+        return found
+    thought = _Thought(config, resolve(config), _weights(config))
+    for place, (kind, change) in enumerate(_KINDS.items()):
+        drawn = [change(thought, np.random.default_rng([_STREAM, place, seed]), seed) for seed in range(seeds)]
+        found |= {kind: drawn} if all(drawn) else {}
+    return {**found, "solver": _other_solvers(config)}
+
+
+def _pushed(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:
+    """Return a push of 0.1 s, level, in any direction, on the root of a robot that floats or the tool of an arm."""
+    config, robots = thought.config, list(thought.weights)
+    if not robots:
+        return {}
+    robot = robots[seed % len(robots)]
+    size, turn = draw.uniform(0.5, 1.0) * _PUSH * thought.weights[robot], draw.uniform(0, 2 * np.pi)
+    push = {
+        "kind": "push",
+        "at": None if config.only_robot else robot,
+        "start": float(draw.uniform(*_MOMENT) * config.duration),
+        "force": [float(size * np.cos(turn)), float(size * np.sin(turn)), 0.0],
+    }
+    return {"forces.held_back": push}
+
+
+def _weighed(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:
+    """Return other masses of all pieces; of a robot on its feet without any, a load at its root."""
+    pieces, gravity = thought.station.pieces.items(), abs(thought.config.gravity)
+    masses = {name: piece.model.mass * draw.uniform(1 - _MASS, 1 + _MASS) for name, piece in pieces}
+    changed: Change = {f"pieces.{name}.mass": float(mass) for name, mass in masses.items() if mass > 0}
+    floating = [robot for robot in thought.station.robots.values() if robot.floats]
+    if changed or not floating or not gravity:
+        return changed
+    robot = floating[seed % len(floating)]
+    mass = draw.uniform(0.2, 1.0) * _BALLAST * thought.weights[robot.name] / gravity
+    place = [*draw.uniform(-0.03, 0.03, 3).tolist(), 0.0, 0.0, 0.0]
+    hung = {"parent": robot.name, "frame": robot.model.root, "pose": place}
+    return {"pieces.held_back": {"model": "parcel", "mass": float(mass), **hung}}
+
+
+def _slippery(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:
+    """Return another friction of all that touches; without contact, dry friction in all joints."""
+    contact = thought.config.contact
+    if contact is not None:
+        known, part = contact.friction, float(draw.uniform(*_FRICTION))
+        static, dynamic = (known.static, known.dynamic) if known else FootContact.model_fields["friction"].default
+        return {"contact.friction": {"static": part * static, "dynamic": part * dynamic}}
+    changed: Change = {}
+    for name, robot in thought.station.robots.items():
+        limits = robot.gains.torque_limit
+        share = draw.uniform(0.2, 1.0, len(limits)) * _JOINT_FRICTION
+        if np.isfinite(limits).all():
+            changed[f"{thought.key(name)}.drives.friction"] = (share * limits).tolist()
+    return changed
+
+
+def _on_other_floor(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:
+    """Return a softer or harder floor."""
+    contact = thought.config.contact
+    if contact is None or contact.model != "point":
+        return {}
+    feet = [robot.feet.stiffness for robot in thought.station.robots.values() if robot.feet is not None]
+    known = contact.stiffness or (feet[0] if feet else FootContact.model_fields["stiffness"].default)
+    return {"contact.stiffness": float(known * _STIFFNESS ** draw.uniform(-1, 1))}
+
+
+def _noisy(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:
+    """Return other noise of all sensors and terrain, and joints that begin a little elsewhere."""
+    changed: Change = dict(seeded(thought.config.model_dump(), _STREAM + seed, {}))
+    for name, robot in thought.station.robots.items():
+        units, (lower, upper) = robot.model.user_units, robot.model.axis_limits
+        start = robot.initial + units * draw.normal(0, _POSTURE, len(robot.axes))
+        changed[f"{thought.key(name)}.initial_deg"] = (np.clip(start, lower, upper) / units).tolist()
+    return changed
+
+
+_KINDS: dict[str, Callable[[_Thought, np.random.Generator, int], Change]] = {
+    "pushes": _pushed,
+    "masses": _weighed,
+    "friction": _slippery,
+    "floor": _on_other_floor,
+    "noise": _noisy,
+}
+
+
+def _other_solvers(config: StationConfig) -> list[Change]:
+    """Return the station's solver four times as tight, with error control; and another one, which is not its kind."""
+    tighter = config.solver.tighter(4.0).model_dump()
+    if not isinstance(config.solver, ContinuousSolver):
+        return [{"solver": tighter}]
+    tight = {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 1e-4, "max_step": 0.01}
+    other = tight if config.contact is None else {"kind": "discrete"}
+    return [{"solver": {**tighter, "error_control": True}}, {"solver": other}]
+
+
+def _weights(config: StationConfig) -> dict[str, float]:
+    """Return the weights of the robots with what they carry [N]."""
+    station = add_plant(DiagramBuilder(), resolve(config))
+    plant, context = station.plant, station.plant.CreateDefaultContext()
+    masses = {name: plant.CalcTotalMass(context, [robot.instance]) for name, robot in station.robots.items()}
+    return {name: float(mass * abs(config.gravity)) for name, mass in masses.items()}

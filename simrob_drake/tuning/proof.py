@@ -1,0 +1,120 @@
+"""Prove a winner: run it, and what it is to beat, under doubts that no search has seen; and say what came of it."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from simrob_drake.errors import InvalidConfig
+from simrob_drake.folders import written_at_once
+from simrob_drake.tuning import journal
+from simrob_drake.tuning.doubts import Change, doubts
+from simrob_drake.tuning.proof_page import page
+from simrob_drake.tuning.rollout import Case, Margin, Row
+from simrob_drake.tuning.scene import Scene
+from simrob_drake.tuning.study import Figures, Study, named
+from simrob_drake.tuning.study_folder import STUDY, WINNER
+from simrob_drake.tuning.table import write_rows
+from simrob_drake.tuning.verdict import START, WON, verdict
+from simrob_drake.yaml_files import Strict, read_yaml, validated
+
+PROVE, TABLE, PAGE = "prove.yaml", "prove.csv", "prove.html"
+
+
+class Proof(Strict):
+    """What is to be proven."""
+
+    station: str
+    """A name or a file."""
+    figures: dict[str, Figures]
+    """What is compared: the figures of the winner, and those that it is to beat if there are any."""
+    conditions: list[dict[str, Any]]
+    """Changes of the station; each draw of a doubt comes with the next of them."""
+    seeds: int = Field(default=10, ge=1, le=1000)
+    """Draws of each doubt."""
+    study: Study | None = None
+    """What tells what a run costs."""
+
+    @classmethod
+    def of(cls, given: str, seeds: int) -> "Proof":
+        """Return what is to be proven of the folder of a study that has ended, or of a station.
+
+        Raises:
+            InvalidConfig: a folder without a winner.
+        """
+        folder = Path(given)
+        if not (folder / STUDY).is_file():
+            return cls(station=given, figures={WON: {}}, conditions=[{}], seeds=seeds)
+        if not (folder / WINNER).is_file():
+            raise InvalidConfig(folder, "", f"has no {WINNER} yet: let simrob tune go on with it first")
+        study = validated(Study, journal.asked_of(folder, STUDY), folder / STUDY)
+        conditions = [{**study.overrides, **case} for case in study.proof.cases]
+        figures = {START: study.start, WON: read_yaml(folder / WINNER)}
+        return cls(station=study.station, figures=figures, conditions=conditions, seeds=seeds, study=study)
+
+    def cases(self) -> list[Case]:
+        """Return all runs, numbered from 1: the same draws for all that is compared."""
+        return [
+            Case(number, self.station, overrides, {"of": of, "doubt": kind, "draw": draw}, draw, margin=self._margin)
+            for number, (of, kind, draw, overrides) in enumerate(self._runs(), start=1)
+        ]
+
+    @property
+    def _margin(self) -> Margin | None:
+        return self.study.margin if self.study else None
+
+    def _runs(self) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
+        drawn = {
+            of: [self._doubts({**own, **figures}) for own in self.conditions] for of, figures in self.figures.items()
+        }
+        for kind, changes in drawn[WON][0].items():
+            for draw in range(max(len(changes), len(self.conditions))):
+                place = draw % len(self.conditions)
+                for of, figures in self.figures.items():
+                    change = drawn[of][place][kind][draw % len(changes)]
+                    yield of, kind, draw, {**self.conditions[place], **figures, **change}
+
+    def _doubts(self, overrides: dict[str, Any]) -> dict[str, list[Change]]:
+        return doubts(Scene.of(self.station, overrides).config, self.seeds)
+
+
+class ProofFolder:
+    """A proof and its runs, in a folder.
+
+    Attributes:
+        folder: where they stand.
+        proof: what is proven.
+        cases: all of its runs.
+    """
+
+    def __init__(self, folder: Path, proof: Proof, *, force: bool = False) -> None:
+        """Begin a proof in a new folder, or go on with the same one.
+
+        Raises:
+            SimrobError: a station that cannot be, or has changed since; a folder that holds something else.
+        """
+        self.folder, self.proof, self.cases = folder, proof, proof.cases()
+        journal.take(folder, PROVE, proof, self.cases[0].scene().digest, force=force)
+
+    def run(
+        self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
+    ) -> tuple[bool, list[str]]:
+        """Make the runs that are not made yet; write table and page; return whether it is proven, and why in words.
+
+        Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
+        """
+        rows = journal.run(self.folder, self.cases, workers=workers, scheduler=scheduler, progress=progress)
+        judged = [{**row, **self._judged(row)} for row in rows]
+        write_rows(self.folder / TABLE, judged)
+        proven, words = verdict(judged)
+        title = f"{Path(self.proof.station).stem}: {len(judged)} runs"
+        written_at_once(self.folder / PAGE, page(title, proven, words, judged, self.proof.figures))
+        return proven, words
+
+    def _judged(self, row: Row) -> Mapping[str, Any]:
+        study = self.proof.study
+        if study is None:
+            return {}
+        costs, over = study.judged(row)
+        return {**named(costs), "over_limits": over}

@@ -1,0 +1,24 @@
+"""Stations that a process has built, kept for the runs to come that differ in nothing that is built."""
+
+from collections import deque
+
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulation import Reference, Runner
+from simrob_drake.stations.config import StationConfig
+
+_KEPT: deque[Runner] = deque(maxlen=4)  # some megabytes each
+
+
+def run(config: StationConfig, reference: Reference | None = None) -> SimulationResult:
+    """Run a station as :func:`~simrob_drake.simulation.simulate` does, to the last bit.
+
+    What was built for a run of the same station with other references, pushes, length or start is used again.
+
+    Raises:
+        SimrobError: input that cannot be run at all.
+    """
+    runner = next((found for kept in _KEPT if (found := kept.like(config)) is not None), None)
+    if runner is None:
+        runner = Runner(config)
+        _KEPT.append(runner)
+    return runner.run(reference=reference)

@@ -1,0 +1,96 @@
+"""Proofs: what is doubted, what a verdict says, and that the page tells it."""
+
+import numpy as np
+import pytest
+import yaml
+
+from simrob_drake import load_station, simulate
+from simrob_drake.cli.app import run_command
+from simrob_drake.tuning.doubts import doubts
+from simrob_drake.tuning.proof import PAGE, TABLE, Proof, ProofFolder
+from simrob_drake.tuning.study import Study
+from simrob_drake.tuning.study_folder import StudyFolder
+from simrob_drake.tuning.verdict import START, WON, verdict
+from tests.tuning.test_study import PENDULUM
+
+
+@pytest.mark.parametrize(
+    ("station", "kinds"),
+    [
+        ("irb120_dynamic", ["as thought", "pushes", "masses", "friction", "noise", "solver"]),
+        ("zjudancer_dynamic", ["as thought", "pushes", "masses", "friction", "floor", "noise", "solver"]),
+        ("irb120_kinematic", ["as thought"]),
+    ],
+)
+def test_each_doubt_changes_one_thing_by_draws_of_its_own(station, kinds):
+    found = doubts(load_station(station), 3)
+    assert list(found) == kinds
+    assert found == doubts(load_station(station), 3)
+    for kind, changes in found.items():
+        assert all(changes[place] != changes[place - 1] for place in range(1, len(changes))), kind
+        for change in changes:
+            load_station(station, change)
+
+
+def test_pushes_are_a_part_of_the_weight_and_masses_near_those_thought():
+    weight = 4.7 * 9.80665  # ZJUDancer, within a tenth
+    drawn = doubts(load_station("zjudancer_dynamic"), 20)
+    forces = np.array([np.linalg.norm(change["forces.held_back"]["force"]) for change in drawn["pushes"]])
+    assert forces.min() > 0.09 * weight
+    assert forces.max() < 0.22 * weight
+    masses = [change["pieces.load.mass"] for change in doubts(load_station("irb120_dynamic"), 20)["masses"]]
+    assert 0.8 <= min(masses) < 0.95
+    assert 1.05 < max(masses) <= 1.2
+
+
+def rows(costs, ended="completed", **more):
+    return [
+        {"of": of, "doubt": doubt, "draw": 0, "ended": ended if of == WON else "completed", "cost": cost, **more}
+        for doubt in ("as thought", "noise")
+        for of, cost in zip((START, WON), costs, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "proven", "told"),
+    [
+        (rows((2.0, 1.0)), True, "1 in the median, 2 at the start, 0.50 of it; less in 2 of 2 pairs"),
+        (rows((1.0, 2.0)), False, "it does not cost less throughout"),
+        (rows((2.0, 1.0), ended="fall"), False, "noise: 1 of 1 do not (start 0): fall"),
+        (rows((2.0, 1.0), over_limits=0.5), True, "noise: 1 of 1 do not (start 1): beyond a limit"),
+        ([{"of": WON, "doubt": "noise", "draw": 0, "ended": "completed"}], True, "1 of 1 runs of the winner hold."),
+        ([{"of": WON, "doubt": "noise", "draw": 0, "ended": "fall"}], False, "less sure under noise"),
+    ],
+)
+def test_a_winner_is_proven_if_it_is_as_sure_and_costs_less(given, proven, told):
+    found, words = verdict(given)
+    assert found is proven
+    assert told in " ".join(words)
+
+
+def test_a_study_is_proven_where_it_was_never_tried_and_the_page_tells_it(tmp_path, capsys):
+    folder = tmp_path / "study"
+    StudyFolder(folder, Study(**{**PENDULUM, "search": {}})).run(workers=1, progress=False)
+    assert run_command(["prove", str(folder), "--seeds", "1", "--workers", "1"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "runs of the winner hold" in said
+    page = (folder / "prove" / PAGE).read_text()
+    assert said.split(". ")[0] in page
+    assert "http" not in page
+    assert page.count("data:image/png;base64,") == 1
+    proof = Proof.of(str(folder), 1)
+    winner = yaml.safe_load((folder / "winner.yaml").read_text())
+    kept = ProofFolder(folder / "prove", proof).run(workers=1, progress=False)  # nothing is run again
+    case = next(case for case in proof.cases() if case.shown == {"of": WON, "doubt": "friction", "draw": 0})
+    alone = simulate(load_station("double_pendulum", case.overrides), progress=False)
+    assert all(case.overrides[key] == value for key, value in winner.items())
+    assert alone.ending == "completed"
+    assert kept[1][0] in said
+    assert (folder / "prove" / TABLE).is_file()
+
+
+def test_a_study_without_a_winner_and_no_study_are_told(tmp_path, capsys):
+    StudyFolder(tmp_path / "study", Study(**PENDULUM))
+    for given, told in ((tmp_path / "study", "has no winner.yaml yet"), ("double_pendulun", "did you mean")):
+        assert run_command(["prove", str(given)]) == 2
+        assert told in " ".join(capsys.readouterr().err.split())

@@ -1,0 +1,91 @@
+"""What varies beside a station's keys: figures of gaits and of programs; and that what is built is used again."""
+
+import numpy as np
+import pytest
+import yaml
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import SimrobError
+from simrob_drake.programs.gaits.biped import walk
+from simrob_drake.tuning import runners
+from simrob_drake.tuning.measures import measures
+from simrob_drake.tuning.rollout import Case, Margin, rollout
+from simrob_drake.tuning.scene import Scene
+
+GAIT = {"gait": {"name": "walk", "steps": 1}, "gait.step_time": 0.3, "gait.bearing.height": 0.5, "duration": 1.0}
+PUSHED = {"duration": 0.2, "forces.shove": {"kind": "push", "start": 0.05, "force": [0, 0, 30]}}
+
+
+def test_a_gait_is_planned_with_its_figures_changed_and_run():
+    """As by hand: the other keys of a section stay."""
+    scene = Scene.of("zjudancer_dynamic", GAIT)
+    bearing = {"height": 0.5, "posture_deg": {"RodD": 40, "RodI": 40}}
+    motion = walk("zjudancer", 1, step_time=0.3, bearing=bearing)
+    assert np.array_equal(scene.motion.positions, motion.positions)
+    by_hand = simulate(motion.station({"duration": 1.0}), reference=motion.trajectory(), progress=False)
+    assert np.array_equal(scene.run().values, by_hand.values)
+    assert rollout(Case(1, "zjudancer_dynamic", GAIT))["ahead"] == measures(by_hand)["ahead"]
+
+
+def test_a_program_is_run_with_its_figures_changed(tmp_path):
+    file = tmp_path / "program.yaml"
+    file.write_text(yaml.safe_dump({"moves": [{"target_deg": {"joint_1": 10}, "duration": 1.0}]}))
+    changes = {"program": str(file), "program.moves.0.duration": 0.4}
+    scene = Scene.of("irb120_kinematic", changes)
+    run = scene.run()
+    assert run.stop_time == pytest.approx(0.4)
+    assert run["q.joint_1"][-1] == pytest.approx(np.deg2rad(10))
+    scene.write(tmp_path)
+    assert yaml.safe_load(file.read_text())["moves"][0]["duration"] == 0.4
+
+
+@pytest.mark.parametrize(
+    ("station", "changes", "told"),
+    [
+        ("zjudancer_dynamic", {"gait.name": "wolk"}, "no gait of zjudancer 'wolk'; did you mean 'walk'"),
+        ("zjudancer_dynamic", {"gait.name": "walk", "gait.bearing.hight": 1}, "unknown key; did you mean 'height'"),
+        ("zjudancer_dynamic", {"gait.name": "walk", "gait.step_length": 0.9}, "out of reach"),
+        ("irb120_dynamic", {"gait.name": "walk"}, "without gaits"),
+        ("two_arms", {"gait.name": "walk"}, "needs a station of one robot, and this has 2"),
+        ("irb120_kinematic", {"program.file": "nowhere.yaml"}, "nowhere.yaml"),
+        ("irb120_kinematic", {"gait": "walk", "program": "nowhere.yaml"}, "beside a program"),
+        ("zjudancer_dynamic", {"gait": "walk", "servo.kpp": 1}, "did you mean 'kp'"),
+    ],
+)
+def test_what_cannot_be_is_told(station, changes, told):
+    with pytest.raises(SimrobError, match=told):
+        Scene.of(station, changes)
+
+
+@pytest.mark.parametrize(("key", "told"), [("moves.1.duration", "are 0 to 0"), ("moves.0.0", "unknown")])
+def test_so_is_a_place_that_a_program_has_not(key, told, tmp_path):
+    file = tmp_path / "program.yaml"
+    file.write_text(yaml.safe_dump({"moves": [{"target_deg": {"joint_1": 10}}]}))
+    with pytest.raises(SimrobError, match=told):
+        Scene.of("irb120_kinematic", {"program": str(file), f"program.{key}": 1})
+
+
+def test_what_is_built_is_used_again_and_runs_are_those_of_simulate():
+    """For other references, pushes and durations; not for other gains."""
+    runners._KEPT.clear()
+    ramp = {"reference.target_deg": 5, "reference.duration": 0.1}
+    changes = [PUSHED, {**PUSHED, "forces.shove.force": [0, 9, 0]}, {**PUSHED, **ramp}, {**PUSHED, "duration": 0.1}]
+    for change in [*changes, {**PUSHED, "servo.kp": 500}]:
+        config = load_station("irb120_dynamic", change)
+        assert np.array_equal(runners.run(config).values, simulate(config, progress=False).values)
+        assert runners.run(config).config == config
+    assert len(runners._KEPT) == 2
+
+
+def test_the_margin_is_the_largest_push_that_does_not_end_a_run():
+    """A ball that floats, pushed for 0.1 s by F, comes F/m (0.1²/2 + 0.1 · 0.5) m far in 0.6 s: a limit bounds F."""
+    mass, limit = 0.9048, 0.1
+    box = {"kind": "workspace", "piece": "ball", "lower": [-1, -1, 0], "upper": [limit, 1, 2]}
+    push = {"kind": "push", "at": "ball", "start": 0.0, "force": [1, 0, 0]}
+    changes = {"gravity": 0, "pieces.ball.pose": [0, 0, 0.5, 0, 0, 0], "duration": 0.6}
+    changes |= {"forces.shove": push, "monitors.box": box}
+    largest = limit * mass / (0.1**2 / 2 + 0.1 * 0.5)
+    for sizes in ([0.5, 0.99 * largest, 1.01 * largest, 4], [0.99 * largest], [1.01 * largest, 4]):
+        row = rollout(Case(1, "bouncing_ball", changes, margin=Margin(push="shove", sizes=sizes)))
+        assert row["ended"] == "completed"
+        assert row["margin"] == max([size for size in sizes if size < largest], default=0)
