@@ -23,8 +23,9 @@ while :math:`x = A (\sin\theta + \sin\varphi)` is positive, :math:`\int k x D \d
 :math:`2 \zeta \sqrt{k/w} \int \dot x^2 dt` the other. Without weight it is :math:`\zeta = 2 D v / (3 \pi)`; at rest
 the law's own slope at the depth g/ω². A ratio above 1 counts as 1: nothing bounces.
 
-Friction creeps in MuJoCo, too: a tangential load f slides with :math:`f R_t / b_t`, where :math:`R_t` is R over
-``impratio``. It is made to stop within about a step.
+Friction creeps in MuJoCo, too: it is :math:`b_t v / R_t` up to Coulomb's limit, with :math:`R_t` = R/``impratio``. Here
+:math:`b_t d = d / h` and ``impratio`` = 100/d, so that a load f slides with about f w h / 100: not much more than what it
+gains within a hundredth of a step.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by t
 STEP = 2e-3
 """Length of MuJoCo's steps unless given [s]."""
 _STICK = 100.0
-"""MuJoCo's ``impratio``: how much harder friction is than what presses."""
+"""How much harder friction is than the mass of what slides, whatever the contacts' impedance."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def mujoco_model(
 def _set_options(spec: mujoco.MjSpec, ports: StationPorts, step: float, integrator: str) -> None:
     option = spec.option
     option.gravity = ports.plant.plant.gravity_field().gravity_vector()
-    option.timestep, option.impratio = step, _STICK
+    option.timestep = step
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
@@ -129,6 +129,7 @@ def _soften(
         found = softness(surface.stiffness, damping, weight, step)
         pair.solref, pair.solimp = found.solref, found.solimp
         pair.solreffriction = [0.0, -found.impedance / step]
+    spec.option.impratio = _STICK / min((pair.solimp[0] for pair in spec.pairs), default=1.0)
     stops = stops_of(ports)
     for robot in ports.plant.robots.values():
         rubbing = robot.model.friction
