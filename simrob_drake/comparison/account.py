@@ -89,11 +89,15 @@ class Difference:
 
 
 def quantities(result: SimulationResult) -> dict[Quantity, Vector]:
-    """Return what a run tells, but for what it was given: columns of one name before the last dot and one unit."""
+    """Return what a run tells: columns of one name before the last dot and one unit.
+
+    What it was given is left out, and poses that never change, as of bases that are held.
+    """
     columns: dict[Quantity, list[Vector]] = {}
     for signal in result.signals:
+        held = signal.role == "pose" and not any(np.ptp(result[name]) for name in signal.names)
         for name, unit in zip(signal.names, signal.units, strict=True):
-            if signal.role not in _GIVEN:
+            if signal.role not in _GIVEN and not held:
                 columns.setdefault(Quantity(_stem(name), unit), []).append(result[name])
     return {what: np.column_stack(own) for what, own in columns.items()}
 
@@ -101,14 +105,14 @@ def quantities(result: SimulationResult) -> dict[Quantity, Vector]:
 def differences(first: Account, others: list[Account], rounding: float = 1e-9) -> list[Difference]:
     """Return how far others are from the first account, in all that both tell, to the shorter one's end.
 
-    Figures that differ by less than ``rounding`` of the quantity's size are equal; what never changes is left out.
+    Figures that differ by less than ``rounding`` of the quantity's size are equal; what is zero in both is left out.
     """
     found = []
     for other in others:
         common = together(first.times, other.times)
         for what in [what for what in first.values if what in other.values]:
             ours, theirs = first.values[what][:common], other.values[what][:common]
-            if not (np.ptp(ours, axis=0).any() or np.ptp(theirs, axis=0).any()):
+            if not (ours.any() or theirs.any()):
                 continue
             distances = apart(ours, theirs)
             least = rounding * float(np.abs(ours).max())

@@ -18,10 +18,8 @@ from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
 
-MUJOCO_STEP = 4e-4
+MUJOCO_STEP = 1e-3
 """Of MuJoCo's coarser run [s]."""
-MUJOCO_INTEGRATOR = "implicitfast"
-"""It keeps contacts as stiff as they are; ``discrete`` takes longer steps, and counts servos among what touches."""
 _RATE = 1000.0  # samples a second for accelerations out of speeds [Hz]
 _EXPLICIT = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3")
 
@@ -102,10 +100,7 @@ def _in_mujoco(name: str, config: StationConfig) -> Account:
     if config.mode == "kinematic":
         result = inverse_run(config)
         return Account.of(name, result, result)
-    coarse, fine = (
-        _whole(MujocoRunner(config, step=step, integrator=MUJOCO_INTEGRATOR).run())
-        for step in (MUJOCO_STEP, MUJOCO_STEP / FINER)
-    )
+    coarse, fine = (_whole(MujocoRunner(config, step=step).run()) for step in (MUJOCO_STEP, MUJOCO_STEP / FINER))
     return Account.of(name, fine, coarse)
 
 

@@ -7,10 +7,17 @@ MuJoCo has no springs. It gives a contact pressed in by x the force
 where a is the acceleration that results along it, w the inverse mass that it takes for the pair (``invweight0`` of
 the two bodies), d the impedance (``solimp``, here the same at any depth) and ``solref`` = (-k d, -b d). At rest that is
 a spring: with :math:`k d = K (1 - d)\, w` it is K, whatever d is. What d adds is inertia, :math:`1/R`: the contact
-swings with :math:`\omega^2 = K w (1 - d)`, as on a body heavier by d / (1 - d). So d is as small as the length h of a
-step allows, for MuJoCo looks at x and its rate at a step's start and needs :math:`\omega h \le 1/2`:
+swings with :math:`\omega^2 = K w (1 - d)`, as on a body heavier by d / (1 - d). So d should be small. The integrator
+``discrete`` looks at x and its rate at the end of a step and takes any; the others look at its start and need
+:math:`\omega h \le 1/2` for a step h, so
 
 .. math:: 1 - d = \min\Bigl(1 - d_0,\; \frac{1}{4 h^2 K w}\Bigr).
+
+``discrete`` takes for w what the pair feels in the posture while the servos hold, and R accordingly,
+
+.. math:: R = \frac{(1 - d)\, w}{d + h\, b\, d + h^2 k\, d}:
+
+so w is read off R where the station begins, and the stiffness is right there.
 
 Damping is a ratio :math:`\zeta` of the critical one, :math:`b d = 2 \zeta \omega`. Hunt and Crossley's
 law :math:`f = k x (1 + D \dot x)` of Drake has none, but takes, to first order in D, as much of an impact of a mass
@@ -23,8 +30,9 @@ while :math:`x = A (\sin\theta + \sin\varphi)` is positive, :math:`\int k x D \d
 :math:`2 \zeta \sqrt{k/w} \int \dot x^2 dt` the other. Without weight it is :math:`\zeta = 2 D v / (3 \pi)`; at rest
 the law's own slope at the depth g/ω². A ratio above 1 counts as 1: nothing bounces.
 
-Friction creeps in MuJoCo, too: a tangential load f slides with :math:`f R_t / b_t`, where :math:`R_t` is R over
-``impratio``. It is made to stop within about a step.
+Friction creeps in MuJoCo, too: it is :math:`b_t v / R_t` up to Coulomb's limit, with :math:`R_t` = R/``impratio``.
+Here :math:`b_t d = d / h` and ``impratio`` = 100/d, so that a load f slides with about f w h / 100: not much more than
+what it gains within a hundredth of a step.
 """
 
 from __future__ import annotations
@@ -44,6 +52,7 @@ LARGEST_IMPEDANCE = 0.9999
 FOOT_SPEED = 0.1
 """At which feet and tools come down, and so the v of damping where nothing falls from higher [m/s]."""
 _STEPS_A_SWING = 2.0
+_TINY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -69,11 +78,21 @@ class Softness:
 
 
 def softness(stiffness: float, ratio: float, inverse_mass: float, step: float) -> Softness:
-    """Return the figures of a spring K [N/m] damped by a ratio, for what has an inverse mass [1/kg] and steps [s]."""
-    free = min(1 - LEAST_IMPEDANCE, 1 / ((_STEPS_A_SWING * step) ** 2 * stiffness * inverse_mass))
+    """Return the figures of a spring K [N/m] damped by a ratio, for what has an inverse mass [1/kg].
+
+    The step [s] is that of an integrator that looks at its start, and 0 for ``discrete``.
+    """
+    free = min(1 - LEAST_IMPEDANCE, 1 / max((_STEPS_A_SWING * step) ** 2 * stiffness * inverse_mass, _TINY))
     impedance = float(np.clip(1 - free, LEAST_IMPEDANCE, LARGEST_IMPEDANCE))
     swing = stiffness * inverse_mass * (1 - impedance)
     return Softness((-swing, -2 * min(ratio, 1.0) * np.sqrt(swing)), impedance)
+
+
+def inverse_mass(regularization: float, found: Softness, step: float) -> float:
+    """Return the w that ``discrete`` takes [1/kg], of the R that it makes of a constraint's figures."""
+    stiffness, damping = (-figure for figure in found.solref)
+    part = found.impedance + step * damping + step**2 * stiffness
+    return regularization * part / (1 - found.impedance)
 
 
 def dry_friction(slope: float, inverse_inertia: float, step: float) -> Softness:
@@ -82,7 +101,7 @@ def dry_friction(slope: float, inverse_inertia: float, step: float) -> Softness:
     It is the law above without a spring, so b d = slope (1 - d) w; and it must not turn a speed around in a step:
     b d h is at most 1.
     """
-    free = min(1 - LEAST_IMPEDANCE, 1 / (slope * inverse_inertia * step))
+    free = min(1 - LEAST_IMPEDANCE, 1 / max(slope * inverse_inertia * step, _TINY))
     impedance = max(1 - free, LEAST_IMPEDANCE)
     return Softness((0.0, -slope * inverse_inertia * (1 - impedance)), min(impedance, LARGEST_IMPEDANCE))
 

@@ -22,7 +22,8 @@ def inverse_run(config: StationConfig) -> SimulationResult:
         SimrobError: a station that cannot be.
     """
     given = simulate(config, progress=False)
-    built = BuiltStation.of(config, moved_by_torque=False)
+    built = BuiltStation.of(config, integrator="RK4", moved_by_torque=False)  # others count damping over a step
+    built.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     courses, plant = station_courses(built.station), built.ports.plant.plant
     q, v, a = np.zeros((3, len(given.times), plant.num_velocities()))
     q[:] = plant.GetPositions(plant.CreateDefaultContext())

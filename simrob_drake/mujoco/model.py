@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from pydrake.geometry import GeometryId
 
-from simrob_drake.mujoco.contact import FOOT_SPEED, Softness, Surface, dry_friction, ratio, softness, surfaces
+from simrob_drake.mujoco.contact import (
+    FOOT_SPEED,
+    Softness,
+    Surface,
+    dry_friction,
+    inverse_mass,
+    ratio,
+    softness,
+    surfaces,
+)
+from simrob_drake.mujoco.coordinates import Coordinates
 from simrob_drake.mujoco.drives import add_force, add_servos
 from simrob_drake.mujoco.limits import check_sayable
 from simrob_drake.mujoco.names import Names
@@ -25,8 +35,9 @@ mujoco.set_mju_user_warning(lambda _: None)  # runs that go astray are told by t
 
 STEP = 2e-3
 """Length of MuJoCo's steps unless given [s]."""
+_FAR = 10.0  # m
 _STICK = 100.0
-"""MuJoCo's ``impratio``: how much harder friction is than what presses."""
+"""How much harder friction is than the mass of what slides, whatever the contacts' impedance."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +101,11 @@ def mujoco_model(
 def _set_options(spec: mujoco.MjSpec, ports: StationPorts, step: float, integrator: str) -> None:
     option = spec.option
     option.gravity = ports.plant.plant.gravity_field().gravity_vector()
-    option.timestep, option.impratio = step, _STICK
+    option.timestep = step
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    off = mujoco.mjtDisableBit  # runs that go astray stay so, and contacts are as stiff as they are
+    option.disableflags = sum(map(int, (off.mjDSBL_AUTORESET, off.mjDSBL_ISLAND, off.mjDSBL_REFSAFE)))
 
 
 def _add_pairs(
@@ -120,38 +132,68 @@ def _soften(
 ) -> None:
     """Give contacts, joint stops and dry friction their figures, which need the inertias of the compiled model."""
     step, data = spec.option.timestep, mujoco.MjData(model)
+    ahead = 0.0 if spec.option.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE else step
     mujoco.mj_kinematics(model, data)
+    given = list[Softness]()
     for pair, surface in zip(spec.pairs, pairs, strict=True):
         geoms = model.geom(pair.geomname1).id, model.geom(pair.geomname2).id
-        weight = float(sum(model.body_invweight0[model.geom_bodyid[geom], 0] for geom in geoms))
+        weight = _inverse_mass(model, geoms)
         speed = max(FOOT_SPEED, _falling_speed(model, data, geoms))
         damping = ratio(surface, weight, speed, float(np.linalg.norm(model.opt.gravity)))
-        found = softness(surface.stiffness, damping, weight, step)
-        pair.solref, pair.solimp = found.solref, found.solimp
-        pair.solreffriction = [0.0, -found.impedance / step]
-    stops = stops_of(ports)
+        given.append(softness(surface.stiffness, damping, weight, ahead))
+        pair.solref, pair.solimp = given[-1].solref, given[-1].solimp
+        pair.solreffriction = [0.0, -given[-1].impedance / step]
+    spec.option.impratio = _STICK / min((found.impedance for found in given), default=1.0)
+    _soften_joints(spec, model, ports, names, ahead)
+    if ahead == 0.0:
+        _weigh_again(spec, ports, names, given)
+
+
+def _soften_joints(spec: mujoco.MjSpec, model: mujoco.MjModel, ports: StationPorts, names: Names, step: float) -> None:
+    """Give joint stops and dry friction their figures."""
     for robot in ports.plant.robots.values():
-        rubbing = robot.model.friction
-        for joint, most in zip(robot.joints, rubbing, strict=True):
+        for joint, most in zip(robot.joints, robot.model.friction, strict=True):
             if most > 0:
-                own = spec.joint(names.joint(joint))
-                weight = _inverse_inertia(model, own.name)
-                slope = most / robot.model.drives.friction_speed
-                _put(own, "friction", dry_friction(slope, weight, step))
+                own, slope = spec.joint(names.joint(joint)), most / robot.model.drives.friction_speed
+                _put(own, "friction", dry_friction(slope, _inverse_inertia(model, own.name), step))
                 own.frictionloss = most
-    plant = ports.plant.plant
-    for index in plant.GetJointIndices():
-        joint = plant.get_joint(index)
+    plant, stops = ports.plant.plant, stops_of(ports)
+    for joint in map(plant.get_joint, plant.GetJointIndices()):
         if joint.num_velocities() == 1:
-            own, place = spec.joint(names.joint(joint)), joint.velocity_start()
-            weight = _inverse_inertia(model, own.name)
-            stiffness, damping = stops[:, place].tolist()
+            own = spec.joint(names.joint(joint))
+            weight, (stiffness, damping) = _inverse_inertia(model, own.name), stops[:, joint.velocity_start()].tolist()
             _put(own, "limit", softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step))
+
+
+def _weigh_again(spec: mujoco.MjSpec, ports: StationPorts, names: Names, given: list[Softness]) -> None:
+    """Correct contacts by the inverse masses that ``discrete`` takes where the station begins."""
+    model, plant = spec.compile(), ports.plant.plant
+    model.pair_margin[:] = _FAR  # so that all touch
+    data, context = mujoco.MjData(model), plant.CreateDefaultContext()
+    start = plant.GetPositions(context), plant.GetVelocities(context)
+    data.qpos[:], data.qvel[:] = Coordinates.of(plant, model, names).to_mujoco(*start)
+    asked = np.concatenate([np.zeros(0), *(robot.initial for robot in ports.plant.robots.values())])
+    data.ctrl[: len(asked)] = asked  # at their limits servos would not hold
+    mujoco.mj_forward(model, data)
+    found = {
+        frozenset(model.geom(name).id for name in (pair.geomname1, pair.geomname2)): (pair, own)
+        for pair, own in zip(spec.pairs, given, strict=True)
+    }  # the model has them in another order
+    for contact in data.contact:
+        pair, own = found[frozenset(contact.geom.tolist())]
+        if contact.efc_address >= 0:
+            felt = inverse_mass(float(data.efc_R[contact.efc_address]), own, model.opt.timestep)
+            pair.solref = np.array(own.solref) * felt / _inverse_mass(model, contact.geom)
 
 
 def _put(joint: mujoco.MjsJoint, kind: str, found: Softness) -> None:
     setattr(joint, f"solref_{kind}", found.solref)
     setattr(joint, f"solimp_{kind}", found.solimp)
+
+
+def _inverse_mass(model: mujoco.MjModel, geoms: Iterable[int]) -> float:
+    """Return the inverse mass that MuJoCo takes for the bodies of two shapes, in the posture of zero [1/kg]."""
+    return float(sum(model.body_invweight0[model.geom_bodyid[geom], 0] for geom in geoms))
 
 
 def _inverse_inertia(model: mujoco.MjModel, joint: str) -> float:
