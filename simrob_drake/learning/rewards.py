@@ -68,10 +68,10 @@ TERMS: dict[str, Callable[[Moment], float]] = {
     "yielding": lambda now: _square(now.tool_speed - now.yields * now.push),
     "ended": lambda now: float(now.ended),
 }
-"""The terms by name: speed ahead, which counts less again beyond the one that is wanted [m/s]; 1; the squares of how far
-it sank [m²], went aside [m²] and turned [rad²], of its rates [rad²/s²], of its torques as parts of their limits, of the
-change of its action; from the tool to the goal [m]; the square of how far its speed is from what the force on it asks
-for [m²/s²]; 1 where a monitor ends the episode."""
+"""The terms by name: speed ahead, which counts less again beyond the one that is wanted [m/s]; 1; the squares of how
+far it sank [m²], went aside [m²] and turned [rad²], of its rates [rad²/s²], of its torques as parts of their limits, of
+the change of its action; from the tool to the goal [m]; the square of how far its speed is from what the force on it
+asks for [m²/s²]; 1 where a monitor ends the episode."""
 
 
 def rewards(weights: Mapping[str, float], now: Moment, period: float) -> dict[str, float]:
