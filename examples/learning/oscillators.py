@@ -177,12 +177,12 @@ def search(
     return np.array(strategy.mean)
 
 
-def save(station: str, figures: Vector, folder: Path) -> Path:
-    """Write the policy as ONNX, and a station with it and the solver that the station has; return its file."""
+def save(station: str, figures: Vector, folder: Path, *, fast: bool) -> Path:
+    """Write the policy as ONNX, and a station with it; return its file."""
     frequency, weights, bias = Body(environment(station).policy_axes).policy(figures)
     network = write_network(folder / "policy.onnx", [(weights, bias)])
     learnt = {"network": str(network.resolve()), "clock": [frequency * (number + 1) for number in range(HARMONICS)]}
-    overrides = {key: value for key, value in load_task(TASK)[0].overrides.items() if key != "solver"}
+    overrides = {**load_task(TASK)[0].overrides, **(FAST if fast else {})}
     config = load_station(station, {**overrides, **{f"controllers.policy.{key}": learnt[key] for key in learnt}})
     file = folder / "station.yaml"
     file.write_text(station_yaml(config.model_copy(update={"name": "walker", "duration": 20.0})))
@@ -204,7 +204,7 @@ def main() -> None:
     options.add_argument("--fast", action="store_true", help="steps of 5 ms, and not those of the station")
     given = vars(options.parse_args())
     station, folder = given.pop("station"), given.pop("out")
-    print(save(station, search(station, folder, **given), folder))
+    print(save(station, search(station, folder, **given), folder, fast=given["fast"]))
 
 
 if __name__ == "__main__":

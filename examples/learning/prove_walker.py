@@ -22,7 +22,8 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "as it is": {},
     "friction 0.6": {"contact.friction": {"static": 0.6, "dynamic": 0.6}},
     "1 kg on its back": {"pieces.load": {"model": "box", "parent": "robot", "mass": 1.0, "pose": [0, 0, 0.1, 0, 0, 0]}},
-    "discrete solver, 1 ms": {"solver": {"kind": "discrete", "time_step": 1e-3}},
+    "steps of 2 ms": {"solver": {"kind": "discrete", "time_step": 2e-3}},
+    "cenic": {"solver": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02}},
 }
 SEEDS = range(900_000, 900_020)
 NOISE_DEG = 1.0  # standard deviation of where each axis begins
