@@ -33,6 +33,7 @@ from simrob_drake.tuning.processes import Processes
 
 assert simrob_drake.learning.ENVIRONMENTS  # importing it registers them
 TASK = Path(__file__).with_name("walk.yaml")
+FAST = {"solver": {"kind": "discrete", "time_step": 0.005}}
 HARMONICS = 2
 FREQUENCY = (0.5, 4.0)  # Hz: where the search may look for it, by factors, from the middle on
 MIRRORED = np.array([-1, 1, -1, -1, 1, -1])  # roll, pitch, yaw and their rates in a mirror
@@ -96,9 +97,9 @@ def _leg(axis: str) -> str:
 
 
 @lru_cache(maxsize=1)
-def environment(station: str) -> StationEnvironment:
+def environment(station: str, fast: bool = False) -> StationEnvironment:
     """Return the environment of this process, built once."""
-    made = gymnasium.make("simrob/Walk-v0", task=TASK, station=station).unwrapped
+    made = gymnasium.make("simrob/Walk-v0", task=TASK, station=station, overrides=FAST if fast else {}).unwrapped
     assert isinstance(made, StationEnvironment)
     return made
 
@@ -112,12 +113,13 @@ class Trial:
     figures: Vector
     seed: int
     duration: float
+    fast: bool
 
 
 def tried(trial: Trial) -> tuple[int, float, float, float, float]:
     """Return number, return, way ahead [m], duration [s] and time of the processor [s] of an episode."""
     began = time.process_time()
-    env = environment(trial.station)
+    env = environment(trial.station, trial.fast)
     policy = env.episode.policy
     frequency, weights, bias = Body(env.policy_axes).policy(trial.figures)
     policy.clock = frequency * np.arange(1, HARMONICS + 1)
@@ -135,12 +137,22 @@ def died(trial: Trial) -> tuple[int, float, float, float, float]:
 
 
 def search(
-    station: str, folder: Path, *, seed: int, generations: int, duration: float, population: int, workers: int
+    station: str,
+    folder: Path,
+    *,
+    start: Path | None,
+    sigma: float,
+    seed: int,
+    generations: int,
+    duration: float,
+    population: int,
+    workers: int,
+    fast: bool,
 ) -> Vector:
     """Search and return the figures of the last mean; the curve goes to the folder."""
     axes = environment(station).policy_axes
-    size = Body(axes).size
-    strategy = CMA(mean=np.zeros(size), sigma=0.3, seed=seed, population_size=population)
+    mean = np.zeros(Body(axes).size) if start is None else np.array(json.loads(start.read_text()))
+    strategy = CMA(mean=mean, sigma=sigma, seed=seed, population_size=population)
     began, used = time.perf_counter(), 0.0
     folder.mkdir(parents=True, exist_ok=True)
     with Processes(workers) as processes, (folder / "curve.csv").open("w", newline="") as file:
@@ -149,7 +161,7 @@ def search(
         for generation in range(generations):
             asked = [strategy.ask() for _ in range(strategy.population_size)]
             trials = [
-                Trial(number, station, figures, 1000 * seed + generation, duration)
+                Trial(number, station, figures, 1000 * seed + generation, duration, fast)
                 for number, figures in enumerate(asked)
             ]
             found = sorted(processes.outcomes(tried, trials, died))
@@ -165,12 +177,12 @@ def search(
     return np.array(strategy.mean)
 
 
-def save(station: str, figures: Vector, folder: Path) -> Path:
-    """Write the policy as ONNX, and a station with it and the solver that the station has; return its file."""
+def save(station: str, figures: Vector, folder: Path, *, fast: bool) -> Path:
+    """Write the policy as ONNX, and a station with it; return its file."""
     frequency, weights, bias = Body(environment(station).policy_axes).policy(figures)
     network = write_network(folder / "policy.onnx", [(weights, bias)])
     learnt = {"network": str(network.resolve()), "clock": [frequency * (number + 1) for number in range(HARMONICS)]}
-    overrides = {key: value for key, value in load_task(TASK)[0].overrides.items() if key != "solver"}
+    overrides = {**load_task(TASK)[0].overrides, **(FAST if fast else {})}
     config = load_station(station, {**overrides, **{f"controllers.policy.{key}": learnt[key] for key in learnt}})
     file = folder / "station.yaml"
     file.write_text(station_yaml(config.model_copy(update={"name": "walker", "duration": 20.0})))
@@ -183,13 +195,16 @@ def main() -> None:
     options.add_argument("--station", default="yobotics_dynamic")
     options.add_argument("--out", type=Path, default=Path("runs/walker"))
     options.add_argument("--seed", type=int, default=1)
-    options.add_argument("--generations", type=int, default=80)
+    options.add_argument("--start", type=Path, help="figures.json of an earlier search; from nothing unless given")
+    options.add_argument("--sigma", type=float, default=0.3)
+    options.add_argument("--generations", type=int, default=20)
     options.add_argument("--duration", type=float, default=6.0)
     options.add_argument("--population", type=int, default=16)
     options.add_argument("--workers", type=int, default=2)
+    options.add_argument("--fast", action="store_true", help="steps of 5 ms, and not those of the station")
     given = vars(options.parse_args())
     station, folder = given.pop("station"), given.pop("out")
-    print(save(station, search(station, folder, **given), folder))
+    print(save(station, search(station, folder, **given), folder, fast=given["fast"]))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import csv
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,11 +22,13 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "as it is": {},
     "friction 0.6": {"contact.friction": {"static": 0.6, "dynamic": 0.6}},
     "1 kg on its back": {"pieces.load": {"model": "box", "parent": "robot", "mass": 1.0, "pose": [0, 0, 0.1, 0, 0, 0]}},
-    "discrete solver, 1 ms": {"solver": {"kind": "discrete", "time_step": 1e-3}},
+    "steps of 2 ms": {"solver": {"kind": "discrete", "time_step": 2e-3}},
+    "cenic": {"solver": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02}},
 }
 SEEDS = range(900_000, 900_020)
 NOISE_DEG = 1.0  # standard deviation of where each axis begins
 FAR, LONG = 3.0, 20.0  # what is asked for [m, s]
+TOLD = ("condition", "seed", "ahead", "aside", "lasted", "ended")
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def walked(walk: Walk) -> Walk:
     while not made.ended and made.time < LONG - made.period / 2:
         made.advance(np.zeros(made.policy.acts))
     ahead, aside, _ = made.moment(goal=np.zeros(3), wanted_speed=np.inf, yields=0.0).place.round(3).tolist()
-    return Walk(walk.condition, walk.seed, walk.station, ahead, aside, round(made.time, 2), made.ended)
+    return replace(walk, ahead=ahead, aside=aside, lasted=round(made.time, 2), ended=made.ended)
 
 
 def main() -> None:
@@ -72,14 +74,15 @@ def main() -> None:
     options.add_argument("--conditions", nargs="+", choices=list(CONDITIONS), default=list(CONDITIONS))
     given = options.parse_args()
     walks = [Walk(condition, seed, given.station) for condition in given.conditions for seed in SEEDS]
-    with Processes() as processes:
-        died = "its process died"
-        found = list(processes.outcomes(walked, walks, lambda walk: Walk(**{**vars(walk), "ended": died})))
     given.out.parent.mkdir(parents=True, exist_ok=True)
-    with given.out.open("w", newline="") as file:
+    found = []
+    with Processes() as processes, given.out.open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow([field.name for field in fields(Walk)])
-        table.writerows(astuple(walk) for walk in sorted(found, key=lambda walk: (walk.condition, walk.seed)))
+        table.writerow([*TOLD])
+        for walk in processes.outcomes(walked, walks, lambda walk: replace(walk, ended="its process died")):
+            found.append(walk)
+            table.writerow([getattr(walk, name) for name in TOLD])
+            file.flush()
     for condition in given.conditions:
         own = [walk for walk in found if walk.condition == condition]
         ways = np.array([walk.ahead for walk in own if not walk.ended] or [0.0])

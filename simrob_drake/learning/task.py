@@ -58,7 +58,7 @@ class Task(Strict):
     rewards: dict[str, Number] = Field(min_length=1)
     """Weights of the terms of the reward, by name."""
     speed: Positive | None = None
-    """How fast ahead is best [m/s]; the faster the better unless given."""
+    """How fast ahead is fast enough [m/s]; the faster the better unless given."""
     yields: NotNegative = 0.0
     """How fast a tool is to go for a force on it [m/s per N]."""
     noise_deg: NotNegative = 0.0
