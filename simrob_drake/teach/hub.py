@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
 from queue import Empty, SimpleQueue
@@ -12,6 +12,7 @@ from time import monotonic
 from typing import Any, Literal, Protocol
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.teach.messages import RunLost
 from simrob_drake.teach.notices import Notice
 
 News = dict[str, Any]
@@ -149,7 +150,9 @@ class Hub:
             result = None
             try:
                 result = then(asked.result())
-            except (SimrobError, CancelledError) as problem:
+            except RunLost:
+                pass  # of which news come, too
+            except SimrobError as problem:
                 self._wrong(problem)
                 failed()
             if isinstance(result, Future):

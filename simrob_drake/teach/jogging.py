@@ -52,6 +52,10 @@ class Jogging(Trying):
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
         return self._idly(lambda: self._ask("jogged", self._jog, **by))
 
+    def jog_pose(self, pose: Sequence[float], frame: str = "base") -> Future[Any]:
+        """Move the tool to a pose [x y z Rz Ry Rx], m and degrees, in a frame, by the nearest posture."""
+        return self._idly(lambda: self._ask("inverse", self._jog, pose=plain(pose), frame=frame))
+
     def tool(self, name: str) -> Future[Any]:
         """Use another tool; targets taught then are of it, too."""
         return self._idly(lambda: self._run_free([entry_of({"tool": self._own({"name": name})})]))

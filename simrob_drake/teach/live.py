@@ -10,7 +10,7 @@ from threading import Lock, Thread
 from typing import Any
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.teach.messages import News
+from simrob_drake.teach.messages import News, RunLost
 from simrob_drake.teach.worker import main
 
 _PATIENCE = 2.0  # s that a process has to end by itself
@@ -46,7 +46,7 @@ class Live:
                 self._pipe.send((number, method, arguments))
             except (OSError, ValueError):
                 self._asked.pop(number)
-                future.set_exception(SimrobError("the process that runs the station has ended"))
+                future.set_exception(RunLost())
         return future
 
     def close(self) -> None:
@@ -85,7 +85,7 @@ class Live:
         with self._lock:
             asked, self._asked = self._asked, {}
         for future in asked.values():
-            future.set_exception(SimrobError("the process that runs the station has ended"))
+            future.set_exception(RunLost())
         if self._open:
             self._process.join(_PATIENCE)
             code = self._process.exitcode

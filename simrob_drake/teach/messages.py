@@ -4,10 +4,21 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
+from simrob_drake.errors import SimrobError
+
 News = dict[str, Any]
 Tell = Callable[..., object]
 """Tells news by its name and what belongs to it, such as ``tell("phase", phase="idle")``."""
 Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+class RunLost(SimrobError):
+    """What was asked for will not be answered: the process that runs the station has ended."""
+
+    def __init__(self) -> None:
+        """Say so."""
+        super().__init__("the process that runs the station has ended")
+
 
 _AT_ANY_TIME = "_at_any_time"
 

@@ -4,6 +4,7 @@ from concurrent.futures import Future
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.teach.bench import Bench
+from simrob_drake.teach.messages import RunLost
 from simrob_drake.yaml_files import parse_yaml
 
 TICK = 0.05
@@ -17,6 +18,7 @@ class CountingRun:
 
     held = False
     refused = ""
+    dead = False
 
     def __init__(self, on_news):
         self.tell, self.calls, self.time, self.closed = on_news, [], 0.0, False
@@ -26,6 +28,8 @@ class CountingRun:
         self.calls.append((method, arguments))
         future = Future()
         try:
+            if self.dead:
+                raise RunLost
             if self.refused == method:
                 raise SimrobError(f"{method} cannot be")
             result = getattr(self, f"_{method}", lambda **_: None)(**arguments)
@@ -62,6 +66,9 @@ class CountingRun:
 
     def die(self):
         """Be killed."""
+        running, self.running, self.dead = self.running, None, True
+        if running is not None:
+            running.set_exception(RunLost())
         self.tell({"news": "died", "why": "killed by signal 9"})
 
     def close(self):

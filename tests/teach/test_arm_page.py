@@ -20,12 +20,11 @@ from simrob_drake.results.record.state import State
 from simrob_drake.teach import arm_questions
 from simrob_drake.teach.notices import Notice
 from simrob_drake.teach.pages import arm as page
-from simrob_drake.teach.pages.arm_words import line_words, pose_words
+from simrob_drake.teach.pages.arm_words import MINUS, line_words, pose_of, pose_text, pose_words
 from simrob_drake.teach.pages.phrases import Phrases
 from simrob_drake.teach.pages.words import words
 from simrob_drake.teach.taught import entry_of
 
-MINUS = "\N{MINUS SIGN}"
 t = words("en")
 
 
@@ -68,6 +67,9 @@ class ArmSession(StubSession):
     def jog_tool(self, delta, frame="base", *, start=None):
         self.calls.append(("jog_tool", list(delta), frame, list(start)))
         return self.jog_axes(arm_questions.inverse(self.arm, arm_questions.jogged(self.arm, delta, frame, start)))
+
+    def jog_pose(self, pose, frame="base"):
+        return self.jog_axes(arm_questions.inverse(self.arm, pose, frame))
 
     def teach_target(self, name=None, frame="world"):
         told = arm_questions.where(self.arm, frame)
@@ -254,6 +256,28 @@ async def test_jogs_go_along_the_frame_that_is_chosen():
 
 
 @on_page
+async def test_a_typed_pose_is_gone_to_in_the_frame_that_is_chosen():
+    session = ArmSession()
+    async with opened(session) as user:
+        user.find("Tool", kind=ui.tab).click()
+        await settled()
+        the(user, ui.select, t("arm.frame")).value = "board"
+        await settled()
+        field = the(user, ui.input, t("arm.pose"))
+        assert pose_of(field.value) == pytest.approx(arm_questions.tool_pose(session.arm, "board"), abs=1e-3)
+        field.value = "100 50 far 90 0 180"
+        user.find(t("arm.pose"), kind=ui.input).trigger("keydown.enter")
+        assert field.error == t("arm.pose_wrong")
+        assert session.calls == []
+        wanted = arm_questions.tool_pose(session.arm, "board")
+        wanted[2] += 0.05
+        field.value = pose_text(wanted)
+        user.find(t("arm.pose"), kind=ui.input).trigger("keydown.enter")
+        await settled()
+        assert arm_questions.tool_pose(session.arm, "board") == pytest.approx(wanted, abs=1e-3)
+
+
+@on_page
 async def test_a_target_is_taught_gone_to_and_forgotten():
     session = ArmSession()
     async with opened(session) as user:
@@ -354,6 +378,13 @@ async def test_it_speaks_spanish():
 def test_a_pose_reads_in_millimetres_and_degrees():
     assert pose_words([0.35, -0.1, 0.3004, 0, 12.345, 180]) == f"x 350 y {MINUS}100 z 300.4 mm · Rz 0° Ry 12.3° Rx 180°"
     assert pose_words([0.35, -0.1, 0.3]) == f"x 350 y {MINUS}100 z 300 mm"
+
+
+def test_a_typed_pose_is_six_figures_in_millimetres_and_degrees():
+    assert pose_of(f"350, {MINUS}100; 300.4 0 12.5 180") == pytest.approx([0.35, -0.1, 0.3004, 0, 12.5, 180])
+    assert pose_of(pose_text([0.35, -0.1, 0.3004, 0, 12.5, -180])) == pytest.approx([0.35, -0.1, 0.3004, 0, 12.5, -180])
+    for text in ("", "1 2 3", "1 2 3 4 5 6 7", "1 2 3 4 5 nan", "a b c d e f"):
+        assert pose_of(text) == []
 
 
 def test_lines_that_were_not_taught_here_show_their_figures():

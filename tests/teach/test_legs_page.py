@@ -321,6 +321,10 @@ def test_another_move_is_edited_as_the_file_has_it():
         assert "edit" not in [call[0] for call in session.calls]
         give(user, text, "act: {name: wave, repeat: 2}")
         press(user, "Save")
+        await heard()
+        press_that(user, "Edit: 1.")
+        text = max(user.find(kind=ui.input, content="As in the file").elements, key=lambda element: element.id)
+        assert text.value == "act: {name: wave, repeat: 2}"
 
     session = shown(script, LegsSession(moves=[{"act": "bow"}]))
     assert session.program.moves[0].model_dump() == {"act": {"name": "wave", "repeat": 2}}

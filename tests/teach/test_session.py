@@ -619,16 +619,21 @@ def test_a_killed_run_is_started_again(teach):
     session.watch(["position"], "tab")
     tried(session, ELBOW)
     session.add()
-    asked = session.simulate()
-    before = session.program
+    session.run.held = True
+    session.run._stop = lambda: None  # it is killed before it can
+    tested = session.test(KNEE)
+    asked = session.simulate()  # waits until that is ended
+    before = state(session)
     session.run.die()
     session.hear()
     assert session.message.key == "died"
     assert "killed by signal 9" in str(session.message)
     assert len(session.runs) == 2
     assert session.runs[0].closed
-    assert asked.done()
-    assert session.program == before == on_disk(session).model_copy(update={"station": None})
+    assert tested.result() is None
+    assert asked.result() is None
+    assert state(session) == before  # and what was being tested is still there
+    assert on_disk(session).moves == session.program.moves
     assert session.run.asked("pace", "watch") == [("pace", {"factor": 2.0}), ("watch", {"signals": ["position"]})]
     session.hear()
     assert session.phase == "idle"

@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import background_tasks, ui
 
-from simrob_drake.teach.pages.arm_words import frame_words, joint_words, pose_words
+from simrob_drake.teach.pages.arm_words import frame_words, joint_words, pose_of, pose_text
 from simrob_drake.teach.pages.buttons import KEYS
 from simrob_drake.teach.pages.dial import Dial
 from simrob_drake.teach.pages.phrases import Phrases
@@ -83,7 +83,8 @@ class Jogging:
             for names, far, unit in ((_WAYS, WAY, "mm"), (_TURNS, TURN, "°"))
             for name in names
         ]
-        self._pose = ui.label().classes("text-sm tabular-nums")
+        self._pose = ui.input(t("arm.pose"), validation=self._wrong_pose).classes("w-full tabular-nums")
+        self._pose.props("dense outlined hide-bottom-space").without_auto_validation().on("keydown.enter", self._go)
 
     def _range(self) -> None:
         for number, dial in enumerate(self._dials):
@@ -107,6 +108,15 @@ class Jogging:
         delta = [dial.value * scale for dial, scale in zip(self._dials, scales, strict=True)]
         self._await(self._session.jog_tool(delta, self._place.frame, start=self._middle))
 
+    def _wrong_pose(self, text: str) -> str | None:
+        return None if pose_of(text) else self._t("arm.pose_wrong")
+
+    def _go(self) -> None:
+        """Go to the pose that was typed."""
+        if self._pose.validate():
+            self._by_tool = False
+            self._await(self._session.jog_pose(pose_of(self._pose.value), self._place.frame))
+
     def _await(self, jog: Future[Any]) -> None:
         background_tasks.create(self._went(jog))
 
@@ -125,7 +135,7 @@ class Jogging:
         """Show where the arm is, unless it is on its way; the tool's sliders count anew where it got otherwise."""
         told = self._place.told
         self._frame.set_options(frame_words(self._t, told["frames"]), value=self._place.frame)
-        self._pose.text = pose_words(told["pose"])
+        self._pose.value = pose_text(told["pose"])
         if self._awaited > 1:
             return
         for name, value in told["axes"].items():

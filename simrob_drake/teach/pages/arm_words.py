@@ -1,7 +1,7 @@
 """What is of arms, in words: joints, frames, poses and lines of a program; lengths in mm, as arms have them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import degrees
+from math import degrees, isfinite
 from typing import Any
 
 from simrob_drake.teach.form import as_text
@@ -12,6 +12,7 @@ KINDS = {"move_abs_j": "MoveAbsJ", "move_j": "MoveJ", "move_l": "MoveL", "move_c
 """The moves, and what RAPID calls them."""
 WORLD = "world"
 MILLI = 1e-3
+MINUS = "\N{MINUS SIGN}"
 
 _OWN = ("base", "tool")
 _HOW = ("speed", "duration", "acceleration", "zone", "wobj")
@@ -44,6 +45,23 @@ def pose_words(pose: Sequence[float]) -> str:
     place = " ".join(f"{name} {_short(value / MILLI)}" for name, value in zip("xyz", pose, strict=False))
     turns = " ".join(f"{name} {_short(value)}°" for name, value in zip(_TURNS, pose[_PLACE:], strict=False))
     return " · ".join(filter(None, [f"{place} mm", turns]))
+
+
+def pose_text(pose: Sequence[float]) -> str:
+    """Return a pose [m, deg] as it is typed: six figures in mm and degrees."""
+    return " ".join(figure(value / MILLI if number < _PLACE else value) for number, value in enumerate(pose))
+
+
+def pose_of(text: str) -> list[float]:
+    """Return the pose [m, deg] that six figures in mm and degrees are; empty if they are not."""
+    parts = text.replace(MINUS, "-").replace(",", " ").replace(";", " ").split()
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        return []
+    if len(values) != len("xyz") + len(_TURNS) or not all(map(isfinite, values)):
+        return []
+    return [value * MILLI if number < _PLACE else value for number, value in enumerate(values)]
 
 
 def line_words(phrases: Phrases, move: Mapping[str, Any], targets: Taught) -> str:

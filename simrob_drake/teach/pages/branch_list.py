@@ -71,7 +71,7 @@ def _gap(phrases: Phrases, branch: Mapping[str, Any]) -> str:
     if branch["gap"] is None:
         return phrases.t("arm.no_gap")
     (first, second), distance = branch["gap"]["between"], round(branch["gap"]["distance"] / MILLI)
-    key = "arm.collision" if branch["collision"] else "arm.gap"
+    key = "arm.inside" if distance < 0 else "arm.gap"
     things = {"first": first.replace("_", " "), "other": second.replace("_", " ")}
     return phrases.t(key, distance=figure(distance), depth=figure(-distance), **things)
 

@@ -63,7 +63,11 @@ def move_form(phrases: Phrases, robot: Content, move: Content) -> Read:
 
 def yaml_form(t: Words, content: Content) -> Read:
     """Build a form for something as a file has it."""
-    field = ui.input(t("legs.as_yaml"), value=as_text(content).strip("{}")).props("outlined").classes("w-full")
+    field = (
+        ui.input(t("legs.as_yaml"), value=as_text(content).removeprefix("{").removesuffix("}"))
+        .props("outlined")
+        .classes("w-full")
+    )
 
     def read() -> dict[str, Any] | None:
         try:

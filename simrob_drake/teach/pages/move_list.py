@@ -102,6 +102,7 @@ def _edit(
     t = phrases.t
     place.clear()
     with place, ui.dialog() as dialog, ui.card().classes("w-full"):
+        ui.html(t("legs.edit"), tag="h2", sanitize=False).classes("text-base font-bold")
         read = form()
         wrong = ui.label().classes("text-negative").props("role=alert")
 
@@ -113,6 +114,6 @@ def _edit(
                 wrong.text = str(session.message)
 
         with ui.row():
-            ui.button(t("legs.save"), on_click=save)
-            ui.button(t("legs.cancel"), on_click=dialog.close).props("flat")
+            ui.button(t("legs.save"), on_click=save).props("no-caps")
+            ui.button(t("legs.cancel"), on_click=dialog.close).props("flat no-caps")
     dialog.open()
