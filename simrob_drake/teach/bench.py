@@ -11,11 +11,10 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.programs.arm import Arm
-from simrob_drake.programs.arm_program import of_arms
-from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timed import USER
 from simrob_drake.programs.timeline import GRID, Change, PushNow, Timeline
+from simrob_drake.programs.whole_program import perform
 from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.animation.ghosts import ghosts
 from simrob_drake.results.animation.live import StationView
@@ -98,14 +97,14 @@ class Bench:
         told = self._program(program)
         self.restart()
         self._new_line(told.grid or GRID, told.changes)
-        return self._begin(lambda: self._performed(told))
+        return self._begin(lambda: perform(self.cell, told))
 
     def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Run moves, as a program's file has them, from where the station is or what is shown."""
         told = validated(Program, {"moves": list(moves)}, "the moves")
         told = told.model_copy(update={"robot": self._robot or None})
         self._settle()
-        return self._begin(lambda: self._performed(told))
+        return self._begin(lambda: perform(self.cell, told))
 
     def jog(self, targets_deg: dict[str, float], duration: float | None = None) -> dict[str, Any]:
         """Move the arm's axes from where its reference is; a newer jog takes its place."""
@@ -328,14 +327,6 @@ class Bench:
         self._inbox.tell("ended", **ended)
         self.conductor.phase("idle")
         return ended
-
-    def _performed(self, program: Program) -> SimulationResult:
-        cell = self.cell
-        if of_arms(cell, program):
-            return cell.perform(program)
-        robot = LeggedRobot(cell, program.robot or self._robot)
-        robot.run(program)
-        return robot.result()
 
     def _back_to(self, number: int) -> tuple[Place, float]:
         """Put the station back to where something began that was run at a moment, or ended with it.
