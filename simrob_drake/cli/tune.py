@@ -91,7 +91,7 @@ def _tell(place: StudyFolder, proof: list[Row]) -> None:
             for rows in (start, best)
         )
         shown = ["–" if value is None else f"{value:.5g}" for value in (before, after)]
-        table.add_row(name, *shown, f"{after / before:.2f}" if before and after is not None else "")
+        table.add_row(name, *shown, f"{after / before:.2f}" if before and after and before * after > 0 else "")
     console.print(table)
 
 

@@ -12,8 +12,8 @@ from typing import Self, TypeVar
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
-_TASKS = 200
-"""After how many a process is replaced by a fresh one: whatever it keeps goes with it."""
+_TASKS = 2000
+"""After how many a process is replaced by a fresh one, which takes as long as some hundred short runs to begin."""
 
 
 def usable_processors() -> int:

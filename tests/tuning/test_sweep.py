@@ -223,10 +223,10 @@ class TestCluster:
         short_lived = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads=1", "--no-dashboard"]
         working = subprocess.Popen(worker, start_new_session=True, stderr=subprocess.DEVNULL)
-        folder = SweepFolder(tmp_path / "sweep", PENDULUM.model_copy(update={"vary": {"servo.kp": "lin:10:100:30"}}))
+        cases = PENDULUM.model_copy(update={"vary": {"servo.kp": "lin:10:100:30"}}).cases()
 
         def kill():
-            while not journal.rows(folder.folder):
+            while not journal.rows(tmp_path):
                 time.sleep(0.01)
             short_lived.kill()
 
@@ -234,15 +234,18 @@ class TestCluster:
         killer.start()
         while True:
             try:
-                with pytest.raises(SimrobError, match=f"the scheduler {address} is gone"):
-                    folder.run(scheduler=address, progress=False)
-                break
+                journal.run(tmp_path, cases, scheduler=address, progress=False)
             except InvalidParameter:  # it is not there yet, or has no worker
                 continue
+            except SimrobError as problem:
+                told = str(problem)
+                break
+        assert f"the scheduler {address} is gone" in told
         killer.join()
         os.killpg(working.pid, signal.SIGKILL)
-        assert 0 < len(journal.rows(folder.folder)) < 30
-        assert [row["number"] for row in folder.run(scheduler=scheduler, progress=False)] == list(range(1, 31))
+        assert 0 < len(journal.rows(tmp_path)) < 30
+        rows = journal.run(tmp_path, cases, scheduler=scheduler, progress=False)
+        assert [row["number"] for row in rows] == list(range(1, 31))
 
     def test_workers_with_other_versions_are_refused(self, scheduler, monkeypatch):
         monkeypatch.setattr(cluster, "python_version", lambda: "2.7")
