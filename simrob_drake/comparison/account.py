@@ -22,6 +22,7 @@ from simrob_drake.results.result import SimulationResult
 FINER = 4
 """How many times finer the second run is."""
 _QUATERNION = 4
+_NEXT_TO_NOTHING = 1e-3  # SI units; rounding does not end with what is zero
 _GIVEN = ("reference", "applied")  # what went in
 
 
@@ -115,7 +116,7 @@ def differences(first: Account, others: list[Account], rounding: float = 1e-9) -
             if not (ours.any() or theirs.any()):
                 continue
             distances = apart(ours, theirs)
-            least = rounding * float(np.abs(ours).max())
+            least = rounding * max(float(np.abs(ours).max()), _NEXT_TO_NOTHING)
             error = first.errors.get(what, 0.0) + other.errors.get(what, 0.0) + least
             worst = int(np.argmax(distances))
             found.append(Difference(what, other.name, float(distances[worst]), float(first.times[worst]), error))

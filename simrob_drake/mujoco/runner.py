@@ -26,7 +26,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
 from simrob_drake.stations.closed import check_course, station_courses
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
 from simrob_drake.stations.station import StationLike, config_of
 
 
@@ -140,13 +140,17 @@ class MujocoRunner:
         courses = station_courses(station, given, start.references if start else None)
         for robot in station.robots.values():
             check_course(robot, courses[robot.name], own.duration)
+        count = int(np.ceil(own.duration / self.built.step - 1e-9)) + 1
+        if count > MOST_SAMPLES:
+            expected = f"at least {own.duration / MOST_SAMPLES:.2g} s for a duration of {own.duration:g} s"
+            raise InvalidParameter("step", f"{self.built.step:g} s", expected)
         rows = controls(
             self.built.ports.plant,
             courses,
             {name: own.forces.get(name) for name in known},
             with_speeds="reference_velocity" in own.inputs,
             step=self.built.step,
-            count=int(np.ceil(own.duration / self.built.step - 1e-9)) + 1,
+            count=count,
         )
         return Prepared(own, courses, self._start(start), rows)
 

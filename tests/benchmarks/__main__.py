@@ -24,6 +24,7 @@ from tests.benchmarks.hand_wired import stepping_time as hand_wired_time
 from tests.benchmarks.importing import imports
 from tests.benchmarks.kinematics import inverse_kinematics
 from tests.benchmarks.mujoco_humanoid import beside_mujoco
+from tests.benchmarks.mujoco_stations import stations_in_mujoco
 from tests.benchmarks.programs import attaching, planning
 from tests.benchmarks.turns import ROUNDS, in_turn
 
@@ -133,6 +134,7 @@ def main() -> None:
         planning,
         attaching,
         beside_mujoco,
+        stations_in_mujoco,
     )
     for measure in measures:
         console.print(measure())

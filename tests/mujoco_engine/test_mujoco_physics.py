@@ -160,12 +160,12 @@ def test_the_integral_part_is_clamped_as_in_drake() -> None:
     np.testing.assert_allclose((mujoco.axes("q_ref") - mujoco.axes("q"))[-1], left, atol=1e-4)
 
 
-def test_the_humanoid_stands() -> None:
+def test_the_humanoid_stands_as_deep_in_the_floor_as_in_drake() -> None:
     config = load_station("humanoid_dynamic", {"duration": 1.0, "solver.max_step": 5e-3})
     drake = simulate(config, progress=False)
-    mujoco = MujocoRunner(config, step=2.5e-4, integrator="implicitfast").run()
+    mujoco = MujocoRunner(config).run()
     assert mujoco.ending == "completed"
-    assert mujoco["base.z"][-1] == pytest.approx(drake["base.z"][-1], abs=1e-6)
+    assert mujoco["base.z"][-1] == pytest.approx(drake["base.z"][-1], abs=3e-6)  # Drake's feet creep apart
     assert mujoco["base.z"][-1] < 0.446 - 2e-5  # it sinks in
     np.testing.assert_allclose(mujoco.axes("tau")[-1], drake.axes("tau")[-1], atol=0.01)
 
