@@ -84,7 +84,8 @@ class Task(Strict):
         if len(found := policies_of(config)) != 1:
             told = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"
             raise InvalidConfig(where, "overrides.controllers", told)
-        self._check_goals(*(len(section.goal) for section in found.values()), where)
+        (policy,) = found.values()
+        self._check_goals(len(policy.goal), where)
         if self.pushes is not None:
             pushes = [name for name, force in config.forces.items() if isinstance(force, Push) and force.at is None]
             one_of("push of the station, without a place of its own, for pushes.name", self.pushes.name, pushes)
