@@ -166,7 +166,7 @@ def test_goals_and_pushes_differ_by_the_seed_and_stay_within_their_bounds():
         ({"station": "yobotics_dynamc"}, "yobotics_dynamic"),
         ({"overrides": {"controllers.policy": None}}, "hold 0 controllers of kind policy; it must be one"),
         ({"task": "balance", "overrides": {"forces.push": None}}, "pushes.name"),
-        ({"overrides": {"controllers.policy.observes": ["attitud", "clock"]}}, "did you mean 'attitude'"),
+        ({"task": "reach", "overrides": {"controllers.policy.observes": ["positon", "goal"]}}, "mean 'position'"),
     ],
 )
 def test_bad_input_gets_one_line(kwargs, told):
