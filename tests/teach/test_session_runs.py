@@ -124,6 +124,12 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     assert kinds == ["move_abs_j", "move_l", "tool", "move_j"]
     assert heard(session, session.jog_tool([0, 0, 5, 0, 0, 0])) is None
     assert "out of reach" in str(session.message)
+    assert heard(session, session.branches())
+    assert session.ghosts
+    assert session.set("gravity", 3.7)
+    while session.phase != "idle":
+        session.hear(0.1)
+    assert session.ghosts == [], "they were of the station before"
 
 
 def test_a_piece_is_taken_and_left(teach):
