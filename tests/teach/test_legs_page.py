@@ -246,10 +246,20 @@ def test_pieces_are_taken_and_left_and_loops_switched():
     async def script(user, session):
         press(user, "Take")
         press(user, "Leave")
+        for option in ("brought to the hand", "it stays where it is"):
+            user.find(kind=ui.checkbox, content=option).click()
+        press(user, "Take")
+        press(user, "Leave")
         user.find(kind=ui.switch, content="arms against a fall").click()
 
     calls = shown(script).calls
-    assert calls[-3:] == [("attach", "box", "right_hand"), ("release", "box"), ("switch_loop", "guard", True)]
+    assert calls[-5:] == [
+        ("attach", "box", "right_hand", {"pose": None}),
+        ("release", "box", {"fixed": False}),
+        ("attach", "box", "right_hand", {"pose": (0.0,) * 6}),
+        ("release", "box", {"fixed": True}),
+        ("switch_loop", "guard", True),
+    ]
 
 
 STORED = [MOVE, {"walk": {"steps": 4, "amplitude": 0.5}}, {"act": "bow"}, {"attach": "box"}, {"wait": 2.0}]
