@@ -642,14 +642,29 @@ def test_gone_back_to(teach):
     heard(session, session.rewind(0.5))
     assert session.time == 0.5
     heard(session, session.go_on())
-    assert session.run.asked("resume")
-    assert not session.run.asked("go_on")
+    assert session.time == 2.0
     session.rewind(0.5)
     session.hear()
     tried(session, KNEE)  # from there: no more what the program would do
     session.run.note(set={"servo.kp": 90})
     session.hear()
     assert session.message.key == "not_stored"
+
+
+def test_gone_back_to_in_a_pause(teach):
+    session = teach()
+    session.run.held = True
+    session.test(ELBOW, 2.0)
+    session.hear()
+    session.run.tick(1.0)
+    session.run.tell({"news": "phase", "phase": "paused"})
+    session.rewind(0.5)
+    session.hear()
+    assert session.time == 0.5
+    session.go_on()
+    session.run.finish()
+    session.hear()
+    assert session.time == 2.0
 
 
 # The run and who listens
