@@ -66,12 +66,13 @@ def test_a_humanoid_is_taught_by_the_keyboard(page, humanoid):
     elbow = "left elbow: fore-arm up"
     typed(page, elbow, 400)
     expect(page.get_by_text(re.compile("from .130° to 130°"))).to_be_visible()  # refused in the field, with the limit
+    page.get_by_role("spinbutton", name="Duration").fill("4")
     typed(page, elbow, 30)
     expect(page.get_by_text("Tested and not added yet")).to_be_visible()
     ran(page)
     page.keyboard.press("Alt+A")
     expect(page.get_by_role("listitem")).to_have_count(1)
-    assert program(humanoid)["moves"] == [{"target_deg": {"left_elbow": 30.0}, "duration": 1.0}]
+    assert program(humanoid)["moves"] == [{"target_deg": {"left_elbow": 30.0}, "duration": 4.0}]
 
 
 def test_a_stored_move_is_edited_and_walks_follow(page, humanoid):
