@@ -204,7 +204,7 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
         press(user, stop)
         await heard(session, "phase", phase="idle")
         press(user, tick)
-        asked = ["simulate", "pause", "one_tick", "rewind", "go_on", "stop", "simulate", "one_tick"]
+        asked = ["simulate", "pause", "one_tick", "rewind", "go_on", "stop", "simulate", "pause"]
         assert [name for name, *_ in session.calls] == asked
         await heard(session, "program", pending=({"target_deg": {}},))
         assert not play.enabled

@@ -83,9 +83,11 @@ def _play(pendant: Pendant) -> None:
 
 def _tick(pendant: Pendant) -> None:
     """Go on for one tick, from a pause or from what comes next."""
-    if pendant.session.phase != "paused":
+    if pendant.session.phase == "paused":
+        pendant.session.one_tick()
+    else:
         _play(pendant)
-    pendant.session.one_tick()
+        pendant.session.pause()  # at its first tick
 
 
 def _pace(pendant: Pendant) -> None:
