@@ -5,6 +5,8 @@ from math import radians
 
 import pytest
 from legs_session import LegsSession, described
+
+pytest.importorskip("nicegui", reason="needs the extra gui")
 from nicegui import ui
 from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
