@@ -13,9 +13,11 @@ from simrob_drake.teach.pages.words import Words, languages, words
 from tests.teach.e2e.running import browser, missing, running
 
 FOLDER = Path(__file__).parent / "images" / "teach"
-_SIZE = {"width": 1400, "height": 900}
+_SIZE = {"width": 1400, "height": 1200}
 _WIDTH = 1100  # of a picture in the docs
 _QUALITY = 80
+_SHORT = "(label, folder) => { label.innerText = label.innerText.replace(folder, 'taught'); }"
+"""Has the page tell the usual folder, not that of this moment."""
 Act = Callable[[Any, Words], None]
 _SETTLED = 1500  # ms until what moves has come to rest
 
@@ -24,7 +26,7 @@ def legs(page: Any, t: Words) -> None:
     """Teach two moves, and try a third."""
     for number, angles in enumerate(({3: 40, 12: 40}, {0: 60}, {9: 60})):
         for joint, angle in angles.items():
-            field = page.locator(".pendant-plate input[type=number]").nth(joint)
+            field = page.locator(".q-tab-panel input[type=number]").nth(joint)
             field.fill(str(angle))
         field.press("Enter")
         page.wait_for_timeout(_SETTLED)
@@ -83,6 +85,8 @@ def picture(chromium: Any, language: str, name: str, subject: str, act: Act) -> 
         act(page, t)
         page.mouse.move(0, 0)
         page.wait_for_timeout(_SETTLED)
+        page.locator(".pendant-loaded").evaluate(_SHORT, folder)
+        page.evaluate("scrollTo(0, 0)")
         shot = Image.open(BytesIO(page.screenshot())).convert("RGB")
         page.close()
     file = FOLDER / f"{name}_{language}.webp"

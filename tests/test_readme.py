@@ -131,6 +131,9 @@ SHORTER = {"run": ["--duration", "0.1", "--no-recording"], "walk": ["--no-record
 @pytest.mark.parametrize("block", different_commands())
 def test_commands_do_their_work(block, folder, monkeypatch):
     monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
+    if any(command[0] == "teach" for command in commands(block)):
+        pytest.importorskip("nicegui", reason="needs the extra gui")
+        monkeypatch.setattr("simrob_drake.teach.server.serve", lambda *given, **how: None)
     for command in commands(block):
         if not draws(command):
             assert run_command([*command, *SHORTER.get(command[0], [])]) == 0, command

@@ -135,6 +135,13 @@ class Stepper:
     def run(self, recorder: Recorder, watch: Watch) -> Outcome:
         """Step to the end, or until something ends the run."""
         try:
+            return self._outcome(recorder, watch)
+        finally:
+            for simulator in self._simulators.values():
+                simulator.clear_monitor()  # it holds who watches, who may hold it: no collector sees through Drake
+
+    def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
+        try:
             status = self._advanced(recorder)
         except KeyboardInterrupt:
             return interrupted(self._config, recorder)

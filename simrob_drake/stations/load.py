@@ -106,7 +106,8 @@ def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str
     """
     if not settings:
         return config
-    return _configured(yaml.safe_load(station_yaml(config)), settings, where, allow_code=True)
+    trusted = any(isinstance(controller, OwnController) for controller in config.controllers.values())
+    return _configured(yaml.safe_load(station_yaml(config)), settings, where, allow_code=trusted)
 
 
 def _configured(

@@ -27,12 +27,17 @@ class Driving(Trying):
     def go_on(self) -> Future[Any]:
         """Go on after a pause, or from a moment that was gone back to; what came after that is forgotten."""
         if self.phase == "idle" and self._rewound:
-            return self._start(self._kind_seen, "resume")
-        return self._ask("go_on")
+            return self._start(self._kind_seen, "go_on")
+        return self._proceed("go_on")
 
     def one_tick(self) -> Future[Any]:
-        """Go on for one tick of the grid."""
-        return self._ask("one_tick")
+        """Go on for one tick of the grid after a pause."""
+        return self._proceed("one_tick")
+
+    def _proceed(self, method: str) -> Future[Any]:
+        """Ask for more of a run; in one that was gone back in there is no more but from there."""
+        self._rewound = self._rewound and self.phase == "idle"
+        return self._ask(method)
 
     def set_pace(self, factor: float | None) -> Future[Any]:
         """Run so many times as fast as the clock, 0.1 to 4; None: as fast as it can."""

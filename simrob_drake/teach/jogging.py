@@ -155,6 +155,11 @@ class Jogging(Trying):
         self._tell("program")
         return self.mark_branch(None)
 
+    def _described(self, description: dict[str, Any]) -> dict[str, Any]:
+        if self.ghosts:  # of the station before
+            self.hide_ghosts()
+        return super()._described(description)
+
     def _jog(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
         self._course.went_on([None], self.time, free=True)
         return self._start("free", "jog", targets_deg=targets_deg, duration=duration)

@@ -23,7 +23,7 @@ from simrob_drake.teach.jogging import Jogging
 from simrob_drake.teach.loops import loops_known, loops_on, switched
 from simrob_drake.teach.notices import Notice
 from simrob_drake.teach.store import Store, opened
-from simrob_drake.teach.subjects import goes_on_legs, station_for
+from simrob_drake.teach.subjects import goes_on_legs, program_of, station_for
 from simrob_drake.teach.teaching import Teaching
 
 __all__ = ["Session", "Topic"]
@@ -80,7 +80,7 @@ class Session(Teaching, Driving, Jogging):
         """Open a robot, a station or a file; the description comes later, with the topic of its name.
 
         Args:
-            subject: a robot's or a station's name, or the file of a robot or a station.
+            subject: a robot's or a station's name, or the file of a robot, a station or a program.
             folder: for what is taught; made where it is missing.
             program: a file to begin with; the one that was taught last unless given.
             robot: which robot of the station; its first unless given.
@@ -92,6 +92,8 @@ class Session(Teaching, Driving, Jogging):
             SimrobError: no such robot, station or file; a folder that cannot be written, or in which another process
                 teaches.
         """
+        if program is None and (found := program_of(subject)) is not None:
+            program, subject = found
         session = cls(live, hand_over)
         session.subject = str(subject)
         name, session.station = station_for(subject, Path(folder))

@@ -1,5 +1,6 @@
 """What can be taught: a station, a robot of the package on its usual station, or a robot of which there is a file."""
 
+from itertools import count
 from pathlib import Path
 
 import yaml
@@ -11,9 +12,10 @@ from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel, load_robot, robot_names
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.load import station_names
-from simrob_drake.yaml_files import YAML_SUFFIXES, parse_yaml
+from simrob_drake.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
 
 ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml")
+_PROGRAM = {"moves", "references"}
 _USUAL = "{}_dynamic"
 
 
@@ -44,16 +46,42 @@ def station_for(subject: str | Path, folder: Path) -> tuple[str, str]:
         raise InvalidConfig(file, "", "there is no such file")
     if suffix in YAML_SUFFIXES:
         return file.stem, str(file.resolve())
-    target = folder / file.stem / f"{file.stem}.yaml"
-    if not target.is_file():
-        written_at_once(target, draft_station(file, folder=target.absolute().parent))
-    return file.stem, str(target.resolve())
+    return _drafted_for(file, folder)
+
+
+def program_of(subject: str | Path) -> tuple[Path, str] | None:
+    """Return the file of a program that a subject is, and its station; None of any other subject.
+
+    Raises:
+        InvalidConfig: a damaged file, or a program that names no station.
+    """
+    file = Path(subject)
+    if file.suffix.lower() not in YAML_SUFFIXES or not file.is_file() or _PROGRAM.isdisjoint(read_yaml(file)):
+        return None
+    station = Program.load(file).station
+    if station is None:
+        raise InvalidConfig(file, "station", "missing: the name or the file of the station that it is to run on")
+    beside = file.parent / station
+    return file, str(beside) if beside.is_file() else station
 
 
 def goes_on_legs(model: RobotModel, program: Program) -> bool:
     """Tell whether a program is done by a :class:`~simrob_drake.LeggedRobot`, and not by the arms of a workcell."""
     legless = model.base == "fixed" and model.feet is None and bool(model.tools)
     return not legless and not any(isinstance(move, ARM_ONLY) for move in program.moves)
+
+
+def _drafted_for(file: Path, folder: Path) -> tuple[str, str]:
+    """Return what the station of a robot's file is called, and its file; robots of other files keep theirs."""
+    for number in count(1):
+        name = file.stem if number == 1 else f"{file.stem}-{number}"
+        target = folder / name / f"{name}.yaml"
+        if not target.is_file():
+            written_at_once(target, draft_station(file, folder=target.absolute().parent))
+        urdf = read_yaml(target).get("robot", {}).get("urdf", "")
+        if (target.parent / urdf).resolve() == file.resolve():
+            return name, str(target.resolve())
+    raise AssertionError("numbers do not end")
 
 
 def _drafted(model: RobotModel, name: str, folder: Path) -> str:

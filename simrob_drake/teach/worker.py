@@ -21,11 +21,11 @@ def main(pipe: Connection) -> None:
     bench = Bench(inbox, lambda bench: serve(bench, inbox))
     try:
         while True:
-            messages = inbox.take()
-            for message in messages:
-                answer(bench, inbox, message)
-            if not messages:
+            while not (messages := inbox.take()):
                 inbox.wait(None)
+            for other in messages[1:]:  # a run that the first one begins takes them
+                inbox.put_back(other)
+            answer(bench, inbox, messages[0])
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
 

@@ -22,7 +22,7 @@ class CountingRun:
 
     def __init__(self, on_news):
         self.tell, self.calls, self.time, self.closed = on_news, [], 0.0, False
-        self.running = None
+        self.running, self.end = None, 0.0
 
     def call(self, method, /, **arguments):
         self.calls.append((method, arguments))
@@ -36,7 +36,7 @@ class CountingRun:
         except SimrobError as problem:
             future.set_exception(problem)
             return future
-        if method in ("do", "play", "jog", "resume") and self.held:
+        if method in ("do", "play", "jog") and self.held:
             self.running = future
         else:
             future.set_result(result)
@@ -95,8 +95,9 @@ class CountingRun:
     def _rewind(self, time):
         self.time = time
 
-    def _resume(self):
-        self._begin(self.end - self.time)
+    def _go_on(self):
+        if self.running is None and self.time < self.end:
+            self._begin(self.end - self.time)
 
     def _restart(self):
         self.time = 0.0

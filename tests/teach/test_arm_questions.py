@@ -194,6 +194,22 @@ def test_the_gap_to_the_floor_is_the_balls_height_without_its_radius(height, met
         assert branch["usable"] is (not met and branch["room"]["left"] >= 0)
 
 
+def test_the_gap_to_an_inclined_floor_is_along_its_normal():
+    slope = {"floor.incline_deg": 10.0}
+    found = ask.branches(Arm(load_station("irb120_dynamic", BALL | slope), tool="load"), [0.35, 0.1, 0.14, 0, 0, 180])
+    gaps = [branch["gap"]["distance"] for branch in found if branch["gap"]["between"] == ["load", "floor"]]
+    height = 0.14 * np.cos(np.deg2rad(10)) - 0.35 * np.sin(np.deg2rad(10))  # it rises along x
+    np.testing.assert_allclose(gaps, height - 0.06, atol=1e-8)
+    assert gaps
+
+
+def test_what_no_posture_brings_nearer_does_not_count():
+    """The column turns 160 mm above its floor, whatever the arm does."""
+    level = Arm(load_station("irb120_dynamic", HOME))
+    assert all("link_1" not in branch["gap"]["between"] for branch in ask.branches(level))
+    assert all(branch["gap"]["distance"] > 0.2 for branch in ask.branches(level))
+
+
 def test_the_gap_of_two_balls_is_the_distance_of_their_middles():
     other = {"pieces.other": {"model": "ball", "parent": "world", "pose": [0.35, 0.25, 0.08, 0, 0, 0]}}
     arm = Arm(load_station("irb120_dynamic", BALL | other), tool="load")

@@ -5,13 +5,15 @@ from math import radians
 
 import pytest
 from legs_session import LegsSession, described
+
+pytest.importorskip("nicegui", reason="needs the extra gui")
 from nicegui import ui
 from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages import legs, plots
-from simrob_drake.teach.pages.phrases import matches
+from simrob_drake.teach.pages.phrases import Phrases, matches
 from simrob_drake.teach.pages.words import languages, texts_of, words
 
 MOVE = {"target_deg": {"HomIF": 30.0, "CadDF": 20.0}, "duration": 1.5}
@@ -246,10 +248,20 @@ def test_pieces_are_taken_and_left_and_loops_switched():
     async def script(user, session):
         press(user, "Take")
         press(user, "Leave")
+        for option in ("brought to the hand", "it stays where it is"):
+            user.find(kind=ui.checkbox, content=option).click()
+        press(user, "Take")
+        press(user, "Leave")
         user.find(kind=ui.switch, content="arms against a fall").click()
 
     calls = shown(script).calls
-    assert calls[-3:] == [("attach", "box", "right_hand"), ("release", "box"), ("switch_loop", "guard", True)]
+    assert calls[-5:] == [
+        ("attach", "box", "right_hand", {"pose": None}),
+        ("release", "box", {"fixed": False}),
+        ("attach", "box", "right_hand", {"pose": (0.0,) * 6}),
+        ("release", "box", {"fixed": True}),
+        ("switch_loop", "guard", True),
+    ]
 
 
 STORED = [MOVE, {"walk": {"steps": 4, "amplitude": 0.5}}, {"act": "bow"}, {"attach": "box"}, {"wait": 2.0}]
@@ -411,6 +423,21 @@ def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
         assert sorted(watched.values()) == [[], ["reference"]]
 
     shown(script)
+
+
+def test_moves_are_told_in_words():
+    cases = {
+        "take box (right hand, brought to the hand)": {
+            "attach": {"piece": "box", "tool": "right_hand", "pose": [0] * 6}
+        },
+        "leave box (it stays where it is)": {"release": {"piece": "box", "fixed": True}},
+        "walk 2 steps (sideways, step time 0.4)": {"walk": {"steps": 2, "gait": "sideways", "step_time": 0.4}},
+        "the station's own motion for 5 s": {"play": 5.0},
+        "{move_l: {targets: [[0, 0, 0.5]]}}": {"move_l": {"targets": [[0, 0, 0.5]]}},
+        "left tail 3 in 1 s": {"target_deg": {"left_tail": 3.0}, "duration": 1.0},
+    }
+    phrases = Phrases(words("en"), described()["robots"]["humanoid"]["axes"])
+    assert [phrases.move(move) for move in cases.values()] == list(cases)
 
 
 def test_plots_show_the_newest_run_only():

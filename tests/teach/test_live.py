@@ -134,6 +134,16 @@ def test_it_pauses_steps_and_stops(humanoid: Pendant) -> None:
     assert ended["time"] == pytest.approx(paused + 0.05)
 
 
+def test_a_run_hears_what_came_together_with_it(humanoid: Pendant) -> None:
+    humanoid.live.call("picture")  # while it is drawn, both come
+    done = humanoid.live.call("do", moves=[{"wait": 1.0}])
+    humanoid.live.call("one_tick")
+    humanoid.until("phase", phase="paused")
+    assert humanoid.told("tick")[-1]["time"] < 0.2
+    humanoid.ask("stop")
+    assert done.result(WAIT)["ending"] == "stopped"
+
+
 def test_another_run_takes_the_place_of_one(humanoid: Pendant) -> None:
     humanoid.ask("pace", factor=1.0)
     first = humanoid.live.call("do", moves=[{"wait": 20.0}])

@@ -11,6 +11,7 @@ from runs import CountingRun
 
 from simrob_drake import Program, load_station
 from simrob_drake.errors import SimrobError
+from simrob_drake.stations.load import with_settings
 from simrob_drake.teach import hub, store
 from simrob_drake.teach.history import MOST_STEPS
 from simrob_drake.teach.session import Session
@@ -426,6 +427,47 @@ def test_a_damaged_file_is_kept_and_what_was_taught_goes_on(teach):
     assert again.file.read_text() == "moves: [{}]"
 
 
+@pytest.mark.parametrize("text", ["", "0", "\n\n", "x\n9\n{}", 'x\n0\n{"pending": 3}', "\0" * 50])
+def test_damaged_steps_leave_the_program(teach, text):
+    session = teach()
+    tried(session, ELBOW)
+    session.add()
+    session._store.steps_file.write_text(text)
+    again = teach()
+    assert again.program.moves == session.program.moves
+    assert not again.can_undo
+    assert again.remove(0)
+    assert teach().can_undo
+
+
+def test_a_program_can_be_what_is_opened(teach, tmp_path):
+    own = tmp_path / "bows.yaml"
+    Program(station="humanoid_dynamic", moves=[{"act": "bow"}]).save(own)
+    session = teach(own)
+    assert session.file == own
+    assert len(session.program.moves) == 1
+    Program(moves=[{"act": "bow"}]).save(own)
+    with pytest.raises(SimrobError, match="station: missing"):
+        teach(own)
+
+
+def test_a_urdf_is_given_a_station_that_stays(teach, tmp_path, one_joint_urdf):
+    files = []
+    for folder in ("one", "two"):
+        files.append(tmp_path / folder / "arm.urdf")
+        files[-1].parent.mkdir()
+        files[-1].write_text(one_joint_urdf)
+    first = teach(files[0])
+    assert tried(first, {"shoulder": 10}) is not None
+    first.add()
+    assert first.file == tmp_path / "arm" / "program.yaml"
+    assert on_disk(first).station == "arm.yaml"
+    script = heard(first, first.export_script()).read_text()
+    assert 'Path(__file__).with_name("arm.yaml")' in script
+    assert teach(files[1]).file == tmp_path / "arm-2" / "program.yaml"
+    assert len(teach(files[0]).program.moves) == 1
+
+
 def test_a_program_of_another_robot_is_kept(teach, tmp_path):
     other = tmp_path / "reach.yaml"
     Program(station="irb120_dynamic", moves=[{"move_j": {"targets": [0.3, 0, 0.5]}}]).save(other)
@@ -600,14 +642,29 @@ def test_gone_back_to(teach):
     heard(session, session.rewind(0.5))
     assert session.time == 0.5
     heard(session, session.go_on())
-    assert session.run.asked("resume")
-    assert not session.run.asked("go_on")
+    assert session.time == 2.0
     session.rewind(0.5)
     session.hear()
     tried(session, KNEE)  # from there: no more what the program would do
     session.run.note(set={"servo.kp": 90})
     session.hear()
     assert session.message.key == "not_stored"
+
+
+def test_gone_back_to_in_a_pause(teach):
+    session = teach()
+    session.run.held = True
+    session.test(ELBOW, 2.0)
+    session.hear()
+    session.run.tick(1.0)
+    session.run.tell({"news": "phase", "phase": "paused"})
+    session.rewind(0.5)
+    session.hear()
+    assert session.time == 0.5
+    session.go_on()
+    session.run.finish()
+    session.hear()
+    assert session.time == 2.0
 
 
 # The run and who listens
@@ -782,6 +839,15 @@ def test_loops_are_switched(teach):
     assert not own.config.controllers
     assert own.switch_loop("height", True)
     assert own.settings == {}
+
+
+def test_no_setting_brings_code_along(teach):
+    session = teach("irb120")
+    own = {"kind": "own", "class": "os:System"}
+    assert not session.set("controllers.mine", own)
+    assert "allow_code=True" in str(session.message)
+    with pytest.raises(SimrobError, match="allow_code=True"):
+        with_settings(session.config, {"controllers.mine": own})
 
 
 @pytest.mark.parametrize("robot", ["ur5", "puma560", "yobotics", "double_pendulum"])

@@ -1,5 +1,6 @@
 """Sessions with the real run: what is taught is done, and can be done again without the page to the last bit."""
 
+import gc
 import os
 import runpy
 import signal
@@ -11,6 +12,7 @@ from runs import BenchRun
 
 from simrob_drake import Program
 from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.teach.session import Session
 
 
@@ -98,6 +100,14 @@ def test_a_push_of_a_test_that_was_discarded_is_forgotten(teach):
     assert ends[0] == ends[1]
 
 
+def test_a_run_that_is_over_is_let_go(teach):
+    session, _ = teach("humanoid")
+    for angle in (10, 20, 30):
+        heard(session, session.test({"left_elbow": angle}, 0.1))
+    gc.collect()
+    assert not [one for one in gc.get_objects() if type(one) is Stepper]
+
+
 def test_an_arm_is_jogged_taught_and_plays(teach):
     session, _ = teach("irb120")
     for axes in ({"joint_1": 20, "joint_5": 40}, {"joint_1": -20}):
@@ -124,6 +134,12 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     assert kinds == ["move_abs_j", "move_l", "tool", "move_j"]
     assert heard(session, session.jog_tool([0, 0, 5, 0, 0, 0])) is None
     assert "out of reach" in str(session.message)
+    assert heard(session, session.branches())
+    assert session.ghosts
+    assert session.set("gravity", 3.7)
+    while session.phase != "idle":
+        session.hear(0.1)
+    assert session.ghosts == [], "they were of the station before"
 
 
 def test_a_piece_is_taken_and_left(teach):

@@ -48,7 +48,7 @@ class NumberField:
         """
         self._t, self._low, self._high, self._unit, self._whole = t, low, high, unit, whole
         self.field = ui.number(label if titled else None, value=value, step=step, suffix=unit.strip() or None)
-        self.field.props("dense outlined hide-bottom-space").validation = self.problem
+        self.field.props("dense outlined hide-bottom-space no-error-icon").validation = self.problem
         told(self.field, label)
 
     @property

@@ -14,7 +14,7 @@ STEPS = {"deg": 1.0, "m": 0.01}
 _SIDE = {"deg": 180.0, "m": 1.0}
 """How far a slider goes to either side where an axis has no limit."""
 _DIGITS = 2  # behind the point, of a joint that was not set
-_SET = "bg-primary/15"  # how a joint looks that was set
+_SET = "background: color-mix(in srgb, var(--q-primary) 20%, transparent)"  # how a joint looks that was set
 
 
 class Joints:
@@ -118,7 +118,7 @@ class _Row:
         self._mark()
 
     def _mark(self) -> None:
-        self.element.classes(add=_SET if self.is_set else "", remove="" if self.is_set else _SET)
+        self.element.style(add=_SET if self.is_set else None, remove=None if self.is_set else _SET)
         self._back.style(f"visibility: {'visible' if self.is_set else 'hidden'}")
 
     def _take_back(self) -> None:

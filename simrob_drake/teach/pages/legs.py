@@ -17,6 +17,8 @@ from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 _KIND = "legs"
+_IN_HAND = (0.0,) * 6
+"""Pose of a piece that is brought to the hand, in it."""
 
 
 def build(session: Session, t: Words) -> None:
@@ -191,8 +193,13 @@ def _pieces(session: Session, phrases: Phrases, robot: Content) -> None:
     with ui.row().classes("w-full items-center gap-2"):
         piece = ui.select(pieces, value=pieces[0], label=t("legs.piece")).props("dense outlined").classes("w-40")
         tool = ui.select(tools, value=next(iter(tools)), label=t("legs.tool")).props("dense outlined").classes("w-40")
-        _button(t("legs.take"), lambda: session.attach(piece.value, tool.value))
-        _button(t("legs.leave"), lambda: session.release(piece.value))
+        brought = ui.checkbox(t("legs.brought"))
+        _button(
+            t("legs.take"), lambda: session.attach(piece.value, tool.value, pose=_IN_HAND if brought.value else None)
+        )
+    with ui.row().classes("w-full items-center gap-2"):
+        fixed = ui.checkbox(t("legs.fixed"))
+        _button(t("legs.leave"), lambda: session.release(piece.value, fixed=fixed.value))
 
 
 def _loops(session: Session, phrases: Phrases) -> None:

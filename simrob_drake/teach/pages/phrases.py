@@ -12,6 +12,8 @@ Content = Mapping[str, Any]
 """A move as a program's file has it, an axis as a description has it."""
 
 _TOLD = ("walk", "act", "attach", "release", "wait", "play", "tool")  # kinds of move with words of their own
+_NAMED = ("tool", "gait")  # what of a move is the name of something
+_SAID = {"pose": "legs.brought", "fixed": "legs.fixed"}  # what is told without its value
 _MINUS = "\N{MINUS SIGN}"
 _UNITS = {"deg": "°", "m": " m"}
 
@@ -59,11 +61,15 @@ class Phrases:
         told = dict(content) if isinstance(content, Mapping) else {kind: content}
         first = told.pop(next(iter(told)))
         what = figure(first) if isinstance(first, (int, float)) else self.name(first)
-        rest = ", ".join(
-            f"{key.replace('_', ' ')} {as_text(value)}" for key, value in told.items() if value is not None
-        )
+        rest = ", ".join(self._detail(key, value) for key, value in told.items() if value is not None)
         words = self.t(f"legs.told_{kind}", what=what)
         return f"{words} ({rest})" if rest else words
+
+    def _detail(self, key: str, value: Any) -> str:
+        """Return what else is said of a move."""
+        if key in _NAMED:
+            return self.name(value)
+        return self.t(_SAID[key]) if key in _SAID else f"{key.replace('_', ' ')} {as_text(value)}"
 
     def change(self, change: Change, grid: float) -> str:
         """Return a change of a run in one line; ``grid`` is the program's [s]."""

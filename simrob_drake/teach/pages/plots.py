@@ -13,9 +13,9 @@ from simrob_drake.teach.pages.phrases import Phrases
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
-_PAUSE = 0.2
+_PAUSE = 0.25
 """From one picture to the next [s]: more often costs, and shows no more."""
-_POINTS = 200  # of a curve: more than that does not show in it
+_POINTS = 120  # of a curve: more than that does not show in it
 _POSE = 7  # numbers of a pose: of these the position is drawn
 _SAME = 1e-9  # s
 _AT_ONCE = 6  # curves of a signal that are drawn until others are chosen

@@ -18,7 +18,7 @@ def build(pendant: Pendant) -> None:
         told(bar, t("run.bar"))
         start = icon_button("skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home")
         play = icon_button("play_arrow", t("run.play"), lambda: _play(pendant), keys="Space")
-        tick = icon_button("redo", t("run.tick"), session.one_tick, keys=".")
+        tick = icon_button("redo", t("run.tick"), lambda: _tick(pendant), keys=".")
         stop = icon_button("stop", t("run.stop"), session.stop, keys="Shift+S")
         scrubber = ui.slider(min=0.0, max=1.0, step=0.05)
         scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
@@ -31,10 +31,11 @@ def build(pendant: Pendant) -> None:
         running = session.phase == "running"
         play.props["icon"] = "pause" if running else "play_arrow"
         told(play, t("run.pause" if running else "run.play"))
-        play.set_enabled(session.phase != "opening" and not (_at_end(pendant) and session.pending))
+        can = session.phase in ("idle", "running", "paused") and not (_at_end(pendant) and session.pending)
+        play.set_enabled(can)
         stop.set_enabled(session.phase in ("running", "paused"))
-        tick.set_enabled(session.phase == "paused" or _behind(pendant))
-        start.set_enabled(session.phase != "opening")
+        tick.set_enabled(can and not running)
+        start.set_enabled(pendant.reach > 0.0)
         time()
 
     def time() -> None:
@@ -78,6 +79,15 @@ def _play(pendant: Pendant) -> None:
         session.simulate()
     else:
         session.go_on()
+
+
+def _tick(pendant: Pendant) -> None:
+    """Go on for one tick, from a pause or from what comes next."""
+    if pendant.session.phase == "paused":
+        pendant.session.one_tick()
+    else:
+        _play(pendant)
+        pendant.session.pause()  # at its first tick
 
 
 def _pace(pendant: Pendant) -> None:

@@ -3,7 +3,7 @@
 import pytest
 from running import browser, missing
 
-_PATIENCE = 30_000  # ms, on a machine that does other things
+_PATIENCE = 60_000  # ms, on a machine that does other things
 
 
 def pytest_collection_modifyitems(items):

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[3]
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 """Three dimensions on a machine without a graphics card."""
-_PATIENCE = 60.0  # s that it may take until the page can be opened, on a machine that does other things
+_PATIENCE = 120.0  # s that it may take until the page can be opened, on a machine that does other things
 
 
 def missing() -> str:

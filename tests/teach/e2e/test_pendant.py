@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import yaml
 from playwright.sync_api import expect
@@ -65,12 +66,13 @@ def test_a_humanoid_is_taught_by_the_keyboard(page, humanoid):
     elbow = "left elbow: fore-arm up"
     typed(page, elbow, 400)
     expect(page.get_by_text(re.compile("from .130° to 130°"))).to_be_visible()  # refused in the field, with the limit
+    page.get_by_role("spinbutton", name="Duration").fill("4")
     typed(page, elbow, 30)
     expect(page.get_by_text("Tested and not added yet")).to_be_visible()
     ran(page)
     page.keyboard.press("Alt+A")
     expect(page.get_by_role("listitem")).to_have_count(1)
-    assert program(humanoid)["moves"] == [{"target_deg": {"left_elbow": 30.0}, "duration": 1.0}]
+    assert program(humanoid)["moves"] == [{"target_deg": {"left_elbow": 30.0}, "duration": 4.0}]
 
 
 def test_a_stored_move_is_edited_and_walks_follow(page, humanoid):
@@ -95,20 +97,20 @@ def test_a_stored_move_is_edited_and_walks_follow(page, humanoid):
 
 
 def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_path):
-    opened(page, humanoid, pace="0.25 ×")
+    opened(page, humanoid, pace="0.1 ×")
     page.get_by_role("tab", name="Station").click()
     page.locator('[data-block="plant"]').click()
     gain = page.get_by_role("slider", name="servo.kp")
     expect(gain).to_be_visible()
     page.get_by_text("Push", exact=True).click()
     button(page, "Play").click()
-    push = page.get_by_role("button", name="push along +x")
-    expect(push).to_be_enabled()
-    push.click()
+    button(page, "Pause").click()
+    page.get_by_role("button", name="push along +x").click()
     keyed(gain, "ArrowRight", 3)
     expect(page.locator(".simrob-plot").first).to_be_visible()
     page.get_by_role("combobox", name="Speed", exact=True).click()
     page.get_by_role("option", name="fastest").click()
+    button(page, "Play").click()
     ran(page)
     changes = program(humanoid)["changes"]
     assert next(one for one in changes if "push" in one)["push"]["force"] == [10.0, 0.0, 0.0]
@@ -129,6 +131,54 @@ def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_p
     assert "push" in taken(page, "program").read_text()
 
 
+def test_a_body_is_dragged_by_the_pointer(page, humanoid):
+    opened(page, humanoid)
+    view = next(frame for frame in page.frames if frame.url.endswith("/view/"))
+    view.wait_for_function("viewer.scene_tree.find(['drake']).object.children.length > 0")
+    button(page, "One tick").click()
+    expect(button(page, "Stop")).to_be_enabled()
+    expect(button(page, "One tick")).to_be_enabled()
+    box = page.locator("iframe").bounding_box()
+    x, y = box["x"] + 0.53 * box["width"], box["y"] + 0.35 * box["height"]
+    page.keyboard.down("Shift")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.keyboard.up("Shift")
+    clock = page.locator(".pendant-time")
+    for step in range(1, 4):
+        before = clock.inner_text()
+        with page.expect_response(lambda answer: answer.url.endswith("/told")):
+            page.mouse.move(x + 15 * step, y)
+        page.keyboard.press(".")  # in the view, too, where the focus is
+        expect(clock).not_to_have_text(before)
+    with page.expect_response(lambda answer: answer.url.endswith("/told")):
+        page.mouse.up()
+    button(page, "Play").click()
+    ran(page)
+    drag = next(one["drag"] for one in program(humanoid)["changes"] if "drag" in one)
+    assert drag["at"] in ("trunk", "shoulder_line", "neck", "waistline")
+    targets = np.array(drag["targets"])
+    assert len(targets) == 3  # one for each tick
+    apart = np.linalg.norm(np.diff(targets, axis=0), axis=1)
+    assert apart[1] == pytest.approx(apart[0], rel=1e-6)  # along a straight line across the picture, which is upright
+    assert np.ptp(targets[:, 2]) < 1e-6
+    assert 0.005 < apart[0] < 0.1
+
+
+def test_two_tabs_show_one_run(page, humanoid):
+    opened(page, humanoid)
+    other = page.context.new_page()
+    opened(other, humanoid, pace="0.5 ×")
+    expect(page.locator(".pendant-run")).to_contain_text("0.5 ×")
+    button(other, "One tick").click()
+    for one in (page, other):
+        expect(button(one, "Stop")).to_be_enabled()
+        expect(one.locator(".pendant-time")).to_have_text(re.compile(r"^0\.(05|10) of 0\.(05|10) s$"))
+    button(page, "Stop").click()
+    expect(button(other, "Stop")).to_be_disabled()
+    other.close()
+
+
 def test_nothing_is_lost_by_a_kill(page, humanoid):
     opened(page, humanoid)
     before = program(humanoid)
@@ -139,7 +189,7 @@ def test_nothing_is_lost_by_a_kill(page, humanoid):
     humanoid.start()
     assert program(humanoid) == before
     opened(page, humanoid)
-    expect(page.get_by_role("listitem")).to_have_count(2 + len(before["changes"]))
+    expect(page.get_by_role("listitem")).to_have_count(len(before["moves"]) + len(before.get("changes", ())))
     button(page, "4. Simulate").click()
     ran(page)
 
