@@ -19,6 +19,7 @@ _QUALITY = 80
 _SHORT = "(label, folder) => { label.innerText = label.innerText.replace(folder, 'taught'); }"
 """Has the page tell the usual folder, not that of this moment."""
 Act = Callable[[Any, Words], None]
+_PATIENCE = 120_000  # ms
 _SETTLED = 1500  # ms until what moves has come to rest
 
 
@@ -77,8 +78,9 @@ def picture(chromium: Any, language: str, name: str, subject: str, act: Act) -> 
     t = words(language)
     with tempfile.TemporaryDirectory() as folder, running(subject, Path(folder), "--language", language) as pendant:
         page = chromium.new_page(viewport=_SIZE)
+        page.set_default_timeout(_PATIENCE)
         page.goto(pendant.url)
-        _button(page, t("run.play")).and_(page.locator(":enabled")).wait_for(timeout=60_000)
+        _button(page, t("run.play")).and_(page.locator(":enabled")).wait_for()
         page.get_by_role("combobox", name=t("run.pace"), exact=True).first.click()
         page.get_by_role("option", name=t("run.fastest")).click()
         page.wait_for_timeout(_SETTLED)

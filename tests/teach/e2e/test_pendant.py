@@ -105,12 +105,14 @@ def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_p
     page.get_by_text("Push", exact=True).click()
     button(page, "Play").click()
     button(page, "Pause").click()
+    expect(button(page, "One tick")).to_be_enabled()
     page.get_by_role("button", name="push along +x").click()
     keyed(gain, "ArrowRight", 3)
     expect(page.locator(".simrob-plot").first).to_be_visible()
     page.get_by_role("combobox", name="Speed", exact=True).click()
     page.get_by_role("option", name="fastest").click()
     button(page, "Play").click()
+    expect(page.locator(".pendant-time")).to_have_text(re.compile(r"^([4-9]\.\d+) of \1 s$"))  # its end
     ran(page)
     changes = program(humanoid)["changes"]
     assert next(one for one in changes if "push" in one)["push"]["force"] == [10.0, 0.0, 0.0]
