@@ -95,7 +95,7 @@ class StationModel(PosedStation):
 
     def pose(self, frame: Frame) -> RigidTransform:
         """Return the pose of a frame in the world."""
-        pose = frame.CalcPoseInWorld(self._context)
+        pose = super().pose(frame)
         moved = self._moved.get(frame.model_instance())
         return pose if moved is None else moved @ pose
 

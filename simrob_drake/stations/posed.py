@@ -3,7 +3,9 @@
 from collections.abc import Callable, Mapping
 
 from pydrake.geometry import QueryObject
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.frames import Vector
@@ -52,6 +54,10 @@ class PosedStation:
         if self._positions_port is not None:
             poses = self._positions_port.get_system()
             self._positions_port.FixValue(poses.GetMyMutableContextFromRoot(self._scene), positions)
+
+    def pose(self, frame: Frame) -> RigidTransform:
+        """Return the pose of a frame in the world."""
+        return frame.CalcPoseInWorld(self._context)
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
         """Put robots into postures (n,) [rad or m]; the others stay."""

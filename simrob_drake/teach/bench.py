@@ -175,8 +175,11 @@ class Bench:
 
     @at_any_time
     def drag(self, at: str, point: Sequence[float], target: Sequence[float] | None) -> None:
-        """Pull a point of a body to a place in the world, or let it go."""
+        """Pull a point of a body, in its own frame, to a place in the world, or let it go."""
         one_of("body", at, self._bodies)
+        if at in self.cell.config.pieces:  # forces on pieces count from their tool centre point
+            model = self.cell.model
+            point = model.pose(model.piece_frame(at)).inverse() @ model.pose(model.piece_origin(at)) @ np.array(point)
         held = (at, tuple(point), tuple(target)) if target is not None else None
         self.conductor.drag = held if self._is_running else None
 

@@ -50,7 +50,15 @@ class StationView:
         """Show positions of the whole plant, shape (nq,)."""
         if self.scene is not None and np.isfinite(positions).all():
             self.scene.place(positions)
-            self._tell("poses", pose_commands(self.scene.query(), _PREFIXES))
+            self._tell("poses", [*pose_commands(self.scene.query(), _PREFIXES), *self._followed(self.scene)])
+
+    def _followed(self, scene: Scene) -> list[dict[str, Any]]:
+        """Return where a robot on its feet is that the camera goes with; nothing of none, and of several."""
+        walkers = [robot for robot in scene.station.robots.values() if robot.model.feet and robot.floats]
+        if len(walkers) != 1:
+            return []
+        place = scene.pose(walkers[0].root).translation()[:2].round(4).tolist()
+        return [{"type": "follow", "place": place}]
 
     def _tell_scene(self, scene: Scene) -> None:
         points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
@@ -60,7 +68,8 @@ class StationView:
             draw_geometry(meshcat, scene.query(), _PREFIXES)
             look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=azimuth))
 
-        self._tell("scene", [{"type": "delete", "path": "/drake/station"}, *commands(draw)])
+        here = [{**one, "begins": True} for one in self._followed(scene)]
+        self._tell("scene", [{"type": "delete", "path": "/drake/station"}, *commands(draw), *here])
 
 
 class LiveView:

@@ -28,12 +28,24 @@
     viewer.set_object(steps(path), object);
     viewer.set_dirty();
   };
+  let followed = null; // where the robot was that the camera goes with
+  const follow = ({ place, begins }) => {
+    if (begins) followed = place; // the camera was put before it
+    const [ahead, aside] = followed ? place.map((value, axis) => value - followed[axis]) : [0, 0];
+    for (const moved of [viewer.camera.position, viewer.controls.target]) {
+      moved.x += ahead; // the camera's axes are turned: its y is up
+      moved.z -= aside;
+    }
+    followed = place;
+    viewer.set_dirty();
+  };
   const bodies = new Set(); // by their paths
   const obey = (command) => {
     if (command.type === "set_transform") bodies.add(command.path);
     if (typeof command === "string") viewer.handle_command_bytearray(bytes(command));
     else if (command.type === "asset") casAssets[command.name] = command.url;
     else if (command.type === "copy") copy(command);
+    else if (command.type === "follow") follow(command);
     else viewer.handle_command(command);
     if (command.type === "set_control") viewer.gui.open();
   };
