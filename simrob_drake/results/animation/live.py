@@ -10,7 +10,7 @@ from pydrake.geometry import Meshcat, Role
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
 from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
-from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.animation.scene import Scene, draw_floor_lines
 from simrob_drake.results.animation.window import Window
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.state import State
@@ -43,7 +43,7 @@ class StationView:
         looks = _looks(config)
         if self.scene is None or looks != self._config:
             self.scene, self._config = Scene(config), looks
-            self._tell_scene(self.scene)
+            self._tell_scene(self.scene, config)
         self.show(self.scene.initial if state is None else state.of_plant(self.scene.station)[0])
 
     def show(self, positions: Vector) -> None:
@@ -60,15 +60,17 @@ class StationView:
         place = scene.pose(walkers[0].root).translation()[:2].round(4).tolist()
         return [{"type": "follow", "place": place}]
 
-    def _tell_scene(self, scene: Scene) -> None:
+    def _tell_scene(self, scene: Scene, config: StationConfig) -> None:
         points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
         scene.place(scene.initial)
+        here = [{**one, "begins": True} for one in self._followed(scene)]
 
         def draw(meshcat: Meshcat) -> None:
             draw_geometry(meshcat, scene.query(), _PREFIXES)
+            if here and config.floor is not None:
+                draw_floor_lines(meshcat, scene, size=config.floor.size)
             look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=azimuth))
 
-        here = [{**one, "begins": True} for one in self._followed(scene)]
         self._tell("scene", [{"type": "delete", "path": "/drake/station"}, *commands(draw), *here])
 
 

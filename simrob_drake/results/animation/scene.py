@@ -34,6 +34,9 @@ _COLOUR = Rgba(0.66, 0.69, 0.73, 1.0)
 _AROUND = 1.5  # m of lines about the way
 _WIDTH, _TOP = 0.004, 0.0005  # m
 
+_SEEN = 5.0  # m
+LINES = "/drake/station/lines"
+"""Where they hang in Meshcat's tree: they go with the station."""
 _LOOKS = 24  # configurations that stand for a motion
 _BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
@@ -167,3 +170,11 @@ def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: R
         looks.AddProperty("phong", "diffuse", _COLOUR)
         line.set_perception_properties(looks)
         scene_graph.RegisterAnchoredGeometry(source, line)
+
+
+def draw_floor_lines(meshcat: Meshcat, scene: Scene, *, size: float) -> None:
+    """Draw lines on the floor of a scene, of a size [m], about the world's origin, by which a way can be told."""
+    far = np.array([[-_SEEN, -_SEEN, 0.0], [_SEEN, _SEEN, 0.0]])
+    tilt = scene.station.ground.tilt @ RigidTransform([0.0, 0.0, _WIDTH / 2])
+    lines = floor_lines(far, size=size)
+    meshcat.SetLineSegments(LINES, tilt @ lines[:, 0].T, tilt @ lines[:, 1].T, 1.0, _COLOUR)
