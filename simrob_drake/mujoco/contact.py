@@ -31,7 +31,8 @@ while :math:`x = A (\sin\theta + \sin\varphi)` is positive, :math:`\int k x D \d
 the law's own slope at the depth g/ω². A ratio above 1 counts as 1: nothing bounces.
 
 Friction creeps in MuJoCo, too: it is :math:`b_t v / R_t` up to Coulomb's limit, with :math:`R_t` = R/``impratio``.
-Here :math:`b_t d = d / h` and ``impratio`` = 1/d, so that a load f slides with about f w h, what it gains in a step.
+Here :math:`b_t d = d / h` and ``impratio`` = 1/d, so that a load f slides with about f w h: what it gains within a
+step.
 """
 
 from __future__ import annotations
