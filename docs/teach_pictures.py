@@ -24,8 +24,8 @@ _SETTLED = 1500  # ms until what moves has come to rest
 
 
 def legs(page: Any, t: Words) -> None:
-    """Teach two moves, and try a third."""
-    for number, angles in enumerate(({3: 40, 12: 40}, {0: 60}, {9: 60})):
+    """Teach two moves of the arms, and try a third."""
+    for number, angles in enumerate(({8: 90, 10: 60}, {0: 60}, {1: 40})):
         for joint, angle in angles.items():
             field = page.locator(".q-tab-panel input[type=number]").nth(joint)
             field.fill(str(angle))

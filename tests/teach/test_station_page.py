@@ -83,7 +83,7 @@ async def opened(session, language="en"):
         yield user
 
 
-async def settled(seconds=0.5):
+async def settled(seconds=0.8):
     """Wait until what follows the session, and what was asked, is there."""
     await asyncio.sleep(seconds)
 

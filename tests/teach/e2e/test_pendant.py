@@ -130,7 +130,7 @@ def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_p
     subprocess.run(run, cwd=tmp_path, check=True, capture_output=True, timeout=120, env={"PYTHONPATH": str(ROOT)})
     made = next(tmp_path.rglob("signals.csv"))
     assert made.read_text() == signals.read_text()
-    assert "push" in taken(page, "program").read_text()
+    assert "push" in taken(page, "The program (YAML)").read_text()
 
 
 def test_a_body_is_dragged_by_the_pointer(page, humanoid):
