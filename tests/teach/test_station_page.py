@@ -55,7 +55,8 @@ class Station(StubSession):
 
     def unset(self, key):
         settings = {k: v for k, v in self.settings.items() if k != key}
-        self.told("description", settings=settings, config=load_station(self.station, settings))
+        self.config = load_station(self.station, settings)
+        self.told("description", settings=settings)
         return True
 
     def change(self, key, value):
