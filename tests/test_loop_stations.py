@@ -220,4 +220,6 @@ def test_a_robot_that_stands_undisturbed_is_left_alone_by_its_noisy_sensors():
     sensors = {"position": "encoders", "velocity": "encoders", "orientation": "imu", "angular_velocity": "imu"}
     result = run("zjudancer_balance", duration=2.0, forces={}, **{"controllers.balance.reads": sensors})
     assert abs(np.rad2deg(result["balance.offset.left_hip_pitch"])).max() < 5
+    for told in ("com", "capture_point"):
+        assert 0 < max(abs(result[f"balance.{told}.{axis}"]).max() for axis in "01") < 0.1
     assert result["base.z"][-1] == pytest.approx(result["base.z"][0], abs=2e-3)

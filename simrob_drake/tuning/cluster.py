@@ -8,7 +8,7 @@ from platform import python_version
 from typing import Self, TypeVar
 
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.tuning.packages import needed
+from simrob_drake.extras import needed
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
@@ -31,7 +31,7 @@ class Cluster:
             InvalidParameter: no scheduler there, one without workers, or workers with other versions.
         """
         self._scheduler = scheduler
-        with needed("a cluster"):
+        with needed("a cluster", "tune"):
             from distributed import Client
         try:
             self._client = Client(scheduler, timeout=_PATIENCE)

@@ -4,18 +4,23 @@ Each kind changes one thing alone, by a draw of its own for each seed.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake.errors import SimrobError
+from simrob_drake.mujoco.limits import check_sayable
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import ResolvedStation, resolve
 from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.tuning.scene import ENGINE, MUJOCO
 from simrob_drake.tuning.variation import seeded
 
 Change = dict[str, Any]
@@ -43,12 +48,13 @@ class _Thought:
         return robot if robot == self.config.only_robot == ONLY_ROBOT else f"robots.{robot}"
 
 
-def doubts(config: StationConfig, seeds: int) -> dict[str, list[Change]]:
+def doubts(config: StationConfig, seeds: int, *, second_engine: bool = True) -> dict[str, list[Change]]:
     """Return by their kinds the changes under which a station is to be run again; the first kind has none.
 
     Args:
         config: the station as it was thought.
         seeds: how many draws of each kind.
+        second_engine: whether what is done there can be done in MuJoCo, too, if MJCF can say the station.
     """
     found: dict[str, list[Change]] = {"as thought": [{}]}
     if config.mode == "kinematic":
@@ -57,7 +63,8 @@ def doubts(config: StationConfig, seeds: int) -> dict[str, list[Change]]:
     for place, (kind, change) in enumerate(_KINDS.items()):
         drawn = [change(thought, np.random.default_rng([_STREAM, place, seed]), seed) for seed in range(seeds)]
         found |= {kind: drawn} if all(drawn) else {}
-    return {**found, "solver": _other_solvers(config)}
+    engine = {"engine": [{ENGINE: MUJOCO}]} if second_engine and _in_mujoco(thought) else {}
+    return {**found, "solver": _other_solvers(config), **engine}
 
 
 def _pushed(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:
@@ -144,6 +151,16 @@ def _other_solvers(config: StationConfig) -> list[Change]:
     tight = {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 1e-4, "max_step": 0.01}
     other = tight if config.contact is None else {"kind": "discrete"}
     return [{"solver": {**tighter, "error_control": True}}, {"solver": other}]
+
+
+def _in_mujoco(thought: _Thought) -> bool:
+    """Tell whether there is a MuJoCo that can run a station."""
+    if find_spec("mujoco") is None:
+        return False
+    with suppress(SimrobError):
+        check_sayable(thought.config, thought.station.robots)
+        return True
+    return False
 
 
 def _weights(config: StationConfig) -> dict[str, float]:

@@ -76,7 +76,8 @@ class Proof(Strict):
                     yield of, kind, draw, {**self.conditions[place], **figures, **change}
 
     def _doubts(self, overrides: dict[str, Any]) -> dict[str, list[Change]]:
-        return doubts(Scene.of(self.station, overrides).config, self.seeds)
+        scene = Scene.of(self.station, overrides)
+        return doubts(scene.config, self.seeds, second_engine=scene.program is None)
 
 
 class ProofFolder:

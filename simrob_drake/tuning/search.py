@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from simrob_drake.extras import needed
 from simrob_drake.frames import Vector
-from simrob_drake.tuning.packages import needed
 from simrob_drake.tuning.study import Method
 
 Costs = Callable[[Vector], tuple[Vector, Vector]]
@@ -81,7 +81,7 @@ def _evolve(_: str, start: Vector, costs: _Cost, together: int, seed: int) -> No
 
 
 def _cma(_: str, start: Vector, costs: _Cost, together: int, seed: int) -> None:
-    with needed("cmaes"):
+    with needed("cmaes", "tune"):
         from cmaes import CMA
 
     bounds = np.tile([0.0, 1.0], (len(start), 1))
@@ -93,7 +93,7 @@ def _cma(_: str, start: Vector, costs: _Cost, together: int, seed: int) -> None:
 
 
 def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int, aims: int) -> None:
-    with needed(method):
+    with needed(method, "tune"):
         import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -115,7 +115,7 @@ def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int, aim
 
 
 def _gaussian_process(seed: int) -> Any:
-    with needed("method gp", "torch"):
+    with needed("method gp", "rl"):
         import torch  # noqa: F401  # which Optuna would miss only when it is asked
     from optuna.samplers import GPSampler
 

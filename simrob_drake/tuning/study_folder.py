@@ -11,12 +11,12 @@ import numpy as np
 import yaml
 
 from simrob_drake.errors import InvalidConfig
+from simrob_drake.extras import needed
 from simrob_drake.folders import alone_in, writing, written_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.progress import progress_bar
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.engines import Engine, engine
-from simrob_drake.tuning.packages import needed
 from simrob_drake.tuning.rollout import Row, killed, rollout
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.search import Enough, search
@@ -193,7 +193,7 @@ def _told(costs: Vector) -> str:
 
 def _journal(file: Path, aims: int) -> Any:
     """Return the study of Optuna that a file keeps."""
-    with needed("a study"):
+    with needed("a study", "tune"):
         import optuna
         from optuna.storages import JournalStorage
         from optuna.storages.journal import JournalFileBackend

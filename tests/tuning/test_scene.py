@@ -8,6 +8,7 @@ from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.tuning import runners
+from simrob_drake.tuning.doubts import doubts
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.rollout import Case, Margin, rollout
 from simrob_drake.tuning.scene import Scene
@@ -39,9 +40,24 @@ def test_a_program_is_run_with_its_figures_changed(tmp_path):
     assert yaml.safe_load(file.read_text())["moves"][0]["duration"] == 0.4
 
 
+def test_the_same_is_run_in_the_other_engine():
+    """A push moves the robot as far in both, to what their contacts differ by; the runs are none the less others."""
+    pytest.importorskip("mujoco")
+    here, there = (Scene.of("zjudancer_dynamic", {**PUSHED, "engine": engine}) for engine in ("drake", "mujoco"))
+    assert here.digest != there.digest
+    drake, mujoco = here.run(), there.run()
+    assert mujoco["base.z"][-1] == pytest.approx(drake["base.z"][-1], abs=1e-3)
+    assert not np.array_equal(mujoco["base.z"], drake["base.z"])
+    assert "engine" in doubts(here.config, 1)
+    assert "engine" not in doubts(here.config, 1, second_engine=False)
+    assert "engine" not in doubts(load_station("humanoid_balance"), 1)
+
+
 @pytest.mark.parametrize(
     ("station", "changes", "told"),
     [
+        ("zjudancer_dynamic", {"engine": "mujuco"}, "did you mean 'mujoco'"),
+        ("irb120_kinematic", {"engine": "mujoco", "program.file": "nowhere.yaml"}, "does no programs"),
         ("zjudancer_dynamic", {"gait.name": "wolk"}, "no gait of zjudancer 'wolk'; did you mean 'walk'"),
         ("zjudancer_dynamic", {"gait.name": "walk", "gait.bearing.hight": 1}, "unknown key; did you mean 'height'"),
         ("zjudancer_dynamic", {"gait.name": "walk", "gait.step_length": 0.9}, "out of reach"),

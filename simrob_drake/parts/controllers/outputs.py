@@ -27,8 +27,10 @@ def declare_output(
     called = called or port.get_name()
     output, size = f"{name}.{called}", port.size()
     robots = site.plant.robots.values() if robot is None else [robot]
-    entries = next((each.axes for each in robots if len(each.axes) == size), [str(index) for index in range(size)])
-    told = tuple(index for index, entry in enumerate(entries) if size == 1 or axes is None or entry in axes)
+    by_axis = next((each.axes for each in robots if len(each.axes) == size), None)
+    entries = by_axis or [str(index) for index in range(size)]
+    all_told = size == 1 or axes is None or by_axis is None
+    told = tuple(index for index, entry in enumerate(entries) if all_told or entry in (axes or ()))
     names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
     panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
     picked = told if len(told) < size else None
