@@ -56,6 +56,7 @@
     document.title = "ended";
   });
   if (!drags) return;
+  viewer.gui.domElement.style.display = "none"; // the page around has what there is to set
 
   // A body is dragged with Shift, or with the page around in the mood for it (window.dragging).
   const { Vector2, Vector3, Plane, Raycaster, Line, BufferGeometry, LineBasicMaterial } = MeshCat.THREE;
