@@ -28,8 +28,10 @@
     viewer.set_object(steps(path), object);
     viewer.set_dirty();
   };
+  let held = null; // what is dragged: {body, name, point, plane}
   let followed = null; // where the robot was that the camera goes with
   const follow = ({ place, begins }) => {
+    if (held) return; // else a target would flee from what it pulls
     if (begins) followed = place; // the camera was put before it
     const [ahead, aside] = followed ? place.map((value, axis) => value - followed[axis]) : [0, 0];
     for (const moved of [viewer.camera.position, viewer.controls.target]) {
@@ -65,7 +67,6 @@
   const line = new Line(new BufferGeometry(), new LineBasicMaterial({ color: 0xd0208a, depthTest: false, transparent: true }));
   line.frustumCulled = false;
   line.renderOrder = 1; // over all else
-  let held = null; // {body, name, point, plane}
 
   const aim = ({ clientX, clientY }) => {
     const { left, top, width, height } = canvas.getBoundingClientRect();
