@@ -62,7 +62,7 @@ class Stepped:
     def result(self) -> SimulationResult:
         """Return the result: sampled, and cut where a monitor ends the run or where it ran away."""
         began, built = perf_counter(), self.built
-        sane = (np.abs(self.states) < _ASTRAY).all(axis=1)  # what is no number is not
+        sane = np.asarray((np.abs(self.states) < _ASTRAY).all(axis=1))  # what is no number is not
         count = len(sane) if sane.all() else int(np.argmin(sane))
         steps = np.asarray(built.step * np.arange(count), dtype=float)
         times = sample_times(min(float(steps[-1]), self.config.duration), self.config.sample_rate)
