@@ -65,7 +65,10 @@ class Body:
         """Return frequency [Hz], weights (m, 6 + 2 harmonics) on attitude, rates and clock, and biases (m,)."""
         joints, legs = self.joints, self.legs
         parts = iter(figures)
-        take = lambda count: np.array([next(parts) for _ in range(count)])  # noqa: E731
+
+        def take(count: int) -> Vector:
+            return np.array([next(parts) for _ in range(count)])
+
         low, high = np.log(FREQUENCY)
         frequency = float(np.exp(low + (high - low) / (1 + np.exp(-take(1)[0]))))
         phases = np.concatenate([[0.0], np.pi * take(len(legs) - 1)])
