@@ -1,4 +1,7 @@
-"""A browser for all tests here, and a page in it that must not complain."""
+"""A browser for the tests of a module, and a page in it that must not complain.
+
+No longer: while it is there, others in the same process cannot begin an event loop of their own.
+"""
 
 import pytest
 from running import browser, missing
@@ -13,7 +16,7 @@ def pytest_collection_modifyitems(items):
                 item.add_marker(pytest.mark.skip(reason=why))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium():
     from playwright.sync_api import expect
 
