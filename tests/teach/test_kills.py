@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from runs import CountingRun
+from fake_runs import CountingRun
 
 from simrob_drake import Program
 from simrob_drake.teach.session import Session

@@ -5,9 +5,9 @@ from pathlib import Path
 from threading import Thread
 
 import pytest
+from fake_runs import CountingRun
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from runs import CountingRun
 
 from simrob_drake import Program, load_station
 from simrob_drake.errors import SimrobError

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from runs import BenchRun
+from fake_runs import BenchRun
 
 from simrob_drake import Program
 from simrob_drake.programs.gaits.parameters import load_gaits
