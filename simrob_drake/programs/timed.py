@@ -46,12 +46,9 @@ def run_timed(cell: OngoingStation, references: Mapping[str, Reference], duratio
             part = line.part(end)
             station = line.station(cell.config, part)
             runner = cell.runner_of(station)
-            asked_for, before = (
-                {key: value for key, value in line.settings().items() if "reference" in key.split(".")},
-                asked_for,
-            )
-            if asked_for != before:
-                courses, since = runner.courses(references, state), line.now
+            settings = {key: value for key, value in line.settings().items() if "reference" in key.split(".")}
+            if settings != asked_for:
+                courses, since, asked_for = runner.courses(references, state), line.now, settings
             asked = {robot: later(course, line.now - since) for robot, course in courses.items()}
             run = runner.run(
                 reference=asked, duration=part, start=state, ticks=Ticks(line.grid or part, tell), on_step=cell.on_step

@@ -5,6 +5,7 @@ Runs are cut at a grid of time, so that each can be repeated from any moment of 
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any, Self
@@ -107,6 +108,12 @@ class Timeline:
         now = self.steps(self.now)
         later = (number for change in self.changes if (number := self.steps(change.time)) > now)
         return self.time_of(min(next(later, self.steps(end)), self.steps(end)) - now)
+
+    def add(self, change: Change) -> int:
+        """Put a change among the others, behind those of the same time; return its place."""
+        place = bisect_right(self.changes, change.time, key=lambda one: one.time)
+        self.changes.insert(place, change)
+        return place
 
     def settings(self) -> dict[str, Any]:
         """Return the settings that hold now, by key."""

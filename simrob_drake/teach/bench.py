@@ -68,7 +68,7 @@ class Bench:
 
     def open(self, station: str, settings: dict[str, Any], robot: str | None = None) -> dict[str, Any]:
         """Take a station, by name or file, with settings, and tell what it is."""
-        config = load_station(station, settings, allow_code=True)
+        config = load_station(station, settings)
         self._cell = cell = Workcell(config)
         self._robot = "" if not config.robots else cell.robot_name(robot or next(iter(config.robots)))
         self._start = config
@@ -97,6 +97,7 @@ class Bench:
         told = self._program(program)
         self.restart()
         self._new_line(told.grid or GRID, told.changes)
+        self.cell.timeline.check(self.cell.config)
         return self._begin(lambda: perform(self.cell, told))
 
     def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -136,7 +137,9 @@ class Bench:
 
     @at_any_time
     def one_tick(self) -> None:
-        """Go on for one tick."""
+        """Go on for one tick, after a pause or from the moment that is shown."""
+        if self.conductor.at is not None and self._is_running:
+            raise Rewound(one=True)
         self.conductor.go_on(one=True)
 
     @at_any_time
@@ -203,16 +206,6 @@ class Bench:
         return arm_questions.where(self._arm(), frame)
 
     @at_any_time
-    def frames(self) -> list[str]:
-        """Tell in which frames the tool can be moved."""
-        return arm_questions.frames(self._arm())
-
-    @at_any_time
-    def tool_pose(self, frame: str = arm_questions.BASE) -> list[float]:
-        """Tell where the reference has the tool, in a frame [m, deg]."""
-        return arm_questions.tool_pose(self._arm(), frame)
-
-    @at_any_time
     def jogged(
         self, delta: Sequence[float], frame: str = arm_questions.BASE, start: Sequence[float] | None = None
     ) -> dict[str, float]:
@@ -270,11 +263,6 @@ class Bench:
         """Draw the last run as a strip of pictures."""
         return str(save_film_strip(self._last_run(), Path(file)))
 
-    @at_any_time
-    def save(self, folder: str) -> str:
-        """Write all of the last run."""
-        return str(self._last_run().save(folder, force=True))
-
     # How
 
     @property
@@ -310,14 +298,15 @@ class Bench:
         """Run something from where the station is, and again whenever it is gone back to and on from there."""
         cell, line = self.cell, self.cell.timeline
         self._places.append(Place(line.now, cell.config, cell.state, doing))
-        begun = line.now
+        begun, one = line.now, False
         while True:
-            self.conductor.begin(line, until=until)
+            self.conductor.begin(line, until=until, one=one)
             try:
                 result = doing()
                 break
-            except Rewound:
+            except Rewound as asked:
                 assert self.conductor.at is not None
+                one = asked.one
                 place, until = self._back_to(self.conductor.at)
                 doing = place.doing
                 self._places.append(place)

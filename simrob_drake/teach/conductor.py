@@ -18,7 +18,12 @@ _MOST = 20_000  # moments that can be gone back to
 
 
 class Rewound(BaseException):
-    """Ends a run that is to be begun anew; no Exception, for it is no failure of the run."""
+    """Ends a run that is to be begun anew, perhaps for ``one`` tick; no Exception, for it is no failure of the run."""
+
+    def __init__(self, *, one: bool = False) -> None:
+        """End a run."""
+        super().__init__()
+        self.one = one
 
 
 class Conductor:
@@ -59,18 +64,18 @@ class Conductor:
         self._last: tuple[float, Vector] | None = None
         self._origin()
 
-    def begin(self, line: Timeline, *, until: float = 0.0, stops: bool = False) -> None:
+    def begin(self, line: Timeline, *, until: float = 0.0, stops: bool = False, one: bool = False) -> None:
         """Prepare for a run along a timeline.
 
         Args:
             line: the timeline.
             until: up to when all was run and shown before [s].
             stops: whether the run ends there.
+            one: whether it pauses at the first tick that was not shown before.
         """
         self.line, line.tell = line, self.at_tick
         self.until, self._stops_there = until, stops
-        self.paused = self.stopping = self._one = False
-        self.runs = True
+        self.paused, self.stopping, self._one, self.runs = False, False, one, True
         self._dragging, self.at = None, None
         self.asked.clear()
         self._now, self._last = line.now, None
@@ -119,7 +124,8 @@ class Conductor:
             self.until = 0.0
             self._origin()
             self.stopping = self._stops_there
-        self.paused, self._one = self.paused or self._one, False
+        else:
+            self.paused, self._one = self.paused or self._one, False
         self._tell_tick(time, moment)
         self._serve()
         while self.paused and not self.stopping:
@@ -144,16 +150,15 @@ class Conductor:
     def _take_changes(self, number: int) -> None:
         time, changes = self.line.time_of(number), self.line.changes
         for change in self.asked:
-            changes.append(change.model_copy(update={"time": time}))
-            self._inbox.tell("noted", change=changes[-1].model_dump(mode="json"))
+            place = self.line.add(change.model_copy(update={"time": time}))
+            self._inbox.tell("noted", change=changes[place].model_dump(mode="json"))
         self.asked.clear()
         if self.drag is None:
             self._end_drag()
             return
         at, point, target = self.drag
         if self._dragging is None:
-            self._dragging = len(changes)
-            changes.append(Change(time=time, drag=DragNow(at=at, point=point, targets=(target,))))
+            self._dragging = self.line.add(Change(time=time, drag=DragNow(at=at, point=point, targets=(target,))))
         else:
             old = changes[self._dragging]
             assert old.drag is not None

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from simrob_drake import LeggedRobot
 from simrob_drake.errors import SimrobError
@@ -102,6 +103,43 @@ def test_going_back_and_on_again_changes_nothing(humanoid: Pendant, tmp_path: Pa
     humanoid.ask("go_on")
     assert humanoid.ask("posture") == end
     np.testing.assert_array_equal(humanoid.signals(tmp_path), signals)
+
+
+def test_a_change_before_one_that_the_program_has_stands_before_it(humanoid: Pendant, tmp_path: Path) -> None:
+    """The later one counts from its time on; gone back to before both, the run goes on as it went."""
+    later = {"time": 0.6, "set": {"servo.kp": 200}}
+    humanoid.ask("pace", factor=0.5)
+    done = humanoid.live.call("play", program=yaml.safe_dump({"moves": [{"wait": 1.0}], "changes": [later]}))
+    humanoid.until("tick", time=0.1)
+    humanoid.ask("change", settings={"servo.kp": 300})
+    humanoid.until("noted")
+    humanoid.ask("pace", factor=None)
+    assert done.result(WAIT)["ending"] == "completed"
+    signals, (noted,) = humanoid.signals(tmp_path), humanoid.told("noted")
+    humanoid.ask("rewind", time=0.05)
+    humanoid.ask("go_on")
+    np.testing.assert_array_equal(humanoid.signals(tmp_path), signals)
+    robot = LeggedRobot("humanoid_dynamic")
+    robot.run(Program.model_validate({"moves": [{"wait": 1.0}], "changes": [later, noted["change"]]}))
+    np.testing.assert_array_equal(signals[:, 1:], robot.result().values)
+
+
+def test_one_tick_goes_on_from_the_moment_that_is_shown(humanoid: Pendant) -> None:
+    done = humanoid.live.call("do", moves=[{"wait": 5.0}])
+    humanoid.ask("pause")
+    humanoid.until("phase", phase="paused")
+    for _ in range(4):
+        humanoid.ask("one_tick")
+        humanoid.until("phase", phase="paused")
+    while humanoid.told("tick")[-1]["time"] < 0.15:
+        humanoid.ask("one_tick")
+    humanoid.ask("rewind", time=0.1)
+    humanoid.news.clear()
+    humanoid.ask("one_tick")
+    assert humanoid.until("tick", time=pytest.approx(0.15))
+    humanoid.until("phase", phase="paused")
+    humanoid.ask("stop")
+    assert done.result(WAIT)["time"] == pytest.approx(0.15)
 
 
 def test_what_is_done_after_going_back_goes_on_from_there(humanoid: Pendant) -> None:
