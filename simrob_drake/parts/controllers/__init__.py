@@ -17,6 +17,7 @@ from simrob_drake.parts.controllers.policy import Policy
 from simrob_drake.parts.controllers.sequencer import Sequencer
 from simrob_drake.parts.controllers.signal_flow import SignalFlow
 from simrob_drake.parts.controllers.touchdown import Touchdown
+from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.parts.kinds import named_by_kind
 
 ControllerConfig = Annotated[
@@ -29,7 +30,8 @@ ControllerConfig = Annotated[
     | MotorProtection
     | SignalFlow
     | Touchdown
-    | Policy,
+    | Policy
+    | Walk,
     Field(discriminator="kind"),
 ]
 Controllers = Annotated[dict[str, ControllerConfig], named_by_kind(ControllerConfig)]

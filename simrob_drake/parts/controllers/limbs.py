@@ -82,23 +82,36 @@ def limb_to(robot: StationRobot, end: Frame) -> Limb:
     """
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant, context, np.zeros(len(robot.axes)))
+    axes, turns, points = axes_to(robot, end), list[Vector](), list[Vector]()
+    for axis in axes:
+        joint = robot.joints[axis]
+        assert isinstance(joint, RevoluteJoint)  # axes_to() has looked
+        pose = plant.CalcRelativeTransform(context, robot.root, joint.frame_on_child())
+        turns.append(robot.axis_map.signs[axis] * (pose.rotation() @ joint.revolute_axis()))
+        points.append(pose.translation())
+    place = plant.CalcRelativeTransform(context, robot.root, end).translation()
+    return Limb(axes, np.array(turns), np.array(points), place)
+
+
+def axes_to(robot: StationRobot, end: Frame) -> list[int]:
+    """Return the places of the axes between the root of a robot and a frame, from the root outward.
+
+    Raises:
+        InvalidParameter: a frame that no joint of the robot moves, or a limb with a joint that slides.
+    """
+    plant, body, axes = robot.plant, end.body(), list[int]()
     inward = {plant.get_joint(index).child_body().index(): plant.get_joint(index) for index in plant.GetJointIndices()}
     places = {joint.index(): number for number, joint in enumerate(robot.joints)}
-    axes, turns, points, body = list[int](), list[Vector](), list[Vector](), end.body()
     while body.index() != robot.root.body().index() and body.index() in inward:
         joint = inward[body.index()]
         if joint.index() in places:
             if not isinstance(joint, RevoluteJoint):
                 raise InvalidParameter(f"limb to {end.name()}", f"with {joint.name()}", "of joints that turn")
-            pose = plant.CalcRelativeTransform(context, robot.root, joint.frame_on_child())
             axes.insert(0, places[joint.index()])
-            turns.insert(0, robot.axis_map.signs[axes[0]] * (pose.rotation() @ joint.revolute_axis()))
-            points.insert(0, pose.translation())
         body = joint.parent_body()
     if not axes:
         raise InvalidParameter(f"limb to {end.name()}", "without a joint", "one that joints move")
-    place = plant.CalcRelativeTransform(context, robot.root, end).translation()
-    return Limb(axes, np.array(turns), np.array(points), place)
+    return axes
 
 
 def _turned(arms: Vector, cross: Vector, twice: Vector, angle: float) -> Vector:

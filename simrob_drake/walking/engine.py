@@ -1,0 +1,245 @@
+r"""The walking engine: from a command, and what the robot does, to a posture at each sample.
+
+In each step the divergent component :math:`\xi` of a pendulum (:mod:`pendulum`) goes where the next steps need it, and
+the centre of mass comes after it, :math:`\dot c = \omega (\xi - c)`; the legs put the feet where they shall be. With
+feedback, an error of :math:`\xi` changes place and time of the landing (:mod:`steps`), and the reference of the centre
+of mass and of the trunk's lean come to what is measured, so that the joints do not push against a fall but step after
+it. A step ends when the foot touches.
+"""
+
+from __future__ import annotations
+
+import math
+from cmath import exp as turned_by
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from pydrake.math import RigidTransform, RotationMatrix
+
+from simrob_drake.constants import STANDARD_GRAVITY
+from simrob_drake.frames import Vector
+from simrob_drake.walking.body import Body, Seen
+from simrob_drake.walking.figures import Feedback, WalkingFigures
+from simrob_drake.walking.pendulum import weights
+from simrob_drake.walking.steps import Command, Divergent, Landing, Steps
+from simrob_drake.walking.stride import Stride, eased
+
+_FIRST_ROUNDS = 30  # of Newton's method, from a posture that may be far away
+_TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
+_LANDS = 0.03  # before landing, in which the foothold stays [s]
+_TOUCHES = 0.001  # over the lowest foot [m]
+_HALFWAY = 0.5  # of a swing, before which no foot touches: it has just lifted
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a robot does, seen from the foot that stands.
+
+    Attributes:
+        com, xi: centre of mass and divergent component [m].
+        lean, pitch: of the trunk, to the right and ahead [rad].
+        touches: whether the swinging foot touches.
+    """
+
+    com: complex
+    xi: complex
+    lean: float
+    pitch: float
+    touches: bool
+
+
+class Engine:
+    """Makes a walk, sample by sample; it remembers nothing but what a :class:`Stride` and a posture tell."""
+
+    def __init__(self, body: Body, figures: WalkingFigures, groups: Sequence[Sequence[int]], period: float) -> None:
+        """Prepare.
+
+        Args:
+            body: the robot's kinematics.
+            figures: of its walk.
+            groups: the feet that stand and swing together, the right ones first.
+            period: between samples [s].
+        """
+        self.body, self._figures, self._groups, self._period = body, figures, groups, period
+        homes = [complex(*home[:2]) + 1j * math.copysign(figures.widen, home[1]) for home in body.homes]
+        middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
+        self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
+        self._middle = 0.5 * (middles[0] + middles[1])
+        self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag)
+
+    def standing(self, posture: Vector) -> tuple[Stride, Vector]:
+        """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
+        foot = self.steps.beside(0)
+        stride = Stride(foot=foot, landing=foot, com=foot / 2, zmp=foot / 2, zmp_from=foot / 2)
+        for _ in range(3):
+            posture = self._posture(stride, posture, 0.0, _FIRST_ROUNDS)
+        return stride, posture
+
+    def measured(self, stride: Stride, seen: Seen, forces: Sequence[float] | None = None) -> Measured:
+        """Return what the robot does, from the foot that stands; ``forces`` on its feet, if they are known [N]."""
+        here, there = (self._groups[place] for place in self._both(stride))
+        places = [seen.feet[foot] for foot in here]
+        origin = sum(complex(*place.translation()[:2]) for place in places) / len(places)
+        ahead = sum(complex(*place.rotation().matrix()[:2, 0]) for place in places)
+        turn = ahead.conjugate() / abs(ahead)
+        com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2])
+        omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
+        up = seen.trunk.matrix()[2]
+        told = self._figures.feedback
+        if forces is not None and told is not None and told.touch is not None:
+            touches = max(forces[foot] for foot in there) > told.touch
+        else:
+            touches = bool(seen.lowest[there].min() < seen.lowest[here].min() + _TOUCHES)
+        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), touches)
+
+    def sample(
+        self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
+    ) -> tuple[Stride, Vector]:
+        """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
+        omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + self.body.centre(posture)[2]))
+        told = self._figures.feedback if measured is not None else None
+        stride, xi = self._planned(stride, command, omega, told, measured)
+        stride, lift = self._swung(stride)
+        com, lean, pitch = stride.com, stride.lean, stride.pitch
+        if told is not None and measured is not None:
+            com += self._part(told.follow) * (measured.com - com)
+            lean += self._part(told.lean_follow) * (measured.lean - lean)
+            pitch += self._part(told.lean_follow) * (measured.pitch - pitch)
+            lean, pitch = ((1 - self._part(told.lean_return)) * angle for angle in (lean, pitch))
+        com += (1.0 - math.exp(-omega * self._period)) * (xi - com)
+        stride = replace(stride, com=com, lean=lean, pitch=pitch)
+        posture = self._posture(stride, posture, lift)
+        return self._later(stride, command, told, measured, xi), posture
+
+    # Where the divergent component and the feet go
+
+    def _planned(
+        self, stride: Stride, command: Command, omega: float, told: Feedback | None, measured: Measured | None
+    ) -> tuple[Stride, complex]:
+        """Return the stride with its landing decided, and where the divergent component shall be."""
+        steps = self.steps
+        if not stride.steps:
+            off = measured.xi - stride.zmp if told is not None and measured is not None else 0j
+            error = _beyond(off, told)
+            if command.moves or abs(error) > (told.hurry if told else 0.0):
+                stride = self._begun(stride, command, error)
+            else:
+                return stride, stride.zmp
+        standing = int(stride.standing)
+        rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.command)
+        planned = Landing(stride.nominal, planned.place, planned.yaw)
+        share = min(stride.time / stride.transfer, 1.0) if stride.transfer > 0 else 1.0
+        stride = replace(stride, zmp=stride.zmp_from + share * (rest - stride.zmp_from))
+        after = steps.after(standing, stride.command, omega)
+        if told is None or measured is None:
+            stride = stride.landing_at(planned)
+        elif stride.time <= stride.ends - _LANDS:
+            own = self._wanted(stride, Landing(stride.ends, planned.place), omega, rest, after)
+            error = _beyond(measured.xi - own, told)
+            now = Divergent(own + error, omega, stride.time, stride.transfer, stride.zmp, rest)
+            stride = stride.landing_at(steps.adjusted(1 - standing, planned, now, stride.foot, after))
+        return stride, self._wanted(stride, Landing(stride.ends, stride.landing), omega, rest, after)
+
+    def _wanted(
+        self, stride: Stride, landing: Landing, omega: float, rest: complex, after: tuple[float, complex]
+    ) -> complex:
+        """Return where the divergent component must be now for a landing."""
+        left = max(landing.time - stride.time, 0.0)
+        start, stays, end = weights(omega, left, min(max(stride.transfer - stride.time, 0.0), left))
+        return start * stride.zmp + stays * rest + end * ((1.0 - after[0]) * landing.place + after[1])
+
+    def _begun(self, stride: Stride, command: Command, error: complex) -> Stride:
+        """Return a first step: at leisure with the right foot, or at once with the foot on the side of an error."""
+        if error and error.imag * (stride.standing - 0.5) > 0:
+            stride = stride.on_the_other_foot()
+        settle = 0.0 if error else self._figures.settle
+        stride = self._next(stride, command, hurries=bool(error))
+        more = settle - stride.transfer
+        return replace(stride, steps=1.0, transfer=settle, nominal=stride.nominal + more, ends=stride.ends + more)
+
+    def _next(self, stride: Stride, command: Command, *, hurries: bool) -> Stride:
+        """Return a step that begins now."""
+        figures = self._figures
+        told = stride.command.nearer(command, figures.quicken)
+        transfer = 0.0 if hurries else self.steps.transfer
+        time = figures.step_time
+        return replace(stride, transfer=transfer, nominal=time, ends=time, speed=told.speed, turn=told.turn)
+
+    def _swung(self, stride: Stride) -> tuple[Stride, float]:
+        """Return the stride with its foot further on its way, and how high that is [m]."""
+        after = stride.time + self._period
+        length = stride.ends - stride.transfer
+        if not stride.steps or after <= stride.transfer or length <= 0:
+            return stride, 0.0
+        share = max(min((after - stride.transfer) / length, 1.0), stride.share)
+        before, now = eased(stride.share), eased(share)
+        part = min((now - before) / max(1.0 - before, 1e-3), 1.0)
+        foot = stride.foot + part * (stride.landing - stride.foot)
+        yaw = stride.foot_yaw + part * (stride.landing_yaw - stride.foot_yaw)
+        way = eased(min(after / stride.ends, 1.0))
+        heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
+        height = 64.0 * self._figures.lift * (share * (1.0 - share)) ** 3
+        return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading), height
+
+    def _later(
+        self, stride: Stride, command: Command, told: Feedback | None, measured: Measured | None, xi: complex
+    ) -> Stride:
+        """Return the stride at the next sample, perhaps on the other foot."""
+        stride = replace(stride, time=stride.time + self._period)
+        if not stride.steps:
+            return stride
+        touches = told is not None and measured is not None and measured.touches
+        begun = stride.transfer + _HALFWAY * (stride.ends - stride.transfer)
+        if stride.time < stride.ends - 1e-9 and not (touches and stride.time > begun):
+            return stride
+        if told is not None and not touches and stride.waits < told.late:
+            return replace(stride, waits=stride.waits + self._period)
+        error = _beyond(measured.xi - xi, told) if measured is not None else 0j
+        off = abs(stride.foot - self.steps.beside(1 - int(stride.standing)))
+        stride = stride.on_the_other_foot()
+        hurries = told is not None and abs(error) > told.hurry
+        if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
+            return replace(stride, steps=0.0, zmp=stride.foot / 2, zmp_from=stride.foot / 2)
+        return self._next(stride, command, hurries=hurries)
+
+    # Postures
+
+    def _posture(self, stride: Stride, near: Vector, lift: float, rounds: int = 1) -> Vector:
+        """Return the posture (n,) of a stride whose foot is ``lift`` high, found from one near it."""
+        figures, body, turn = self._figures, self.body, turned_by(1j * stride.heading)
+        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
+            RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch)
+        )
+        rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean))
+        centre = rotation.multiply(body.centre(near))
+        root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height])
+        feet = [RigidTransform()] * len(body.legs)
+        here, there = self._both(stride)
+        for group, middle, yaw, height in ((here, 0j, 0.0, 0.0), (there, stride.foot, stride.foot_yaw, lift)):
+            for foot, about in zip(self._groups[group], self._about[group], strict=True):
+                place = _pair(middle + turned_by(1j * yaw) * about)
+                feet[foot] = RigidTransform(RotationMatrix.MakeZRotation(yaw), [*place, body.over + height])
+        return body.posture(near, root, feet, rounds)
+
+    def _both(self, stride: Stride) -> tuple[int, int]:
+        """Return the places of the feet that stand and of those that swing."""
+        return int(stride.standing), 1 - int(stride.standing)
+
+    def _part(self, rate: float) -> float:
+        """Return by how much a value that goes at a rate [1/s] comes nearer in a sample."""
+        return 1.0 - math.exp(-rate * self._period)
+
+
+def _beyond(error: complex, told: Feedback | None) -> complex:
+    """Return an error of the divergent component without what is let be."""
+    if told is None:
+        return 0j
+    ahead, left = told.let_be
+    return complex(
+        math.copysign(max(abs(error.real) - ahead, 0.0), error.real),
+        math.copysign(max(abs(error.imag) - left, 0.0), error.imag),
+    )
+
+
+def _pair(place: complex) -> tuple[float, float]:
+    return place.real, place.imag

@@ -1,0 +1,136 @@
+"""The figures of a robot's walk that is made while it goes, read from the `walking.yaml` beside its `robot.yaml`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
+
+WALKING_FILE = "walking.yaml"
+Share = Annotated[Number, Field(ge=0, le=1)]
+
+
+class Fastest(Strict):
+    """Commands that the legs can follow; what is beyond is clipped."""
+
+    ahead: NotNegative
+    """[m/s]."""
+    backward: NotNegative
+    """[m/s]."""
+    sideways: NotNegative = 0.0
+    """[m/s]."""
+    turn_deg: NotNegative = 0.0
+    """[deg/s]."""
+
+
+class Reach(Strict):
+    """Where a foot may land, seen from the one that stands."""
+
+    ahead: Positive
+    """[m]."""
+    behind: Positive
+    """[m]."""
+    near: Number
+    """Least way to its own side: feet do not cross [m]."""
+    far: Positive
+    """Largest way to its own side [m]."""
+
+
+class Feedback(Strict):
+    """How what the robot does changes what it is asked for."""
+
+    follow: NotNegative = 10.0
+    """How fast the reference of the centre of mass comes to where it is [1/s]."""
+    lean_follow: NotNegative = 0.0
+    """How fast the reference of the trunk's lean comes to the lean that it has [1/s]."""
+    lean_return: NotNegative = 5.0
+    """How fast it comes upright [1/s]."""
+    let_be: tuple[NotNegative, NotNegative] = (0.03, 0.02)
+    """Errors of the divergent component that no step answers, ahead and sideways [m]: legs that swing make some."""
+    gain: Share = 1.0
+    """How much of an error beyond that a step takes up."""
+    hurry: NotNegative = 0.03
+    """Error from which the next foot lifts at once [m]."""
+    shortest: Positive = 0.15
+    """Least time of a swing [s]."""
+    longest: Positive = 0.5
+    """Longest time of a swing [s]."""
+    keeps_place: NotNegative = 0.02
+    """What a metre off the planned foothold costs, in metres off where the divergent component wants it."""
+    keeps_time: NotNegative = 0.1
+    """What a second off the planned time costs, likewise [m²/s²]."""
+    foot_speed: Positive = 1.5
+    """Of a foot that swings, over the ground, at most [m/s]."""
+    late: NotNegative = 0.1
+    """How long a foot that should have touched is waited for [s]."""
+    touch: Positive | None = None
+    """Force on a foot from which it touches [N], where `reads` names sensors of the feet; by their heights without."""
+
+
+class WalkingFigures(Strict):
+    """How a robot carries itself, steps, and answers what disturbs it."""
+
+    facing_deg: Number
+    """Where the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
+    height: Positive
+    """Of the root over the soles [m]."""
+    pitch_deg: Number = 0.0
+    """Of the trunk, forward [deg]."""
+    posture_deg: AxisValues = 0.0
+    """Angles of the axes that are in no leg; knees bend as they do here [deg]."""
+    groups: tuple[tuple[str, ...], tuple[str, ...]] = (("right_foot",), ("left_foot",))
+    """The feet that stand and swing together, the right ones first; tools of the robot."""
+    widen: Number = 0.0
+    """How much further out each foot stands than with straight legs [m]."""
+    step_time: Positive
+    """From one footfall to the next [s]."""
+    double_support: Annotated[Number, Field(ge=0, lt=0.9)] = 0.2
+    """Part of a step in which both feet stand."""
+    lift: Positive
+    """Height of the swinging foot [m]."""
+    zmp_inward: Number = 0.0
+    """How far inside of the middle of each foot the zero-moment point goes [m]."""
+    zmp_ahead: Number = 0.0
+    """How far ahead of it [m]."""
+    settle: Positive = 0.6
+    """Time to shift the weight before the first step [s]."""
+    quicken: tuple[Positive, Positive, Positive] = (0.06, 0.03, 15.0)
+    """By how much speed ahead, sideways [m/s] and turn [deg/s] change from a step to the next at most."""
+    fastest: Fastest
+    reach: Reach
+    feedback: Feedback | None = Field(default_factory=Feedback)
+    """None: the walk is as planned, whatever the robot does."""
+
+    @model_validator(mode="after")
+    def _feet_apart(self) -> WalkingFigures:
+        if self.reach.far <= self.reach.near:
+            raise ValueError(f"reach.far, {self.reach.far:g} m, must be beyond reach.near, {self.reach.near:g} m")
+        return self
+
+
+def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) -> WalkingFigures:
+    """Return the figures of a robot's walk, some of them changed.
+
+    Args:
+        model: the robot, which has a file `walking.yaml` beside its `robot.yaml`.
+        changes: figures in place of its own; a section of theirs, such as ``feedback``, changes what it names.
+
+    Raises:
+        InvalidParameter: a robot without such a file.
+        InvalidConfig: a figure that cannot be.
+    """
+    file = model.folder / WALKING_FILE
+    if not file.is_file():
+        raise InvalidParameter(f"robot {model.name}", "one that has no walk", f"one with a file {WALKING_FILE}")
+    own = dict(read_yaml(file))
+    for key, value in (changes or {}).items():
+        whole = isinstance(value, Mapping) and isinstance(own.get(key), Mapping)
+        own[key] = {**own[key], **value} if whole else value
+    return validated(WalkingFigures, own, file)

@@ -1,0 +1,114 @@
+"""What a walk remembers from a sample to the next."""
+
+from __future__ import annotations
+
+from cmath import exp as turned_by
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.walking.steps import Command, Landing
+
+
+@dataclass(frozen=True)
+class Stride:
+    """Where a walk is in its step, seen from the foot that stands: x ahead, y left, as complex numbers [m].
+
+    Attributes:
+        standing: the foot, 0 the right one, 1 the left one.
+        steps: whether a step is under way; else both stand.
+        time: since the step began [s].
+        transfer: in which the weight goes over at its start [s].
+        nominal: when it ends unless disturbed [s].
+        ends: when it ends [s].
+        com: the reference of the centre of mass.
+        zmp, zmp_from: of the zero-moment point, and where that came from.
+        foot, foot_yaw: of the other foot, which swings [rad].
+        share: how far its swing is, 0 to 1.
+        landing, landing_yaw: where it lands.
+        heading, heading_from: of the trunk, and where that came from [rad].
+        lean, pitch: of the trunk, to the right and ahead [rad].
+        speed, turn: that the steps follow [m/s, rad/s].
+        waits: how long the foot has been late [s].
+    """
+
+    standing: float = 1.0
+    steps: float = 0.0
+    time: float = 0.0
+    transfer: float = 0.0
+    nominal: float = 0.0
+    ends: float = 0.0
+    com: complex = 0j
+    zmp: complex = 0j
+    zmp_from: complex = 0j
+    foot: complex = 0j
+    foot_yaw: float = 0.0
+    share: float = 0.0
+    landing: complex = 0j
+    landing_yaw: float = 0.0
+    heading: float = 0.0
+    heading_from: float = 0.0
+    lean: float = 0.0
+    pitch: float = 0.0
+    speed: complex = 0j
+    turn: float = 0.0
+    waits: float = 0.0
+
+    @property
+    def command(self) -> Command:
+        """What the steps follow."""
+        return Command(self.speed, self.turn)
+
+    def on_the_other_foot(self) -> Stride:
+        """Return it seen from the foot that swung, which stands now."""
+        turn = turned_by(-1j * self.foot_yaw)
+
+        def seen(place: complex) -> complex:
+            return (place - self.foot) * turn
+
+        heading = self.heading - self.foot_yaw
+        return replace(
+            self,
+            standing=1.0 - self.standing,
+            time=0.0,
+            com=seen(self.com),
+            zmp=seen(self.zmp),
+            zmp_from=seen(self.zmp),
+            foot=seen(0j),
+            foot_yaw=-self.foot_yaw,
+            share=0.0,
+            heading=heading,
+            heading_from=heading,
+            waits=0.0,
+        )
+
+    def landing_at(self, landing: Landing) -> Stride:
+        """Return it with another end of the step."""
+        return replace(self, ends=landing.time, landing=landing.place, landing_yaw=landing.yaw)
+
+    def numbers(self) -> Vector:
+        """Return it as numbers, shape (:data:`NUMBERS`,)."""
+        return np.array(
+            [(value.real, value.imag) for name in _NAMES for value in [complex(getattr(self, name))]]
+        ).ravel()
+
+    @classmethod
+    def of(cls, numbers: Vector) -> Stride:
+        """Return what numbers (:data:`NUMBERS`,) tell."""
+        pairs: Sequence[list[float]] = numbers.reshape(-1, 2).tolist()
+        return cls(
+            **{name: complex(*pair) if name in _PLACES else pair[0] for name, pair in zip(_NAMES, pairs, strict=True)}
+        )
+
+
+def eased(share: float) -> float:
+    """Return how much of a way from rest to rest is done at a share of its time, both 0 to 1."""
+    return share**3 * (10.0 + share * (6.0 * share - 15.0))
+
+
+_NAMES = [field.name for field in fields(Stride)]
+_PLACES = {field.name for field in fields(Stride) if isinstance(field.default, complex)}
+NUMBERS = 2 * len(_NAMES)
+"""How many numbers tell a stride."""
