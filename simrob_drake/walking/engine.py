@@ -38,6 +38,7 @@ class Measured:
     Attributes:
         com, xi: centre of mass and divergent component [m].
         lean, pitch: of the trunk, to the right and ahead [rad].
+        slope: of the soles that stand, ahead and to the left [1].
         touches: whether the swinging foot touches.
     """
 
@@ -45,6 +46,7 @@ class Measured:
     xi: complex
     lean: float
     pitch: float
+    slope: complex
     touches: bool
 
 
@@ -85,12 +87,14 @@ class Engine:
         com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2])
         omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
         up = seen.trunk.matrix()[2]
+        normal = sum(place.rotation().matrix()[:, 2] for place in places)
+        slope = -turn * complex(*normal[:2]) / max(normal[2], 0.5)
         told = self._figures.feedback
         if forces is not None and told is not None and told.touch is not None:
             touches = max(forces[foot] for foot in there) > told.touch
         else:
             touches = bool(seen.lowest[there].min() < seen.lowest[here].min() + _TOUCHES)
-        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), touches)
+        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), slope, touches)
 
     def sample(
         self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
@@ -100,17 +104,20 @@ class Engine:
         omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
         told = self._figures.feedback if measured is not None else None
         stride, xi = self._planned(stride, command, omega, told, measured)
-        stride, lift = self._swung(stride)
-        com, lean, pitch = stride.com, stride.lean, stride.pitch
+        stride, lift = self._swung(stride, told)
+        com, lean, pitch, rise, slope = stride.com, stride.lean, stride.pitch, stride.rise, stride.slope
         if told is not None and measured is not None:
             com += self._part(told.follow) * (measured.com - com)
             lean += self._part(told.lean_follow) * (measured.lean - lean)
             pitch += self._part(told.lean_follow) * (measured.pitch - pitch)
             lean, pitch = ((1 - self._part(told.lean_return)) * angle for angle in (lean, pitch))
+            if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
+                slope += self._part(told.ground) * (measured.slope - slope)
+            rise -= self._part(told.level) * rise
         com += (1.0 - math.exp(-omega * self._period)) * (xi - com)
-        stride = replace(stride, com=com, lean=lean, pitch=pitch)
+        stride = replace(stride, com=com, lean=lean, pitch=pitch, rise=rise, slope=slope)
         posture = self._posture(stride, posture, centre, lift)
-        return self._later(stride, command, told, measured, xi), posture
+        return self._later(stride, command, told, measured, xi, lift), posture
 
     # Where the divergent component and the feet go
 
@@ -158,8 +165,8 @@ class Engine:
             stride = stride.on_the_other_foot()
         settle = 0.0 if error else self._figures.settle
         stride = self._next(stride, command, hurries=bool(error))
-        more = settle - stride.transfer
-        return replace(stride, steps=1.0, transfer=settle, nominal=stride.nominal + more, ends=stride.ends + more)
+        ends = settle + self._figures.step_time
+        return replace(stride, steps=1.0, transfer=settle, nominal=ends, ends=ends)
 
     def _next(self, stride: Stride, command: Command, *, hurries: bool) -> Stride:
         """Return a step that begins now."""
@@ -169,7 +176,7 @@ class Engine:
         time = figures.step_time
         return replace(stride, transfer=transfer, nominal=time, ends=time, speed=told.speed, turn=told.turn)
 
-    def _swung(self, stride: Stride) -> tuple[Stride, float]:
+    def _swung(self, stride: Stride, told: Feedback | None) -> tuple[Stride, float]:
         """Return the stride with its foot further on its way, and how high that is [m]."""
         after = stride.time + self._period
         length = stride.ends - stride.transfer
@@ -182,11 +189,18 @@ class Engine:
         yaw = stride.foot_yaw + part * (stride.landing_yaw - stride.foot_yaw)
         way = eased(min(after / stride.ends, 1.0))
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
-        height = self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
-        return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading), height
+        height = stride.height * (1.0 - part)
+        lift = self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
+        return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height), lift
 
     def _later(
-        self, stride: Stride, command: Command, told: Feedback | None, measured: Measured | None, xi: complex
+        self,
+        stride: Stride,
+        command: Command,
+        told: Feedback | None,
+        measured: Measured | None,
+        xi: complex,
+        lift: float,
     ) -> Stride:
         """Return the stride at the next sample, perhaps on the other foot."""
         stride = replace(stride, time=stride.time + self._period)
@@ -197,10 +211,11 @@ class Engine:
         if stride.time < stride.ends - 1e-9 and not (touches and stride.time > begun):
             return stride
         if told is not None and not touches and stride.waits < told.late:
-            return replace(stride, waits=stride.waits + self._period)
+            lower = stride.height - told.search * self._period
+            return replace(stride, waits=stride.waits + self._period, height=lower)
         error = _beyond(measured.xi - xi, told) if measured is not None else 0j
         off = abs(stride.foot - self.steps.beside(1 - int(stride.standing)))
-        stride = stride.on_the_other_foot()
+        stride = replace(stride, height=stride.height + lift).on_the_other_foot()
         hurries = told is not None and abs(error) > told.hurry
         if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
             return replace(stride, steps=0.0, zmp=stride.foot / 2, zmp_from=stride.foot / 2)
@@ -216,13 +231,17 @@ class Engine:
         )
         rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean))
         centre = rotation.multiply(centre)
-        root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height])
+        root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height + stride.rise])
+        ahead, left = _pair(stride.slope)
+        ground = RotationMatrix.MakeYRotation(-math.atan(ahead)).multiply(RotationMatrix.MakeXRotation(math.atan(left)))
         feet = [RigidTransform()] * len(body.homes)
         here, there = self._both(stride)
-        for group, middle, yaw, height in ((here, 0j, 0.0, 0.0), (there, stride.foot, stride.foot_yaw, lift)):
+        for group, middle, yaw, height in ((here, 0j, 0.0, 0.0), (there, stride.foot, stride.foot_yaw, stride.height + lift)):
             for foot, about in zip(self._groups[group], self._about[group], strict=True):
-                place = _pair(middle + turned_by(1j * yaw) * about)
-                feet[foot] = RigidTransform(RotationMatrix.MakeZRotation(yaw), [*place, body.over + height])
+                place = middle + turned_by(1j * yaw) * about
+                up = body.over + height + ahead * place.real + left * place.imag
+                turn = ground.multiply(RotationMatrix.MakeZRotation(yaw))
+                feet[foot] = RigidTransform(turn, [*_pair(place), up])
         return body.posture(near, root, feet, rounds)
 
     def _both(self, stride: Stride) -> tuple[int, int]:

@@ -74,6 +74,12 @@ class Feedback(Strict):
     """Of a foot that swings, over the ground, at most [m/s]."""
     late: NotNegative = 0.1
     """How long a foot that should have touched is waited for [s]."""
+    search: NotNegative = 0.2
+    """How fast it goes on downward meanwhile [m/s]."""
+    level: NotNegative = 5.0
+    """How fast the root comes to its height over a foot that stands higher or lower than the last [1/s]."""
+    ground: NotNegative = 1.0
+    """How fast the slope that feet are laid on comes to that of the foot that stands [1/s]; 0 on a level floor."""
     touch: Positive | None = None
     """Force on a foot from which it touches [N], where `reads` names sensors of the feet; by their heights without."""
 

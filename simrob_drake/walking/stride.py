@@ -29,6 +29,9 @@ class Stride:
         landing, landing_yaw: where it lands.
         heading, heading_from: of the trunk, and where that came from [rad].
         lean, pitch: of the trunk, to the right and ahead [rad].
+        height: of the ground under the other foot over that under the foot that stands [m].
+        rise: of the root, over its usual height there [m].
+        slope: of the ground, ahead and to the left [1].
         speed, turn: that the steps follow [m/s, rad/s].
         waits: how long the foot has been late [s].
     """
@@ -51,6 +54,9 @@ class Stride:
     heading_from: float = 0.0
     lean: float = 0.0
     pitch: float = 0.0
+    height: float = 0.0
+    rise: float = 0.0
+    slope: complex = 0j
     speed: complex = 0j
     turn: float = 0.0
     waits: float = 0.0
@@ -80,6 +86,9 @@ class Stride:
             share=0.0,
             heading=heading,
             heading_from=heading,
+            height=-self.height,
+            rise=self.rise - self.height,
+            slope=self.slope * turn,
             waits=0.0,
         )
 
