@@ -72,14 +72,8 @@ def pushes(
     from simrob_drake.tuning.push_map import PushMap
     from simrob_drake.tuning.walking_folder import WalkingFolder
 
-    of_pushes: dict[str, Any] = {
-        "directions": directions,
-        "phases": phases,
-        "period": period,
-        "start": start,
-        "duration": duration,
-    }
-    of_pushes |= {"after": after, "at": at, "first": from_, "force": newtons}
+    of_pushes: dict[str, Any] = {"directions": directions, "phases": phases, "period": period, "start": start}
+    of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}
     of_burdens = {"seconds": seconds, "least": least}
     if vary:
         refuse("left out with --vary", **of_pushes)
@@ -91,6 +85,7 @@ def pushes(
         "beside": _changes(beside, "--beside"),
         "seeds": seeds,
         "close": close,
+        "at": at,
         **({"vary": vary, **of_burdens} if vary else of_pushes),
     }
     kind = Burdens if vary else PushMap

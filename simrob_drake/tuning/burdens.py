@@ -17,7 +17,7 @@ from simrob_drake.tuning.doubts import Change
 from simrob_drake.tuning.rollout import Row
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.subject import Subject, subject_of
-from simrob_drake.tuning.walking import COMPLETED, Trial, Walking, check_unharmed
+from simrob_drake.tuning.walking import COMPLETED, Trial, Walking
 
 Kind = Literal["load", "friction", "stiffness", "slope", "step"]
 _HELD_UP = "held up"
@@ -113,6 +113,11 @@ class Burdens(Walking):
     least: Fraction = 0.5
     """How far ahead it must bring the robot, as a part of the way without any burden."""
 
+    @property
+    def longest(self) -> float:
+        """How long each walk is [s]."""
+        return self.seconds
+
     def trials(self, *, allow_code: bool = False) -> "list[Bearing]":
         """Return all trials: with each of the settings, of each draw, each burden."""
         names = [(kind, what) for kind in dict.fromkeys(self.vary) for what in _BURDENS[kind]]
@@ -123,13 +128,6 @@ class Burdens(Walking):
             for seed in self.draws
         ]
         return [replace(trial, number=number) for number, trial in enumerate(found, start=1)]
-
-    def check(self, *, allow_code: bool = False) -> str:
-        """Check as :class:`Walking` says."""
-        scene = self.scene(self.overrides, self.seconds, allow_code=allow_code)
-        subject_of(scene.config)
-        check_unharmed(scene)
-        return scene.digest
 
     def summary(self, rows: list[Row]) -> list[Row]:
         """Return of each burden the weakest figure of all draws, and their median; None where one bears none."""
@@ -167,7 +165,7 @@ class Bearing(Trial):
     def figures(self) -> list[Row]:
         """Return the largest figure that is borne, the next one that was tried, and how the walk with that ended."""
         burden, scene = _BURDENS[self.kind][self.what], self._scene({})
-        subject, free = subject_of(scene.config), scene.run()
+        subject, free = subject_of(scene.config, self.asked.at), scene.run()
         if free.ending != COMPLETED:
             return [{"unit": burden.unit, "ended": free.stopped_by or free.ending, "message": free.message}]
         way = _Way(scene, subject, locomotion(free, subject.name).ahead, self.seed)

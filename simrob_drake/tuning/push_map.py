@@ -17,7 +17,7 @@ from simrob_drake.tuning.rollout import Row
 from simrob_drake.tuning.runners import runner_of
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.subject import subject_of
-from simrob_drake.tuning.walking import COMPLETED, Trial, Walking, check_unharmed, gait_of
+from simrob_drake.tuning.walking import COMPLETED, Trial, Walking, gait_of
 
 _PUSH = "pushed"  # what the station calls it
 _PERIOD = 0.8  # of two steps, unless a gait tells it [s]
@@ -45,8 +45,11 @@ class PushMap(Walking):
     """What a search tries first [N]; a fifth of the robot's weight unless given."""
     force: Positive | None = None
     """The force of all pushes [N]; nothing is searched for then."""
-    at: str | None = None
-    """Where: a tool or a link, at its origin; the robot's root, at its centre of mass, unless given."""
+
+    @property
+    def longest(self) -> float:
+        """How long the run is at whose last moment nothing pushes [s]."""
+        return self.start + (self.period or _PERIOD) + self.duration + self.after
 
     @property
     def turns(self) -> list[float]:
@@ -64,13 +67,6 @@ class PushMap(Walking):
             for moment in moments
         ]
         return [replace(trial, number=number) for number, trial in enumerate(found, start=1)]
-
-    def check(self, *, allow_code: bool = False) -> str:
-        """Check as :class:`Walking` says."""
-        scene = replace(self.trials(allow_code=allow_code)[self.phases - 1], seed=None).scene()
-        subject_of(scene.config, self.at)
-        check_unharmed(scene.pushed(_PUSH, 0.0))
-        return scene.digest
 
     def summary(self, rows: list[Row]) -> list[Row]:
         """Return for each direction, and for all together, what holds at all moments and of all draws.

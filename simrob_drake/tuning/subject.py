@@ -6,13 +6,14 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.forces.force import place_of
 from simrob_drake.parts.monitors import Fall
+from simrob_drake.parts.site import named
+from simrob_drake.parts.targets import frame_names
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 
@@ -23,7 +24,6 @@ class Subject:
 
     Attributes:
         name: in the station.
-        key: of its section.
         root: the link that it is held by in other stations.
         mass: with what it carries [kg].
         heading: where it looks at the start, counterclockwise from the world's x [rad].
@@ -32,7 +32,6 @@ class Subject:
     """
 
     name: str
-    key: str
     root: str
     mass: float
     heading: float
@@ -52,10 +51,13 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
         at: where: a robot, or a frame of one as ``forces`` name them; the root of the only robot unless given.
 
     Raises:
+        UnknownName: there is no such place.
         InvalidParameter: no robot that stands on feet of its own, or none whose fall a monitor ends.
     """
-    name = config.only_robot or one_of("robot for --at", (at or "").partition(".")[0], config.robots)
     resolved = resolve(config)
+    frames = [frame for frame in frame_names(resolved) if config.only_robot or frame.partition(".")[0] in config.robots]
+    place = named(at, [*config.robots, *(frames if at else [])], kind="robot, tool or link", key="--at")
+    name = config.only_robot or place.partition(".")[0]
     robot = resolved.robots[name]
     if config.mode == "kinematic" or not robot.floats:
         told = f"a dynamic station with a robot on feet of its own, and {name} is held"
@@ -65,14 +67,12 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
         raise InvalidParameter("station", config.name, told)
     station = add_plant(DiagramBuilder(), resolved)
     plant, context, body = station.plant, station.plant.CreateDefaultContext(), station.robots[name]
-    place, _ = place_of(station, at or name)
     base = body.root.CalcPoseInWorld(context)
     heading = float(headings(station, body, xyz_quaternion_from_transform(base)[np.newaxis])[0])
     turned = RigidTransform(RotationMatrix.MakeZRotation(heading), np.zeros(3))
-    seen = place.CalcPoseInWorld(context).rotation().inverse() @ turned.rotation()
+    seen = place_of(station, place)[0].CalcPoseInWorld(context).rotation().inverse() @ turned.rotation()
     return Subject(
         name=name,
-        key=ONLY_ROBOT if name == config.only_robot == ONLY_ROBOT else f"robots.{name}",
         root=robot.model.root,
         mass=float(plant.CalcTotalMass(context, [body.instance])),
         heading=heading,

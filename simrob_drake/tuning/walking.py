@@ -10,11 +10,12 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from simrob_drake.errors import InvalidConfig, SimrobError
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.tuning.doubts import Change, drawn
 from simrob_drake.tuning.rollout import KILLED, REFUSED, Row
 from simrob_drake.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
+from simrob_drake.tuning.subject import subject_of
 from simrob_drake.tuning.variation import MOST_SEEDS
 from simrob_drake.yaml_files import Number, Strict
 
@@ -41,6 +42,13 @@ class Walking(Strict, ABC):
     """How many draws of the robot and its floor; 0 takes both as they were thought."""
     close: Annotated[Number, Field(ge=1e-3, le=0.5)] = 0.1
     """Where a bisection ends: what no longer holds is larger than what does by this part of it."""
+    at: str | None = None
+    """What is pushed: a tool or a link, at its origin; the robot's root, at its centre of mass, unless given."""
+
+    @property
+    @abstractmethod
+    def longest(self) -> float:
+        """How long the longest run is without what is tried [s]."""
 
     @property
     def settings(self) -> dict[str, Change]:
@@ -61,13 +69,20 @@ class Walking(Strict, ABC):
             SimrobError: a station or a gait that cannot be.
         """
 
-    @abstractmethod
     def check(self, *, allow_code: bool = False) -> str:
         """Check, before any trial, all that can be known by then; return a digest of the station.
 
         Raises:
-            SimrobError: a station that cannot be, no robot on feet of its own, or one that fails by itself.
+            SimrobError: a station that cannot be, no robot on feet of its own, or one that falls by itself.
         """
+        if "duration" in self.overrides | self.beside:
+            raise InvalidParameter("--set duration", "given", "left out: how long a run is, its trial tells")
+        walks = [self.scene(changes, self.longest, allow_code=allow_code) for changes in self.settings.values()]
+        subject_of(walks[0].config, self.at)
+        run = walks[0].run()
+        if run.ending != COMPLETED:
+            raise SimrobError(f"{self.station}: nothing can be found of a robot that falls by itself: {run.message}")
+        return walks[0].digest
 
     @abstractmethod
     def summary(self, rows: list[Row]) -> list[Row]:
@@ -94,24 +109,13 @@ class Walking(Strict, ABC):
         found, steps = scene(asked), _FEW
         if found.program is not None or found.engine != DRAKE:
             key = ENGINE if found.program is None else PROGRAM
-            raise InvalidConfig(self.station, key, f"is none to walk with here: that is a station alone, or its {GAIT}")
+            raise InvalidConfig(self.station, key, f"is to be left out: a station alone is tried, or its {GAIT}")
         counted = gait_of(found) is not None and "steps" not in found.told
         while counted and found.motion is not None and found.motion.duration < seconds + _REST:
             steps *= 2
             asked[f"{GAIT}.steps"] = steps
             found = scene(asked)
         return found if seed is None else scene({**drawn(found.config, seed), **asked})
-
-
-def check_unharmed(scene: Scene) -> None:
-    """Check that a robot goes through a walk on which nothing is done to it.
-
-    Raises:
-        SimrobError: it does not; tells how it ended.
-    """
-    run = scene.run()
-    if run.ending != COMPLETED:
-        raise SimrobError(f"{scene.config.name}: nothing can be found of a robot that fails by itself: {run.message}")
 
 
 def gait_of(scene: Scene) -> Any:
