@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -136,7 +135,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
 def _cell(key: str, value: Any) -> str:
     if key == "direction_deg":
         return "all" if value is None else _SIDES.get(value, f"{value:g}°")
-    if isinstance(value, float) and not isfinite(value):
+    if value is None:
         return "none"
     return format(value, _COLUMNS[key][1])
 

@@ -135,11 +135,11 @@ class Burdens(Walking):
         for name, what in dict.fromkeys((row["settings"], row["burden"]) for row in rows):
             some = [row for row in rows if (row["settings"], row["burden"]) == (name, what)]
             burden = next(known[what] for known in _BURDENS.values() if what in known)
-            nothing = 0.0 if burden.last > burden.first else inf
+            less, nothing = (max, inf) if burden.last < burden.first else (min, 0.0)
             figures = [nothing if row.get("figure") is None else row["figure"] for row in some]
-            weakest = min(figures) if burden.last > burden.first else max(figures)
-            told = {"weakest": weakest, "median": median(figures), "unit": burden.unit}
-            found.append({"settings": name, "burden": what, **told})
+            told = {"weakest": less(figures), "median": median(figures)}
+            told = {key: figure if 0 < figure < inf else None for key, figure in told.items()}
+            found.append({"settings": name, "burden": what, **told, "unit": burden.unit})
         return found
 
 
