@@ -28,6 +28,10 @@ _FIRST_ROUNDS = 30  # of Newton's method, from a posture that may be far away
 _TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
 _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
+_TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
+_COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
+_SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
+_ASIDE = 0.3  # most of a turn back [rad/s]
 _HALFWAY = 0.5  # of a swing, before which no foot touches: it has just lifted
 
 
@@ -38,6 +42,7 @@ class Measured:
     Attributes:
         com, xi: centre of mass and divergent component [m].
         lean, pitch: of the trunk, to the right and ahead [rad].
+        heading: where the trunk looks in the world [rad].
         slope: of the soles that stand, ahead and to the left [1].
         touches: whether the swinging foot touches.
     """
@@ -46,6 +51,7 @@ class Measured:
     xi: complex
     lean: float
     pitch: float
+    heading: float
     slope: complex
     touches: bool
 
@@ -66,13 +72,13 @@ class Engine:
         homes = [complex(*home[:2]) + 1j * math.copysign(figures.widen, home[1]) for home in body.homes]
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
         self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
-        self._middle = 0.5 * (middles[0] + middles[1])
+        self._turns = figures.fastest.turn_deg > 0
         self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag)
 
-    def standing(self, posture: Vector) -> tuple[Stride, Vector]:
+    def standing(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:
         """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
         foot = self.steps.beside(0)
-        stride = Stride(foot=foot, landing=foot, com=foot / 2, zmp=foot / 2, zmp_from=foot / 2)
+        stride = Stride(foot=foot, landing=foot, com=foot / 2, zmp=foot / 2, zmp_from=foot / 2, slope=slope)
         for _ in range(3):
             posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
         return stride, posture
@@ -86,7 +92,8 @@ class Engine:
         turn = ahead.conjugate() / abs(ahead)
         com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2])
         omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
-        up = seen.trunk.matrix()[2]
+        trunk = seen.trunk.matrix()
+        up, heading = trunk[2], math.atan2(trunk[1, 0], trunk[0, 0])
         normal = sum(place.rotation().matrix()[:, 2] for place in places)
         slope = -turn * complex(*normal[:2]) / max(normal[2], 0.5)
         told = self._figures.feedback
@@ -94,7 +101,7 @@ class Engine:
             touches = max(forces[foot] for foot in there) > told.touch
         else:
             touches = bool(seen.lowest[there].min() < seen.lowest[here].min() + _TOUCHES)
-        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), slope, touches)
+        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches)
 
     def sample(
         self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
@@ -103,19 +110,25 @@ class Engine:
         centre = self.body.centre(posture)
         omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
         told = self._figures.feedback if measured is not None else None
+        if measured is not None:
+            measured = replace(measured, com=measured.com - stride.sag, xi=measured.xi - stride.sag)
         stride, xi = self._planned(stride, command, omega, told, measured)
         stride, lift = self._swung(stride, told)
         com, lean, pitch, rise, slope = stride.com, stride.lean, stride.pitch, stride.rise, stride.slope
+        counter, sag = stride.counter, stride.sag
         if told is not None and measured is not None:
-            com += self._part(told.follow) * (measured.com - com)
             lean += self._part(told.lean_follow) * (measured.lean - lean)
             pitch += self._part(told.lean_follow) * (measured.pitch - pitch)
             lean, pitch = ((1 - self._part(told.lean_return)) * angle for angle in (lean, pitch))
             if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
                 slope += self._part(told.ground) * (measured.slope - slope)
+                sag = _clipped(sag + self._part(told.learns) * (measured.com - com), _SAG)
+                counter -= told.upright * self._period * complex(measured.lean, measured.pitch)
+                counter = _clipped(counter, _COUNTER)
             rise -= self._part(told.level) * rise
+            com += self._part(told.follow) * (measured.com - com)
         com += (1.0 - math.exp(-omega * self._period)) * (xi - com)
-        stride = replace(stride, com=com, lean=lean, pitch=pitch, rise=rise, slope=slope)
+        stride = replace(stride, com=com, lean=lean, pitch=pitch, counter=counter, sag=sag, rise=rise, slope=slope)
         posture = self._posture(stride, posture, centre, lift)
         return self._later(stride, command, told, measured, xi, lift), posture
 
@@ -131,14 +144,18 @@ class Engine:
             error = _beyond(off, told)
             if command.moves or abs(error) > (told.hurry if told else 0.0):
                 stride = self._begun(stride, command, error)
+                stride = stride if measured is None else replace(stride, course=measured.heading)
             else:
                 return stride, stride.zmp
+        if told is not None and measured is not None and self._turns:
+            off = math.remainder(stride.course - measured.heading, math.tau)
+            stride = replace(stride, aside=_most(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period)
         standing = int(stride.standing)
-        rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.command)
+        rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.trimmed)
         planned = Landing(stride.nominal, planned.place, planned.yaw)
         share = min(stride.time / stride.transfer, 1.0) if stride.transfer > 0 else 1.0
         stride = replace(stride, zmp=stride.zmp_from + share * (rest - stride.zmp_from))
-        after = steps.after(standing, stride.command, omega)
+        after = steps.after(standing, stride.trimmed, omega)
         if told is None or measured is None:
             stride = stride.landing_at(planned)
         elif stride.time <= stride.ends - _LANDS:
@@ -215,6 +232,10 @@ class Engine:
             return replace(stride, waits=stride.waits + self._period, height=lower)
         error = _beyond(measured.xi - xi, told) if measured is not None else 0j
         off = abs(stride.foot - self.steps.beside(1 - int(stride.standing)))
+        if told is not None and abs(error) <= told.hurry:
+            way = self.steps.planned(1 - int(stride.standing), stride.command).place - stride.foot
+            trim = stride.trim + told.cruise / self._figures.step_time * way
+            stride = replace(stride, trim=_clipped(trim, _TRIM))
         stride = replace(stride, height=stride.height + lift).on_the_other_foot()
         hurries = told is not None and abs(error) > told.hurry
         if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
@@ -227,9 +248,9 @@ class Engine:
         """Return the posture (n,) of a stride whose foot is ``lift`` high, found from one near it and its ``centre``."""
         figures, body = self._figures, self.body
         rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
-            RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch)
+            RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch + stride.counter.imag)
         )
-        rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean))
+        rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean + stride.counter.real))
         centre = rotation.multiply(centre)
         root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height + stride.rise])
         ahead, left = _pair(stride.slope)
@@ -264,9 +285,13 @@ def _beyond(error: complex, told: Feedback | None) -> complex:
     )
 
 
+def _most(value: float, most: float) -> float:
+    return min(max(value, -most), most)
+
+
 def _clipped(place: complex, most: tuple[float, float]) -> complex:
     ahead, left = most
-    return complex(min(max(place.real, -ahead), ahead), min(max(place.imag, -left), left))
+    return complex(_most(place.real, ahead), _most(place.imag, left))
 
 
 def _pair(place: complex) -> tuple[float, float]:

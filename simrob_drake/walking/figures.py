@@ -52,6 +52,10 @@ class Feedback(Strict):
     """How fast the reference of the trunk's lean comes to the lean that it has [1/s]."""
     lean_return: NotNegative = 5.0
     """How fast it comes upright [1/s]."""
+    upright: NotNegative = 0.5
+    """How fast a lean that lasts is taken out of the trunk [1/s]."""
+    learns: NotNegative = 0.5
+    """How fast the lasting distance of the centre of mass from its reference is learnt, and no error any more [1/s]."""
     let_be: tuple[NotNegative, NotNegative] = (0.03, 0.02)
     """Errors of the divergent component that no step answers, ahead and sideways [m]: legs that swing make some."""
     edge: tuple[NotNegative, NotNegative] = (0.0, 0.0)
@@ -72,6 +76,10 @@ class Feedback(Strict):
     """What a second off the planned time costs, likewise [m²/s²]."""
     foot_speed: Positive = 1.5
     """Of a foot that swings, over the ground, at most [m/s]."""
+    cruise: Share = 0.1
+    """How much of what a step lacks of the commanded way is added to the next ones."""
+    holds: NotNegative = 1.0
+    """How fast the trunk turns back to where the commands have it look [1/s]."""
     late: NotNegative = 0.1
     """How long a foot that should have touched is waited for [s]."""
     search: NotNegative = 0.2

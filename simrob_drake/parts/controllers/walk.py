@@ -172,7 +172,9 @@ class WalkingLoop(SampledBlock):
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
-        stride, posture = self._engine.standing(self._start)
+        engine, begun = self._engine, Stride()
+        seen = engine.measured(begun, engine.body.seen(*(read[name] for name in _READ)))
+        stride, posture = engine.standing(self._start, seen.slope)
         far = np.abs(posture - read["position"]).max()
         return {
             "target": read["position"] if far > _SAME else posture,
