@@ -129,7 +129,7 @@ class WalkingLoop(SampledBlock):
             posture: of the axes in no leg, and near which the legs are found, shape (n,) [rad].
             commands: times [s], speeds ahead and to the left [m/s], turns [rad/s], shape (m, 4).
         """
-        self._engine, self._commands, self._start = engine, commands, posture
+        self.engine, self.start, self._commands = engine, posture, commands
         zero = np.zeros(len(posture))
         super().__init__(
             period=period,
@@ -157,7 +157,7 @@ class WalkingLoop(SampledBlock):
         if memory["ready"][0] < 1.0:
             return self._readied(memory)
         stride, posture = Stride.of(memory["stride"]), memory["posture"]
-        engine = self._engine
+        engine = self.engine
         seen = engine.measured(stride, engine.body.seen(*(read[name] for name in _READ)))
         after, target = engine.sample(stride, posture, self._command(count * self.period), seen)
         return {
@@ -172,9 +172,9 @@ class WalkingLoop(SampledBlock):
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
-        engine, begun = self._engine, Stride()
+        engine, begun = self.engine, Stride()
         seen = engine.measured(begun, engine.body.seen(*(read[name] for name in _READ)))
-        stride, posture = engine.standing(self._start, seen.slope)
+        stride, posture = engine.standing(self.start, seen.slope)
         far = np.abs(posture - read["position"]).max()
         return {
             "target": read["position"] if far > _SAME else posture,
