@@ -1,6 +1,6 @@
 """Falls of walking robots, and in how many of them the head meets the floor: a table of docs/walking.md.
 
-Run it with ``python -m tests.benchmarks.walking_falls [NAME]...``; it takes a quarter of an hour. Each seed draws
+Run it with ``python -m tests.benchmarks.walking_falls [NAME]...``; it takes some minutes. Each seed draws
 a push of 0.1 s from anywhere, at any moment of two steps, how far each joint is off, the mass of each link and the
 friction of all that touches. The same falls are simulated without and with the guards of examples/fall_guards.yaml.
 """
