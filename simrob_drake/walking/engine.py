@@ -24,7 +24,7 @@ from simrob_drake.walking.pendulum import weights
 from simrob_drake.walking.steps import Command, Divergent, Landing, Steps
 from simrob_drake.walking.stride import Stride, eased
 
-_FIRST_ROUNDS = 30  # of Newton's method, from a posture that may be far away
+_FIRST_ROUNDS, _SETTLINGS = 10, 12  # of Newton's method, from a posture that may be far away; of the centre of mass
 _TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
 _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
@@ -79,7 +79,7 @@ class Engine:
         """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
         foot = self.steps.beside(0)
         stride = Stride(foot=foot, landing=foot, com=foot / 2, zmp=foot / 2, zmp_from=foot / 2, slope=slope)
-        for _ in range(3):
+        for _ in range(_SETTLINGS):
             posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
         return stride, posture
 
