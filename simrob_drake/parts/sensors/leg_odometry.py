@@ -3,7 +3,8 @@ r"""Where a robot on its feet is and how it moves, as an IMU at its root link an
 A complementary filter of the base's position p and velocity v, in the world's axes, as of Bloesch et al., State
 estimation for legged robots (RSS 2012). The accelerometer foretells, with the orientation R̄ midway between two samples,
 
-.. math:: a_k = \bar R f_k + g, \qquad p^-_k = p_{k-1} + T v_{k-1} + \tfrac12 T^2 a_k, \qquad v^-_k = v_{k-1} + T a_k .
+.. math:: a_k = \bar R (f_k - b_{k-1}) + g, \quad p^-_k = p_{k-1} + T v_{k-1} + \tfrac12 T^2 a_k, \quad
+    v^-_k = v_{k-1} + T a_k .
 
 The points of the feet that touch the ground stand still. A point that was at :math:`r_{k-1}` from the base and is at
 :math:`r_k` says that the base has come by :math:`r_{k-1} - r_k`, which is by :math:`e_i` more than was foretold. Each
@@ -11,11 +12,12 @@ counts by how low it is, now and a sample ago (:math:`c_i`: e times less for eac
 sensors over the lowest of its foot, times the part of ``force`` on that), and by how still, against a speed s:
 
 .. math:: w_i = \frac{c_{i,k}\, c_{i,k-1}}{1 + |e_i|^2 / (s T)^2}, \quad
-    e = \frac{\sum w_i e_i}{\sum w_i}, \quad \gamma = \min\left(1, \sum w_i\right), \quad
-    p_k = p^-_k + \gamma e, \quad v_k = v^-_k + \gamma\, \frac{1 - e^{-T/\tau}}{T}\, e .
+    e = \min\left(1, \sum w_i\right) \frac{\sum w_i e_i}{\sum w_i}, \quad
+    p_k = p^-_k + e, \quad v_k = v^-_k + K e, \quad b_k = b_{k-1} - \frac{K}{\tau_b} \bar R^\top e
 
-So a foot that slips, swings or lands counts little. Balls roll: the point is that which was lowest. On level ground
-the height is brought to that at which the lowest points are at z = 0, with a time constant of 1 s.
+with :math:`K = (1 - e^{-T/\tau})/T`: a foot that slips, swings or lands counts little, and the accelerometer's bias b
+is learnt with :math:`\tau_b` = 1 s. Balls roll: the point is that which was lowest. On level ground the height is
+brought to that at which the lowest points are at z = 0, with a time constant of 1 s.
 
 The orientation is the IMU's, which is the true one: nothing drifts in yaw, as it would if the gyroscope were summed up.
 """
@@ -43,6 +45,8 @@ from simrob_drake.signals import Panel, Signal
 
 _COUNTS = 0.003
 """By how much a point of the feet is higher than the lowest when it counts e times less [m]."""
+_BIAS = 1.0
+"""Time constant of the bias of the accelerometer [s]."""
 _LEVELS = 1.0
 """Time constant of the height over level ground [s]."""
 _READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
@@ -70,7 +74,7 @@ class LegOdometry(SampledSensor):
     slip: Positive = 0.07
     """Speed over the ground at which a point of the feet counts half as much as at rest [m/s]."""
     velocity_time: Positive = 0.1
-    """Time constant τ with which the velocity follows the feet [s]: longer for a good accelerometer."""
+    """Time constant τ with which the velocity follows the feet [s]."""
     level: bool | None = None
     """Whether the ground is level, at z = 0, which keeps the height from drifting; as the floor is unless given."""
 
@@ -234,6 +238,7 @@ class BaseEstimator(SampledBlock):
             memory={
                 "base_pose": start,
                 "base_velocity": np.zeros(6),
+                "bias": np.zeros(3),  # of the accelerometer
                 "lowest": np.zeros(4 * points),  # what of each foot's link was lowest; 1 behind
                 "places": np.zeros(3 * points),  # where that was, from the base, in the world's axes
                 "shares": np.zeros(points),
@@ -243,6 +248,7 @@ class BaseEstimator(SampledBlock):
         )
         self._soles, self._gravity, self._force, self._slips = soles, gravity, force, (slip * period) ** 2
         self._follow = (1 - math.exp(-period / velocity_time)) / period
+        self._learn = self._follow / _BIAS
         self.level, self._settle = level, 1 - math.exp(-period / _LEVELS) if level else 0.0
 
     def sample(self, memory: Named, read: Named) -> Changes:
@@ -254,7 +260,7 @@ class BaseEstimator(SampledBlock):
             return {"base_pose": np.concatenate([place, pose[3:]]), "shares": np.zeros(len(soles.arms))}
         turn, before = told["orientation"], pose[3:]
         turned, middle = _rotation(turn), _rotation(before + math.copysign(1.0, before @ turn) * turn)
-        change = period * (middle @ told["specific_force"] + self._gravity)
+        change = period * (middle @ (told["specific_force"] - memory["bias"]) + self._gravity)
         step, speed = period * (motion[:3] + change / 2), motion[:3] + change
         poses = soles.poses(told["position"], turned)
         lowest, places = soles.arms.copy(), (poses @ soles.arms[:, :, np.newaxis])[:, :, 0]
@@ -264,14 +270,16 @@ class BaseEstimator(SampledBlock):
         moved = (poses @ memory["lowest"].reshape(lowest.shape)[:, :, np.newaxis])[:, :, 0]
         errors = memory["places"].reshape(places.shape) - moved - step
         weights = shares * memory["shares"] / (1.0 + (errors * errors).sum(axis=1) / self._slips)
-        total = float(weights.sum())
+        total, bias = float(weights.sum()), memory["bias"]
         if total > 0:
-            trust, error = min(total, 1.0), weights @ errors / total
-            step, speed = step + trust * error, speed + trust * self._follow * error
+            trust = min(total, 1.0)
+            error = trust / total * (weights @ errors)
+            step, speed, bias = step + error, speed + self._follow * error, bias - self._learn * (error @ middle)
             step[2] -= trust * self._settle * (pose[2] + step[2] + weights @ places[:, 2] / total)
         return {
             "base_pose": np.concatenate([pose[:3] + step, turn]),
             "base_velocity": np.concatenate([speed, turned @ told["angular_velocity"]]),
+            "bias": bias,
             "lowest": lowest.ravel(),
             "places": places.ravel(),
             "shares": shares,
