@@ -31,7 +31,7 @@ SEEDS = 5
 MOTIONS: dict[str, tuple[Callable[[], JointMotion], str | None]] = {
     "zjudancer walk": (lambda: walk("zjudancer", 140), None),
     "roid1 walk": (lambda: walk("roid1", 190), None),
-    "yobotics trot": (lambda: trot("yobotics", 110), None),
+    "yobotics trot": (lambda: trot("yobotics", 55), None),
     "yobotics over steps": (lambda: trot("yobotics", 60, step_length=0.08), "yobotics_terrain"),
 }
 
