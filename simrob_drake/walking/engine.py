@@ -78,7 +78,8 @@ class Engine:
     def standing(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:
         """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
         foot = self.steps.beside(0)
-        stride = Stride(foot=foot, landing=foot, com=foot / 2, zmp=foot / 2, zmp_from=foot / 2, slope=slope)
+        middle = self.steps.middle(1, foot)
+        stride = Stride(foot=foot, landing=foot, com=middle, zmp=middle, zmp_from=middle, slope=slope)
         for _ in range(_SETTLINGS):
             posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
         return stride, posture
@@ -239,7 +240,8 @@ class Engine:
         stride = replace(stride, height=stride.height + lift).on_the_other_foot()
         hurries = told is not None and abs(error) > told.hurry
         if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
-            return replace(stride, steps=0.0, zmp=stride.foot / 2, zmp_from=stride.foot / 2)
+            middle = self.steps.middle(int(stride.standing), stride.foot)
+            return replace(stride, steps=0.0, zmp=middle, zmp_from=middle)
         return self._next(stride, command, hurries=hurries)
 
     # Postures
