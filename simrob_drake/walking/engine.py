@@ -29,6 +29,7 @@ _TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
 _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
 _TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
+_STILL = 2.0  # times what is let be of a walk is let be of a robot that stands
 _COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
 _SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
 _ASIDE = 0.3  # most of a turn back [rad/s]
@@ -116,7 +117,8 @@ class Engine:
         stride, lift = self._swung(stride, told)
         com, lean, pitch, rise, slope = stride.com, stride.lean, stride.pitch, stride.rise, stride.slope
         counter, sag = stride.counter, stride.sag
-        if told is not None and measured is not None:
+        stiff = not stride.steps or self.steps.transfer < stride.transfer > stride.time  # it stands on both feet
+        if told is not None and measured is not None and not stiff:
             lean += self._part(told.lean_follow) * (measured.lean - lean)
             pitch += self._part(told.lean_follow) * (measured.pitch - pitch)
             lean, pitch = ((1 - self._part(told.lean_return)) * angle for angle in (lean, pitch))
@@ -141,8 +143,8 @@ class Engine:
         steps = self.steps
         if not stride.steps:
             off = measured.xi - stride.zmp if told is not None and measured is not None else 0j
-            error = _beyond(off, told)
-            if command.moves or abs(error) > (told.hurry if told else 0.0):
+            error = _beyond(off, told, _STILL)
+            if command.moves or error:
                 stride = self._begun(stride, command, error)
                 stride = stride if measured is None else replace(stride, course=measured.heading)
             else:
@@ -279,11 +281,11 @@ class Engine:
         return 1.0 - math.exp(-rate * self._period)
 
 
-def _beyond(error: complex, told: Feedback | None) -> complex:
-    """Return an error of the divergent component without what is let be."""
+def _beyond(error: complex, told: Feedback | None, times: float = 1.0) -> complex:
+    """Return an error of the divergent component without some times of what is let be."""
     if told is None:
         return 0j
-    ahead, left = told.let_be
+    ahead, left = (times * part for part in told.let_be)
     return complex(
         math.copysign(max(abs(error.real) - ahead, 0.0), error.real),
         math.copysign(max(abs(error.imag) - left, 0.0), error.imag),
