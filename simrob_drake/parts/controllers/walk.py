@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -71,7 +72,7 @@ class Walk(LoopSection):
         for group in self.figures(robot).groups:
             for foot in group:
                 one_of(f"foot of {robot.name} for {key}.gait.groups", foot, robot.model.tools)
-        self.clippings(key, robot)
+        self.warnings(key, robot)
         if self.path is not None:
             begins, stands = complex(*self.path.points[0]), complex(*robot.base.translation()[:2])
             if abs(begins - stands) > _NEAR:
@@ -79,7 +80,7 @@ class Walk(LoopSection):
                 near = f"within {_NEAR:g} m of where {robot.name} stands, ({stands.real:g}, {stands.imag:g}) m"
                 raise InvalidParameter(f"{key}.path.points", f"a path that starts {where}", f"one that starts {near}")
 
-    def clippings(self, key: str, robot: ResolvedRobot) -> list[str]:
+    def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
         """Return what of the commands that are known before is clipped, in words.
 
         Raises:
@@ -153,12 +154,9 @@ class WalkingLoop(SampledBlock):
             ``blind`` (1): 1 where what is read is not a number: then the walk goes on as planned.
     """
 
-    units: ClassVar[Mapping[str, str]] = {
-        "target": "rad",
-        "offset_velocity": "rad/s",
-        "capture": "m",
-        "command": "m/s, m/s, rad/s",
-    }
+    units = MappingProxyType(
+        {"target": "rad", "offset_velocity": "rad/s", "capture": "m", "command": "m/s, m/s, rad/s"}
+    )
 
     def __init__(
         self,
