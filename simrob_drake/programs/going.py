@@ -1,6 +1,7 @@
 """A legged robot that goes by commands from where it stands, with the walk that is made while it goes."""
 
 import math
+from typing import Any
 
 from simrob_drake.blocks.references import hold
 from simrob_drake.parts.controllers.walk import Walk
@@ -36,7 +37,7 @@ def going(config: StationConfig, robot: str, go: Go, *, here: float = 0.0) -> St
     command = Commanded(ahead=go.ahead, sideways=go.sideways, turn_deg=go.turn_deg)
     walk = known[name] if own else Walk(kind="walk", robot=robot)
     asked = {"commands": (command,), "path": None, "strict": go.strict}
-    changes = {
+    changes: dict[str, Any] = {
         "controllers": {**config.controllers, name: walk.model_copy(update=asked)},
         "inputs": tuple(dict.fromkeys((*config.inputs, "reference_velocity"))),
         "solver": short_steps(config.solver),
