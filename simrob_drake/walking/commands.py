@@ -85,20 +85,16 @@ class Commander:
             progress: so far [m].
         """
         if hand[0] and time:
-            return _command(hand[1:]), progress
+            return command_of(hand[1:]), progress
         if given is not None and isfinite(given.sum()):
-            return _command(given), progress
+            return command_of(given), progress
         row = bisect_right(self._times, time + _ROUNDING) - 1
         if row >= 0:
             return self._table[row], progress
         return (Command(), progress) if self._path is None else self._path.now(base, progress)
 
 
-def numbers_of(command: Command) -> Vector:
-    """Return a command as numbers (3): speeds ahead and to the left [m/s], turn [rad/s]."""
-    return np.array([command.speed.real, command.speed.imag, command.turn])
-
-
-def _command(values: Vector) -> Command:
+def command_of(values: Vector) -> Command:
+    """Return numbers (3) as a command: speeds ahead and to the left [m/s], turn [rad/s]."""
     ahead, left, turn = values.tolist()
     return Command(complex(ahead, left), turn)

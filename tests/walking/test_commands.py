@@ -85,6 +85,9 @@ def test_a_run_that_was_commanded_by_hand_is_repeated_to_the_last_bit(tmp_path, 
     assert (again.values == result.values).all()
     assert (result.commanded, again.commanded) == (("walk",), ())
     assert not (simulate(config, progress=False).values == result.values).all()
+    further = [simulate(config, start=run.final_state, duration=0.1, progress=False) for run in (result, again)]
+    assert (further[0].values == further[1].values).all()  # the next run has no hands
+    assert set(further[0]["walk.command.0"][2:]) == {0.0}
     monkeypatch.setattr("simrob_drake.results.files._save_plots", lambda *_: None)  # which take their time
     result.save(tmp_path / "run", recording=False)
     text = (tmp_path / "run" / "commands.yaml").read_text()

@@ -18,7 +18,7 @@ from simrob_drake.parts.controllers.limbs import axes_to
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.walking.body import Body
-from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped, numbers_of
+from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped, command_of
 from simrob_drake.walking.engine import Engine
 from simrob_drake.walking.figures import Fastest, WalkingFigures, load_walking
 from simrob_drake.walking.path import Follower, Waypoints
@@ -212,13 +212,15 @@ class WalkingLoop(SampledBlock):
             context: of the block; it changes.
             command: what is asked for.
         """
-        self.remember(context, {"hand": np.array([1.0, *numbers_of(command)])})
+        self.remember(context, {"hand": np.array([1.0, command.speed.real, command.speed.imag, command.turn])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next posture."""
         values = [read[name] for name in _READ]
-        blind = 0.0 if math.isfinite(sum(float(value @ value) for value in values)) else 1.0
+        blind = 0.0 if math.isfinite(sum(value @ value for value in values)) else 1.0
         told: dict[str, Vector | float] = {} if memory["blind"][0] == blind else {"blind": blind}
+        if not read[TIME][0]:  # what a hand asked for in another run is past
+            told["hand"] = np.zeros(4)
         if not memory["active"][0]:
             return {**told, **({} if blind else self._begun(read))}
         if memory["ready"][0] < 1.0:
@@ -246,7 +248,7 @@ class WalkingLoop(SampledBlock):
         if along != progress:
             told["progress"] = along
         if wanted is None:  # the path does not see where the robot is
-            return Command(complex(before[0], before[1]), float(before[2]))
+            return command_of(before)
         command = clipped(wanted, self._fastest)
         less = float(command is not wanted)
         if less and self._strict:
@@ -256,9 +258,9 @@ class WalkingLoop(SampledBlock):
             )
         if less != memory["clipped"][0]:
             told["clipped"] = less
-        numbers = numbers_of(command)
-        if not (numbers == before).all():
-            told["command"] = numbers
+        numbers = [command.speed.real, command.speed.imag, command.turn]
+        if numbers != before.tolist():
+            told["command"] = np.array(numbers)
         return command
 
     def _begun(self, read: Named) -> Changes:
