@@ -180,7 +180,7 @@ class WalkingLoop(SampledBlock):
             told: whether it has an input ``command``.
             strict: end the run in place of that.
         """
-        self._engine, self._commander, self._start = engine, commander, posture
+        self.engine, self.start, self._commander = engine, posture, commander
         self._fastest, self._told_command, self._strict = fastest, told, strict
         zero = np.zeros(len(posture))
         reads = {"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6}
@@ -225,7 +225,7 @@ class WalkingLoop(SampledBlock):
             return {**told, **({} if blind else self._begun(read))}
         if memory["ready"][0] < 1.0:
             return {**told, **self._readied(memory)}
-        stride, posture, engine = Stride.of(memory["stride"]), memory["posture"], self._engine
+        stride, posture, engine = Stride.of(memory["stride"]), memory["posture"], self.engine
         command = self._commanded(memory, read, told)
         measured = None if blind else engine.measured(stride, engine.body.seen(*values))
         after, target = engine.sample(stride, posture, command, measured)
@@ -265,7 +265,7 @@ class WalkingLoop(SampledBlock):
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
-        stride, posture = self._engine.standing(self._start)
+        stride, posture = self.engine.standing(self.start)
         far = np.abs(posture - read["position"]).max()
         return {
             "target": read["position"] if far > _SAME else posture,
