@@ -15,6 +15,8 @@ Named = Mapping[str, Vector]
 """Vectors by name: what a block remembers, reads or gives."""
 Changes = Mapping[str, Vector | float]
 """What changes in a block's memory, by name; a number is a vector of one."""
+TIME = "time"
+"""What every block reads beside its inputs: since the run began, a vector of one [s]."""
 
 _ASLEEP, _SAMPLED, _AWAKE = 0.0, 1.0, 2.0
 """Before the first sample; after one that was taken before the run began; afterwards."""
@@ -47,7 +49,10 @@ class _Read(dict[str, Vector]):
         self._block, self._context, self._inputs = block, context, inputs
 
     def __missing__(self, name: str) -> Vector:
-        value: Vector = self._block.EvalVectorInput(self._context, self._inputs[name]).value()
+        if name == TIME:
+            value: Vector = np.array([self._context.get_time()])
+        else:
+            value = self._block.EvalVectorInput(self._context, self._inputs[name]).value()
         self[name] = value
         return value
 
@@ -70,7 +75,7 @@ class SampledBlock(Block):
         *,
         period: float,
         reads: Mapping[str, int],
-        memory: Mapping[str, Vector],
+        memory: Mapping[str, Vector | float],
         gives: Collection[str],
         delay: int = 0,
         at_once: bool = False,
@@ -116,6 +121,10 @@ class SampledBlock(Block):
         """Return what the block remembers in a context of its own, and what it reads there, by name."""
         memory = _Remembered(context.get_discrete_state(), self._told, self._group, self._kept)
         return memory, _Read(self, context, self._inputs)
+
+    def remember(self, context: Context, changes: Changes) -> None:
+        """Change what the block remembers in a context of its own, between its samples."""
+        self._set(changes, self.now(context)[0], context, context.get_mutable_discrete_state())
 
     def _begin(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
         assert self._stage is not None  # only then is this asked

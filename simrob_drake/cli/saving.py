@@ -11,7 +11,8 @@ from simrob_drake.cli.interrupts import finished_first
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import cells_table, result_table
 from simrob_drake.folders import check_folder
-from simrob_drake.results.files import SUMMARY, Saved, default_folder
+from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
+from simrob_drake.results.record.remarks import remarks_of
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
@@ -66,10 +67,14 @@ def saved(
     if result.cells:
         console.print(cells_table(result))
     console.print(f"{result.config.name}: {result.message}", highlight=False)
+    for remark in remarks_of(result):
+        console.print(remark, highlight=False)
     if more:
         console.print(more, highlight=False)
     console.print(f"{result.realtime_rate:.0f} × real time, {len(result.step_times) - 1} steps", highlight=False)
     console.print(f"result    {folder}", soft_wrap=True, highlight=False)
+    if result.commanded:
+        console.print(f"commanded {folder / COMMANDS}", soft_wrap=True, highlight=False)
     if options["recording"]:
         console.print(f"recording {(folder / 'recording.html').resolve().as_uri()}", soft_wrap=True, highlight=False)
     return ExitCode.INTERRUPTED if interrupted() else exit_code(result)

@@ -187,11 +187,13 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
     if not live:
         return simulate(config)
     from simrob_drake.results.animation.live import LiveView
+    from simrob_drake.results.animation.steering import Steering
 
-    view = LiveView(config)
+    steering = Steering(config)
+    view = LiveView(config, steering=steering)
     wait_for_watcher(view.url)
     try:
-        return simulate(config, progress=False, on_step=view.on_step)
+        return simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
     finally:
         view.close()
 

@@ -16,6 +16,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.automatic import run_cells
 from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.going import going, perform_go
 from simrob_drake.programs.grasps import let_go
 from simrob_drake.programs.hands import apply, taker
 from simrob_drake.programs.legged_gait import perform, planned_gait
@@ -25,6 +26,7 @@ from simrob_drake.programs.moves import (
     LEG_KINDS,
     ActMove,
     AttachMove,
+    GoMove,
     JointMove,
     LegMove,
     PlayMove,
@@ -74,7 +76,11 @@ def stages_of(robot: LeggedGeometry, moves: Sequence[LegMove], station: StationC
                 changed = changed or isinstance(move, PlayMove)
                 continue
             with naming(name if len(moves) > 1 or file else ""):
-                if isinstance(move, AttachMove | ReleaseMove):
+                if isinstance(move, GoMove):
+                    going(station, robot.name, move.go)
+                    stages.append(partial(_called, stage=partial(perform_go, go=move.go), did="go"))
+                    changed = True
+                elif isinstance(move, AttachMove | ReleaseMove):
                     station, changed = handed_over(StationModel(station), robot.name, move), True
                     stages.append(partial(_hand_over, move=move, name=name))
                 else:

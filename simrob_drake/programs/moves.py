@@ -40,6 +40,9 @@ _EXPECTED = {
 MOVE_TIME = 1.0
 """Time of a move unless told otherwise [s]; ``tinc`` of the thesis."""
 
+GO_TIME = 3.0
+"""Time of a walk by commands unless told otherwise [s]: enough to stop."""
+
 Targets = Annotated[dict[str, Number], Field(min_length=1)]
 """Where axes are to be [deg], and m for a prismatic one, by name or alias; the others stay where they were."""
 
@@ -107,6 +110,24 @@ class Act(Named):
     """One of the robot's gaits that go no steps."""
 
 
+class Go(Brief):
+    """A walk that is made while it goes, by its robot's `walking.yaml`; nothing but its duration: it stops and stands.
+
+    What the legs cannot follow is clipped, and the result says so.
+    """
+
+    ahead: Number = 0.0
+    """[m/s]."""
+    sideways: Number = 0.0
+    """To the left [m/s]."""
+    turn_deg: Number = 0.0
+    """To the left [deg/s]."""
+    duration: Duration = GO_TIME
+    """How long [s]; it does not stop at its end, so that another `go` can follow in the middle of a step."""
+    strict: bool = False
+    """Refuse what the legs cannot follow."""
+
+
 class Attach(Named):
     """A piece that is taken."""
 
@@ -143,6 +164,12 @@ class WalkMove(Strict):
     walk: Walk
 
 
+class GoMove(Strict):
+    """A walk by commands of a program."""
+
+    go: Go
+
+
 class ActMove(Strict):
     """An act of a program."""
 
@@ -175,7 +202,7 @@ class PlayMove(Strict):
     """How long [s]."""
 
 
-LegMove = JointMove | WalkMove | ActMove | AttachMove | ReleaseMove | WaitMove | PlayMove
+LegMove = JointMove | WalkMove | GoMove | ActMove | AttachMove | ReleaseMove | WaitMove | PlayMove
 LEG_KINDS: dict[str, type[LegMove]] = {next(iter(kind.model_fields)): kind for kind in get_args(LegMove)}
 """By the key that tells them apart, the first field."""
 

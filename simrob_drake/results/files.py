@@ -24,7 +24,7 @@ from simrob_drake.stations.load import station_yaml
 RUNS = Path("runs")
 SUMMARY = "summary.json"
 START = "start.json"
-EVENTS, PROGRAM = "events.csv", "program.yaml"
+EVENTS, PROGRAM, COMMANDS = "events.csv", "program.yaml", "commands.yaml"
 _TRAJECTORY_RATE = 1000.0
 """Samples a second [Hz] of a Drake trajectory that is not made of smooth cubics."""
 
@@ -59,7 +59,8 @@ def save_result(
     """Write summary, signals, plots, film strip, recording and the resolved station.
 
     Of a program that is the station in which it began; ``events.csv`` tells what happened when, and ``program.yaml``,
-    where one can say it, does it all again on that station.
+    where one can say it, does it all again on that station. What somebody commanded meanwhile is in the station, and
+    alone in ``commands.yaml``.
 
     Args:
         result: the run.
@@ -93,6 +94,9 @@ def save_result(
         write_table(work / "signals.csv", result.names, result.times, result.values)
         if result.runs:
             _write_program(result, work)
+        if result.commanded:
+            text = station_yaml(result.config, only={"controllers": {name: {"commands"} for name in result.commanded}})
+            (work / COMMANDS).write_text(text, encoding="utf-8")
         config = with_tables(result, work)
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")

@@ -54,9 +54,12 @@ class Run:
         on_step: OnStep | None,
         references: dict[str, Course | Samples],
         start: State | None,
+        hand: Callable[[Context], None] | None = None,
     ) -> SimulationResult:
-        """Step, and return what happened."""
-        watchers = [] if on_step is None else [_positions_watcher(self.stepper, on_step)]
+        """Step, and return what happened; ``hand`` is called after each step, and may change what blocks remember."""
+        watchers = [] if hand is None else [hand]
+        if on_step is not None:
+            watchers.append(_positions_watcher(self.stepper, on_step))
         with progress_bar(
             f"simulating {self.config.name}", self.config.duration, shown=truth(progress, "progress")
         ) as show:

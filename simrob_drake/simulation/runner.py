@@ -16,6 +16,7 @@ from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
+from simrob_drake.simulation.by_hand import ByHand, Hands
 from simrob_drake.simulation.fork import Fork
 from simrob_drake.simulation.run import OnStep, Run
 from simrob_drake.simulation.stepping import Stepper, Ticks
@@ -39,6 +40,7 @@ def simulate(
     start: State | None = None,
     progress: bool = True,
     on_step: OnStep | None = None,
+    commands: Hands | None = None,
 ) -> SimulationResult:
     """Run a station and return what happened.
 
@@ -59,6 +61,10 @@ def simulate(
         on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
             a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
             KeyboardInterrupt ends the run.
+        commands: what walks are asked for while the run is under way, in place of what their sections say: by the name
+            of the controller a function that returns it at a time [s] after each step, as speeds ahead and to the left
+            [m/s] and turn [rad/s], or None to leave it as it is. The sections of the result's configuration hold it
+            as a table: run again, it does the same to the last bit.
 
     Returns:
         the result, also when a monitor ended the run, when the simulation diverged, or when a block failed.
@@ -67,7 +73,8 @@ def simulate(
         SimrobError: input that cannot be run at all.
     """
     runner = Runner(config_or_station, blocks=blocks)
-    return runner.run(reference=reference, duration=duration, start=start, progress=progress, on_step=on_step)
+    given: dict[str, Any] = {"reference": reference, "duration": duration, "start": start}
+    return runner.run(**given, progress=progress, on_step=on_step, commands=commands)
 
 
 class Runner:
@@ -121,6 +128,7 @@ class Runner:
         pushes: Mapping[str, Any] | None = None,
         progress: bool = False,
         on_step: OnStep | None = None,
+        commands: Hands | None = None,
         ticks: Ticks | None = None,
     ) -> SimulationResult:
         """Run the station, as :func:`simulate` does.
@@ -132,6 +140,7 @@ class Runner:
             pushes: in place of the configuration's, by name: ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
             progress: show a bar on a terminal.
             on_step: as of :func:`simulate`.
+            commands: likewise.
             ticks: even times at which stepping begins anew, and may end.
 
         Raises:
@@ -140,7 +149,7 @@ class Runner:
         config = with_pushes(with_duration(self.config, duration), pushes)
         if on_step is not None and not callable(on_step):
             raise InvalidParameter("on_step", on_step, "a function of time and positions")
-        start = _checked_start(config, start)
+        start, hand = _checked_start(config, start), ByHand(config, commands)
         given = by_robot(config, reference)
         diagrams = self._playing(config, given, start, watched=ticks is not None)
         courses = diagrams.courses
@@ -151,8 +160,10 @@ class Runner:
         run = Run(config, whole, stepper, lambda: whole.play(courses, config.forces), diagrams.forget)
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
-        result = run.result(progress=progress, on_step=on_step, references=given, start=start)
-        return replace(result, config=result.config.model_copy(update={"controllers": own}))
+        watch = (lambda context: hand.look(stepper.built.diagram, context)) if commands else None
+        result = run.result(progress=progress, on_step=on_step, references=given, start=start, hand=watch)
+        config = hand.commanded(result.config.model_copy(update={"controllers": own}))
+        return replace(result, config=config, commanded=hand.names)
 
     @drake_asserts()
     def fork(

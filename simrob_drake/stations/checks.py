@@ -8,6 +8,7 @@ from pydrake.systems.framework import Diagram
 from simrob_drake.blocks.references import Course
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
+from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.signals import Signal
 from simrob_drake.stations.closed import check_course, closed_station, course_samples
@@ -48,6 +49,9 @@ def check_station(config: StationConfig) -> list[Finding]:
             findings += _holding_findings(ports, robot, closed.courses.get(robot.name))
         else:
             findings += _standing_findings(ports, robot)
+    for name, loop in loops_of(config.controllers).items():
+        key = f"controllers.{name}"
+        findings += [Finding("warning", key, text) for text in loop.warnings(key, ports.robot(loop.robot))]
     if config.mode == "dynamic":
         findings += step_findings(config, ports.plant, closed.courses)
         findings += _contact_findings(diagram, ports)

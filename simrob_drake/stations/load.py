@@ -132,10 +132,10 @@ def _configured(
     return config
 
 
-def station_yaml(config: StationConfig) -> str:
-    """Return the YAML text of a configuration; loading it gives an equal one."""
-    content = config.model_dump(mode="json", exclude_none=True, exclude_unset=False)
-    if list(config.robots) == [ONLY_ROBOT]:
+def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None) -> str:
+    """Return the YAML text of a configuration, or of the keys that are named; loading all of it gives an equal one."""
+    content = config.model_dump(mode="json", exclude_none=True, include=only)
+    if only is None and list(config.robots) == [ONLY_ROBOT]:
         content["robot"] = content.pop("robots")[ONLY_ROBOT]
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
 

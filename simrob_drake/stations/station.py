@@ -14,7 +14,7 @@ from simrob_drake.given import drake_asserts, instance
 from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
 from simrob_drake.parts.controllers.layers import add_loops
-from simrob_drake.parts.controllers.own import add_own_blocks
+from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks
 from simrob_drake.parts.controllers.signal_flow import add_flows
 from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
@@ -104,9 +104,10 @@ def compose(
         ports.edges.extend(force.edges)
     gather_forces(builder, ports)
     add_flows(builder, ports, flows_of(config.controllers), monitors=monitors)
+    own = own_blocks(config.controllers) if blocks is None else blocks
+    add_own_blocks(builder, ports, own)
     add_loops(builder, ports, loops_of(config.controllers))
-    made = own_blocks(config.controllers)
-    add_own_blocks(builder, ports, made if blocks is None else blocks)
+    wire_own_blocks(builder, ports, own)
     for name, monitor in config.monitors.items():
         add_monitor(builder if monitors else None, ports, name, monitor, monitor.condition(name, station))
     return ports

@@ -85,6 +85,10 @@ class LoopSection(Strict):
             raise InvalidParameter(f"{key}.rate", f"{self.rate:g} Hz", told)
         self.axes(robot)
 
+    def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
+        """Return what will not go as the section says, in words; ``key`` is where that stands."""
+        return []
+
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return the names of the axes that it drives."""
         raise NotImplementedError

@@ -22,7 +22,8 @@ def declare_output(
 ) -> None:
     """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
 
-    Of a robot's axes those are told that are named. It is called as its port is unless said.
+    Of a robot's axes those are told that are named. It is called as its port is unless said. Units that differ are
+    told one by one, as "m/s, rad/s".
     """
     called = called or port.get_name()
     output, size = f"{name}.{called}", port.size()
@@ -34,7 +35,8 @@ def declare_output(
     names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
     panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
     picked = told if len(told) < size else None
-    site.add(output, port, Signal(names, (unit,) * len(names), "own", output, picked, part=name, panel=panel))
+    units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(names)
+    site.add(output, port, Signal(names, units, "own", output, picked, part=name, panel=panel))
 
 
 def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str) -> None:

@@ -133,10 +133,10 @@ DRIVABLE = (
 
 
 def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
-    """Add blocks and wire them by the names of their ports.
+    """Add blocks, and declare their outputs as signals but for those that drive inputs of the station.
 
     Raises:
-        SimrobError: a port that fits nothing.
+        SimrobError: two blocks that drive one input.
     """
     driven_inputs(blocks)
     site.blocks.update(blocks)
@@ -145,8 +145,20 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
         site.notes[name] = {"kind": type(block).__name__}
         site.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
         for port in _outputs(block):
-            _add_output(builder, site, name, block, port)
+            if port.get_name() not in site.inputs:
+                declare_output(site, name, port, str(getattr(block, "units", {}).get(port.get_name(), "1")))
+
+
+def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
+    """Wire blocks that were added by the names of their ports, above all loops.
+
+    Raises:
+        SimrobError: a port that fits nothing.
+    """
     for name, block in blocks.items():
+        for port in _outputs(block):
+            if port.get_name() in site.inputs:
+                _drive(builder, site, name, port)
         for index in range(block.num_input_ports()):
             _read(builder, site, name, block.get_input_port(index))
 
@@ -165,17 +177,13 @@ def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> No
     builder.Connect(source, port)
 
 
-def _add_output(builder: DiagramBuilder, site: Site, name: str, block: LeafSystem, port: OutputPort) -> None:
-    """Let an output drive the input of its name, or declare it as a signal."""
-    output = port.get_name()
-    if output in site.inputs:
-        target = site.inputs[output]
-        if target.size() != port.size():
-            sizes = f"of size {port.size()}", f"of size {target.size()}, as the station's input"
-            raise InvalidParameter(f"the output {output} of the block {name}", *sizes)
-        builder.Connect(port, target)
-        return
-    declare_output(site, name, port, str(getattr(block, "units", {}).get(output, "1")))
+def _drive(builder: DiagramBuilder, site: Site, name: str, port: OutputPort) -> None:
+    """Let an output drive the input of its name."""
+    target = site.inputs[port.get_name()]
+    if target.size() != port.size():
+        sizes = f"of size {port.size()}", f"of size {target.size()}, as the station's input"
+        raise InvalidParameter(f"the output {port.get_name()} of the block {name}", *sizes)
+    builder.Connect(port, target)
 
 
 def _outputs(block: LeafSystem) -> list[OutputPort]:

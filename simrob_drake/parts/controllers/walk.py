@@ -3,41 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
+from pydrake.systems.framework import Context
 
-from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.blocks.sampled import TIME, Changes, Named, RunEnds, SampledBlock
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.limbs import axes_to
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
-from simrob_drake.quantities import NotNegative
 from simrob_drake.walking.body import Body
+from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped, command_of
 from simrob_drake.walking.engine import Engine
-from simrob_drake.walking.figures import WalkingFigures, load_walking
+from simrob_drake.walking.figures import Fastest, WalkingFigures, load_walking
+from simrob_drake.walking.path import Follower, Waypoints
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import NUMBERS, Stride, eased
-from simrob_drake.yaml_files import Number, Strict
 
 _SAME = 1e-3  # of a posture [rad]
+_NEAR = 0.5  # from where the robot stands to where its path starts, at most [m]
 _READY = 1.0  # time to take the first posture from 45 deg away [s]
-
-
-class Commanded(Strict):
-    """What the robot shall do from a time on."""
-
-    time: NotNegative = 0.0
-    """[s]."""
-    ahead: Number = 0.0
-    """[m/s]."""
-    sideways: Number = 0.0
-    """To the left [m/s]."""
-    turn_deg: Number = 0.0
-    """To the left [deg/s]."""
 
 
 class Walk(LoopSection):
@@ -47,7 +37,12 @@ class Walk(LoopSection):
     gait: dict[str, Any] = Field(default_factory=dict)
     """Figures in place of those of the robot's `walking.yaml`."""
     commands: tuple[Commanded, ...] = ()
-    """What to do when, in the order of the times; before the first one it stands."""
+    """What to do when, in the order of the times; before the first one it follows its path, or stands. An input
+    `command` (3) that `reads` names comes before them, where it is a number: ahead, to the left [m/s], turn [rad/s]."""
+    path: Waypoints | None = None
+    """Where to go, by the pose of the root that it reads."""
+    strict: bool = False
+    """Refuse commands that the legs cannot follow, as `fastest` of the gait says; they are clipped otherwise."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Walk:
@@ -77,6 +72,40 @@ class Walk(LoopSection):
         for group in self.figures(robot).groups:
             for foot in group:
                 one_of(f"foot of {robot.name} for {key}.gait.groups", foot, robot.model.tools)
+        self.warnings(key, robot)
+        if self.path is not None:
+            begins, stands = complex(*self.path.points[0]), complex(*robot.base.translation()[:2])
+            if abs(begins - stands) > _NEAR:
+                where = f"at ({begins.real:g}, {begins.imag:g}) m"
+                near = f"within {_NEAR:g} m of where {robot.name} stands, ({stands.real:g}, {stands.imag:g}) m"
+                raise InvalidParameter(f"{key}.path.points", f"a path that starts {where}", f"one that starts {near}")
+
+    def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
+        """Return what of the commands that are known before is clipped, in words.
+
+        Raises:
+            InvalidParameter: there is some, and the section is strict.
+        """
+        fastest, asked = (
+            self.figures(robot).fastest,
+            {f"commands[{n}]": row.command for n, row in enumerate(self.commands)},
+        )
+        if self.path is not None:
+            asked["path"] = Command(complex(self.path.speed))
+        told = []
+        for place, command in asked.items():
+            for part, value, limit, unit in beyond(command, fastest):
+                name = f"{key}.{place}.{'speed' if place == 'path' else part}"
+                if self.strict:
+                    expected = f"at most {abs(limit):g} {unit}, which the legs of {robot.name} can follow"
+                    raise InvalidParameter(name, f"{value:g} {unit}", expected)
+                told.append(f"{name}, {value:g} {unit}, is clipped to {limit:g} {unit}")
+        return told
+
+    def commanded(self, rows: Sequence[Commanded]) -> Walk:
+        """Return it with commands in place of those from the first of their times on."""
+        before = [row for row in self.commands if rows and row.time < rows[0].time]
+        return self.model_copy(update={"commands": (*before, *rows)}) if rows else self
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
@@ -85,6 +114,7 @@ class Walk(LoopSection):
         names = [foot for group in figures.groups for foot in group]
         links = {robot.plant.GetFrameByName(link, robot.instance).body().index(): link for link in feet.links}
         frames = [robot.plant.GetFrameByName(links[robot.tools[foot].body().index()], robot.instance) for foot in names]
+        facing = math.radians(figures.facing_deg)
         body = Body(
             plant=robot.plant,
             instance=robot.instance,
@@ -95,15 +125,18 @@ class Walk(LoopSection):
             feet=frames,
             contact=feet,
             legs=[axes_to(robot, frame) for frame in frames],
-            facing=math.radians(figures.facing_deg),
+            facing=facing,
         )
         groups = [[names.index(foot) for foot in group] for group in figures.groups]
-        rows = [(each.time, each.ahead, each.sideways, math.radians(each.turn_deg)) for each in self.commands]
+        path = None if self.path is None else Follower(self.path, figures.fastest, facing)
         return WalkingLoop(
             engine=Engine(body, figures, groups, 1 / self.rate),
             period=1 / self.rate,
             posture=np.deg2rad(robot.model.axis_vector(figures.posture_deg, f"{key}.gait.posture_deg")),
-            commands=np.array(rows).reshape(-1, 4),
+            commander=Commander(self.commands, path),
+            fastest=figures.fastest,
+            told="command" in self.reads,
+            strict=self.strict,
         )
 
 
@@ -112,63 +145,123 @@ class WalkingLoop(SampledBlock):
 
     Ports:
         in  ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
-            ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s].
+            ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s]; perhaps ``command`` (3), as below, or
+            not a number.
         out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: how fast the target moves;
             ``capture`` (2): divergent component from the foot that stands, ahead and to the left [m];
-            ``foot`` (1): 0 where the right one stands, 1 where the left one does.
+            ``foot`` (1): 0 where the right one stands, 1 where the left one does; ``command`` (3): what the walk is
+            asked for, ahead and to the left [m/s], turn [rad/s]; ``clipped`` (1): 1 while that is less than was wanted;
+            ``blind`` (1): 1 where what is read is not a number: then the walk goes on as planned.
     """
 
-    units: ClassVar[Mapping[str, str]] = {"target": "rad", "offset_velocity": "rad/s", "capture": "m"}
+    units = MappingProxyType(
+        {"target": "rad", "offset_velocity": "rad/s", "capture": "m", "command": "m/s, m/s, rad/s"}
+    )
 
-    def __init__(self, *, engine: Engine, period: float, posture: Vector, commands: Vector) -> None:
+    def __init__(
+        self,
+        *,
+        engine: Engine,
+        period: float,
+        posture: Vector,
+        commander: Commander,
+        fastest: Fastest,
+        told: bool = False,
+        strict: bool = False,
+    ) -> None:
         """Make the block.
 
         Args:
             engine: that makes the walk.
             period: between samples [s].
             posture: of the axes in no leg, and near which the legs are found, shape (n,) [rad].
-            commands: times [s], speeds ahead and to the left [m/s], turns [rad/s], shape (m, 4).
+            commander: says what is asked for.
+            fastest: what is clipped.
+            told: whether it has an input ``command``.
+            strict: end the run in place of that.
         """
-        self.engine, self.start, self._commands = engine, posture, commands
+        self.engine, self.start, self._commander = engine, posture, commander
+        self._fastest, self._told_command, self._strict = fastest, told, strict
         zero = np.zeros(len(posture))
+        reads = {"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6}
         super().__init__(
             period=period,
-            reads={"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6},
+            reads={**reads, "command": 3} if told else reads,
             memory={
                 "target": zero,
                 "active": 0.0,
                 "offset_velocity": zero,
                 "capture": np.zeros(2),
                 "foot": 1.0,
+                "command": np.zeros(3),
+                "clipped": 0.0,
+                "blind": 0.0,
                 "stride": np.zeros(NUMBERS),
                 "posture": zero,
                 "begun": zero,
-                "count": 0.0,
                 "ready": 0.0,
+                **Commander.MEMORY,
             },
-            gives=("target", "active", "offset_velocity", "capture", "foot"),
+            gives=("target", "active", "offset_velocity", "capture", "foot", "command", "clipped", "blind"),
         )
+
+    def command_by_hand(self, context: Context, command: Command) -> None:
+        """Ask for something from the next sample on, before all else and to the end of the run.
+
+        Args:
+            context: of the block; it changes.
+            command: what is asked for.
+        """
+        self.remember(context, {"hand": np.array([1.0, command.speed.real, command.speed.imag, command.turn])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next posture."""
-        count = memory["count"][0]
-        if not count:
-            return self._begun(read)
+        values = [read[name] for name in _READ]
+        blind = 0.0 if math.isfinite(sum(value @ value for value in values)) else 1.0
+        told: dict[str, Vector | float] = {} if memory["blind"][0] == blind else {"blind": blind}
+        if not read[TIME][0]:  # what a hand asked for in another run is past
+            told["hand"] = np.zeros(4)
+        if not memory["active"][0]:
+            return {**told, **({} if blind else self._begun(read))}
         if memory["ready"][0] < 1.0:
-            return self._readied(memory)
-        stride, posture = Stride.of(memory["stride"]), memory["posture"]
-        engine = self.engine
-        seen = engine.measured(stride, engine.body.seen(*(read[name] for name in _READ)))
-        after, target = engine.sample(stride, posture, self._command(count * self.period), seen)
+            return {**told, **self._readied(memory)}
+        stride, posture, engine = Stride.of(memory["stride"]), memory["posture"], self.engine
+        command = self._commanded(memory, read, told)
+        measured = None if blind else engine.measured(stride, engine.body.seen(*values))
+        after, target = engine.sample(stride, posture, command, measured)
+        if measured is not None:
+            told["capture"] = np.array([measured.xi.real, measured.xi.imag])
         return {
+            **told,
             "target": target,
             "offset_velocity": (target - posture) / self.period,
             "posture": target,
             "stride": after.numbers(),
             "foot": after.standing,
-            "capture": np.array([seen.xi.real, seen.xi.imag]),
-            "count": count + 1,
         }
+
+    def _commanded(self, memory: Named, read: Named, told: dict[str, Vector | float]) -> Command:
+        """Return what is asked for within what the legs can follow, and add to what is told."""
+        time, given = float(read[TIME][0]), read["command"] if self._told_command else None
+        progress, before = float(memory["progress"][0]), memory["command"]
+        wanted, along = self._commander.now(time, memory["hand"], given, read["base_pose"], progress)
+        if along != progress:
+            told["progress"] = along
+        if wanted is None:  # the path does not see where the robot is
+            return command_of(before)
+        command = clipped(wanted, self._fastest)
+        less = float(command is not wanted)
+        if less and self._strict:
+            part, value, limit, unit = beyond(wanted, self._fastest)[0]
+            raise RunEnds(
+                f"the command {part} of {value:g} {unit} is beyond the {limit:g} {unit} that the legs can follow"
+            )
+        if less != memory["clipped"][0]:
+            told["clipped"] = less
+        numbers = [command.speed.real, command.speed.imag, command.turn]
+        if numbers != before.tolist():
+            told["command"] = np.array(numbers)
+        return command
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
@@ -183,7 +276,6 @@ class WalkingLoop(SampledBlock):
             "posture": posture,
             "stride": stride.numbers(),
             "ready": 0.0 if far > _SAME else 1.0,
-            "count": 1.0,
         }
 
     def _readied(self, memory: Named) -> Changes:
@@ -196,15 +288,7 @@ class WalkingLoop(SampledBlock):
             "target": target,
             "offset_velocity": (target - memory["target"]) / self.period,
             "ready": ready,
-            "count": memory["count"][0] + 1,
         }
-
-    def _command(self, time: float) -> Command:
-        row = int(np.searchsorted(self._commands[:, 0], time + 1e-9, side="right")) - 1
-        if row < 0:
-            return Command()
-        _, ahead, left, turn = self._commands[row].tolist()
-        return Command(complex(ahead, left), turn)
 
 
 _READ = ("position", "velocity", "base_pose", "base_velocity")

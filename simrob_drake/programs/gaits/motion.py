@@ -15,7 +15,7 @@ from simrob_drake.robots.axis_values import AxisValues
 from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
-from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
 
 MAX_STEP = 0.005
 """Of the scheme `cenic` [s]: references stand still over a step. Steps of this length are as good as longer ones with
@@ -117,12 +117,21 @@ class JointMotion:
                 for name, each in config.monitors.items()
                 if not (isinstance(each, Fall) and each.faller(config.only_robot) == robot)
             }
-        solver = config.solver
-        if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic":
-            steps: dict[str, Any] = {}
-            if "solver.max_step" not in given:
-                steps["max_step"] = min(solver.max_step, MAX_STEP)
-            if "solver.accuracy" not in given and "error_control" not in solver.model_fields_set:
-                steps["error_control"] = False
-            changes["solver"] = solver.model_copy(update=steps)
-        return config.model_copy(update=changes)
+        return config.model_copy(update={**changes, "solver": short_steps(config.solver, given)})
+
+
+def short_steps(solver: SolverConfig, given: Collection[str] = ()) -> SolverConfig:
+    """Return a solver whose steps are short enough for servos to follow; another one than `cenic` as it is.
+
+    Args:
+        solver: the station's.
+        given: dotted keys of what stays as it is.
+    """
+    if not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
+        return solver
+    steps: dict[str, Any] = {}
+    if "solver.max_step" not in given:
+        steps["max_step"] = min(solver.max_step, MAX_STEP)
+    if "solver.accuracy" not in given and "error_control" not in solver.model_fields_set:
+        steps["error_control"] = False
+    return solver.model_copy(update=steps)

@@ -11,6 +11,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
 from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
 from simrob_drake.results.animation.scene import Scene, draw_floor_lines
+from simrob_drake.results.animation.steering import Steering
 from simrob_drake.results.animation.window import Window
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.state import State
@@ -83,13 +84,20 @@ class LiveView:
         url: where to look; it listens on this computer only.
     """
 
-    def __init__(self, config: StationConfig, state: State | None = None) -> None:
+    def __init__(self, config: StationConfig, state: State | None = None, *, steering: Steering | None = None) -> None:
         """Open the window, with the station that will be run in a state, or at its initial posture.
+
+        Args:
+            config: the station.
+            state: that it is in.
+            steering: what its user commands there.
 
         Raises:
             InvalidModel: a robot that cannot be built.
         """
-        self._window: Window | None = Window()
+        self._window: Window | None = Window(steering.controls if steering else None)
+        if steering:
+            steering.board = self._window
         self.url = self._window.url
         self._view = StationView(self._window.tell)
         self._next_frame = self._clock_at_zero = 0.0

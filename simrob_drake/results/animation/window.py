@@ -33,13 +33,17 @@ where in the world the pointer is (3) [m]; None there ends it."""
 
 @dataclass
 class Control:
-    """A slider between two values, or a button, whose value is 1 once it was pressed."""
+    """A slider between two values, or a button, whose value is 1 once it was pressed.
+
+    A key presses the button, or moves the slider down by a step; another one moves it up.
+    """
 
     value: float = 0.0
     low: float = 0.0
     high: float = 1.0
     step: float | None = None
     key: str | None = None
+    key_up: str | None = None
 
     def command(self, name: str) -> Command:
         """Return what puts the control into the page's menu."""
@@ -47,7 +51,8 @@ class Control:
         if self.step is None:
             return {"type": "set_control", "name": name, "callback": f"() => tell({told}, 1)", "keycode1": self.key}
         limits = {"value": self.value, "min": self.low, "max": self.high, "step": self.step}
-        return {"type": "set_control", "name": name, "callback": f"(value) => tell({told}, value)", **limits}
+        keys = {"keycode1": self.key, "keycode2": self.key_up}
+        return {"type": "set_control", "name": name, "callback": f"(value) => tell({told}, value)", **limits, **keys}
 
 
 class Board:
@@ -83,6 +88,11 @@ class Board:
             self._versions[subject] = next(self._count)
             self._news.notify_all()
 
+    def show(self, name: str) -> None:
+        """Show a slider where it was set by the program."""
+        command = {"type": "set_control_value", "name": name, "value": self.controls[name].value}
+        self.tell(f"control {name}", [{**command, "invoke_callback": False}])
+
     def wipe(self) -> None:
         """Forget all that was told; pages that are open show it until they are loaded anew."""
         with self._news:
@@ -102,6 +112,9 @@ class Board:
             return
         if math.isfinite(value):
             control.value = min(max(value, control.low), control.high)
+            with self._news:  # what the program set it to is past
+                self._told.pop(f"control {name}", None)
+                self._versions.pop(f"control {name}", None)
 
     def events(self) -> Iterator[bytes]:
         """Yield what a page is to know from now on, as server-sent events, until the board is closed."""

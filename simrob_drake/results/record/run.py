@@ -51,6 +51,7 @@ class RecordedRun:
         begun: of a program, the station in which it began; None of a single run.
         marks: of a program, when a run of it ended or a piece changed hands [s], and what that was in a few words.
         program: of a program, the YAML that does it again; empty where none can say it.
+        commanded: the walks that somebody commanded meanwhile; their sections hold what was commanded.
     """
 
     config: StationConfig
@@ -77,6 +78,7 @@ class RecordedRun:
     begun: StationConfig | None = None
     marks: tuple[tuple[float, str], ...] = ()
     program: str = ""
+    commanded: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.results.record.remarks import remarks_of
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import legged_robots, locomotion
 
@@ -29,6 +30,7 @@ def summary_of(run: RecordedRun) -> dict[str, Any]:
         "stop_time": run.stop_time,
         "message": run.message,
         "warnings": run.warnings,
+        "remarks": remarks_of(run),
         "solver": run.config.solver.model_dump() if run.config.mode == "dynamic" else None,
         "steps": len(run.step_times) - 1,
         "wall_time": run.wall_time,

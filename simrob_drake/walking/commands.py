@@ -1,0 +1,100 @@
+"""What a walk is asked for: by hand, by another block, by a table or by a path, and within what the legs can follow."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from math import degrees, isfinite, radians
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.quantities import NotNegative
+from simrob_drake.walking.figures import Fastest
+from simrob_drake.walking.path import Follower
+from simrob_drake.walking.steps import Command
+from simrob_drake.yaml_files import Number, Strict
+
+_ROUNDING = 1e-9  # s
+
+
+class Commanded(Strict):
+    """What the robot shall do from a time on."""
+
+    time: NotNegative = 0.0
+    """[s]."""
+    ahead: Number = 0.0
+    """[m/s]."""
+    sideways: Number = 0.0
+    """To the left [m/s]."""
+    turn_deg: Number = 0.0
+    """To the left [deg/s]."""
+
+    @property
+    def command(self) -> Command:
+        """The same as a command."""
+        return Command(complex(self.ahead, self.sideways), radians(self.turn_deg))
+
+
+def clipped(command: Command, fastest: Fastest) -> Command:
+    """Return what of a command the legs can follow; the same object if that is all of it."""
+    ahead = min(max(command.speed.real, -fastest.backward), fastest.ahead)
+    left = min(max(command.speed.imag, -fastest.sideways), fastest.sideways)
+    most = radians(fastest.turn_deg)
+    turn = min(max(command.turn, -most), most)
+    same = ahead == command.speed.real and left == command.speed.imag and turn == command.turn
+    return command if same else Command(complex(ahead, left), turn)
+
+
+def beyond(command: Command, fastest: Fastest) -> list[tuple[str, float, float, str]]:
+    """Return what of a command the legs cannot follow: keys, values, what they can, units."""
+    can = clipped(command, fastest)
+    parts = (
+        ("ahead", command.speed.real, can.speed.real, "m/s"),
+        ("sideways", command.speed.imag, can.speed.imag, "m/s"),
+        ("turn_deg", degrees(command.turn), degrees(can.turn), "deg/s"),
+    )
+    return [part for part in parts if part[1] != part[2]]
+
+
+class Commander:
+    """Says what a walk is asked for at each sample.
+
+    The first of these that says anything: a hand, an input, a table from its first time on, a path; else to stand.
+    What it remembers is part of the walk's memory: ``hand`` (4), whether a hand commands and its command, and
+    ``progress`` (1), how far it is on its path [m].
+    """
+
+    MEMORY: Mapping[str, Vector | float] = {"hand": np.zeros(4), "progress": 0.0}
+
+    def __init__(self, table: Sequence[Commanded], path: Follower | None) -> None:
+        """Prepare, with the rows of a table in the order of their times."""
+        self._times, self._table = [row.time for row in table], [row.command for row in table]
+        self._path = path
+
+    def now(
+        self, time: float, hand: Vector, given: Vector | None, base: Vector, progress: float
+    ) -> tuple[Command | None, float]:
+        """Return what is asked for, and how far on its path the robot is; None if the path does not see where that is.
+
+        Args:
+            time: since the run began [s]; no hand has commanded when it begins.
+            hand: what is remembered of it.
+            given: an input (3): speeds ahead and to the left [m/s], turn [rad/s]; not a number says nothing.
+            base: pose of the root, x y z qw qx qy qz.
+            progress: so far [m].
+        """
+        if hand[0] and time:
+            return command_of(hand[1:]), progress
+        if given is not None and isfinite(given.sum()):
+            return command_of(given), progress
+        row = bisect_right(self._times, time + _ROUNDING) - 1
+        if row >= 0:
+            return self._table[row], progress
+        return (Command(), progress) if self._path is None else self._path.now(base, progress)
+
+
+def command_of(values: Vector) -> Command:
+    """Return numbers (3) as a command: speeds ahead and to the left [m/s], turn [rad/s]."""
+    ahead, left, turn = values.tolist()
+    return Command(complex(ahead, left), turn)
