@@ -1,4 +1,4 @@
-"""A robot's kinematics for its walk: where its centre of mass and its feet are, and the legs that put feet somewhere."""
+"""A robot's kinematics for its walk: its centre of mass, its feet, and the legs that put them somewhere."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from simrob_drake.robots.feet import FootContact
 
 _ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 1, 3, 5], 3: [3, 4, 5]}
 """Which of [roll, pitch, yaw, ahead, left, up] of its foot a leg of so many joints is asked for."""
+_SKEW = [2, 0, 1], [1, 2, 0]  # entries of a small rotation that tell about what
 _DAMPING = 1e-5  # of a leg that is nearly straight [m², rad²]
 _LEAST_KNEE = 0.05  # so that a leg never bends the other way [rad]
 _LARGEST = 0.3  # change of a joint in a sample [rad]
@@ -77,8 +78,10 @@ class Body:
             InvalidParameter: a leg that has neither three, four nor six joints.
         """
         for frame, leg in zip(feet, legs, strict=True):
-            if len(leg) not in _ROWS:
-                raise InvalidParameter(f"leg of {frame.name()}", f"{len(leg)} joints", "three, four or six, to walk")
+            if len(leg) not in _ROWS or len(leg) != len(legs[0]):
+                raise InvalidParameter(
+                    f"leg of {frame.name()}", f"{len(leg)} joints", "three, four or six, all alike, to walk"
+                )
         self._plant, self._instance, self._axes = weakref.proxy(plant), instance, axes
         self._root, self._feet = root.index(), [foot.index() for foot in feet]
         self._seen, self._asked = plant.CreateDefaultContext(), plant.CreateDefaultContext()  # set anew each time
@@ -86,12 +89,15 @@ class Body:
         body = root.body()
         self._place, self._motion = body.floating_positions_start(), body.floating_velocities_start_in_v()
         self.facing = RotationMatrix.MakeZRotation(-facing)  # of a root that looks along x
-        self.legs = [list(leg) for leg in legs]
-        self._rows = [_ROWS[len(leg)] for leg in self.legs]
-        self._columns = [axes.velocity_places[leg] for leg in self.legs]
-        self._senses = [axes.signs[leg] for leg in self.legs]
-        self.lower, self.upper = limits[0].copy(), limits[1]
-        self.lower[list(knees)] = np.maximum(self.lower[list(knees)], _LEAST_KNEE)
+        self._looks = self.facing.inverse()
+        self._legs = np.array([list(leg) for leg in legs])
+        self._which, self._diagonal = np.arange(len(legs))[:, np.newaxis], np.arange(self._legs.shape[1])
+        self._columns, self._senses = axes.velocity_places[self._legs], axes.signs[self._legs][:, np.newaxis]
+        rows = _ROWS[self._legs.shape[1]]  # such legs keep their soles flat and the way ahead: as seen in that direction
+        turn = np.kron(np.eye(2), self.facing.matrix())
+        self._seen_ahead = None if len(rows) == 6 else turn[rows]
+        self._lower, self._upper = limits[0].copy(), limits[1]
+        self._lower[list(knees)] = np.maximum(self._lower[list(knees)], _LEAST_KNEE)
         self._soles(contact, [foot.name() for foot in feet])
 
     def _soles(self, contact: FootContact, links: Sequence[str]) -> None:
@@ -99,7 +105,7 @@ class Body:
         plant, context = self._plant, self._asked
         plant.SetPositions(context, self._axes.spread_positions(0.0, plant.GetPositions(context)))
         root = plant.get_frame(self._root)
-        self._tips, self._upright, self._points, self.homes, self.over = [], [], [], [], 0.0
+        self._tips, self._upright, points_of, self.homes, self.over = [], [], list[Vector](), list[Vector](), 0.0
         for link, index in zip(links, self._feet, strict=True):
             home = RigidTransform(self.facing) @ plant.get_frame(index).CalcPose(context, root)
             turn = home.rotation().matrix()
@@ -111,14 +117,16 @@ class Body:
             self.over = round_  # of the point over the floor [m]: balls roll about their middles
             self._tips.append(point)
             self._upright.append(RigidTransform(RotationMatrix(turn.T), point))
-            self._points.append(contact.support_points(link))
+            points_of.append(contact.support_points(link))
             self.homes.append(home.multiply(point))
+        self._points = np.array(points_of)
 
     def seen(self, position: Vector, velocity: Vector, base: Vector, motion: Vector) -> Seen:
         """Return what the robot does.
 
         Args:
-            position, velocity: of the axes, shape (n,) [rad, rad/s].
+            position: of the axes, shape (n,) [rad].
+            velocity: likewise [rad/s].
             base: pose of the root link, x y z qw qx qy qz.
             motion: its velocity, then its angular velocity, in the world, shape (6,) [m/s, rad/s].
         """
@@ -131,16 +139,14 @@ class Body:
         plant.SetPositions(context, self._positions)
         plant.SetVelocities(context, self._velocities)
         links = [plant.get_frame(index).CalcPoseInWorld(context) for index in self._feet]
-        lowest = [
-            (points @ link.rotation().matrix()[2]).min() + link.translation()[2]
-            for link, points in zip(links, self._points, strict=True)
-        ]
+        poses = np.array([link.GetAsMatrix4()[2] for link in links])
+        lowest = (self._points @ poses[:, :3, np.newaxis]).min(axis=(1, 2)) + poses[:, 3]
         return Seen(
             com=plant.CalcCenterOfMassPositionInWorld(context, [self._instance]),
             speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, [self._instance]),
-            feet=[link @ upright for link, upright in zip(links, self._upright, strict=True)],
-            trunk=RotationMatrix(Quaternion(base[3:] / np.linalg.norm(base[3:]))) @ self.facing.inverse(),
-            lowest=np.array(lowest),
+            feet=[link.multiply(upright) for link, upright in zip(links, self._upright, strict=True)],
+            trunk=RotationMatrix(Quaternion(base[3:] / np.linalg.norm(base[3:]))).multiply(self._looks),
+            lowest=lowest,
         )
 
     def centre(self, posture: Vector) -> Vector:
@@ -161,41 +167,38 @@ class Body:
             rounds: steps of the method.
         """
         plant, context, posture = self._plant, self._asked, near.copy()
-        frame = plant.get_frame(self._root)
-        seen = (root @ RigidTransform(self.facing)).inverse()
-        wanted = [(seen @ foot).GetAsMatrix4() for foot in feet]
+        frame, links = plant.get_frame(self._root), [plant.get_frame(index) for index in self._feet]
+        seen = root.multiply(RigidTransform(self.facing)).inverse()
+        wanted = np.array([seen.multiply(foot).GetAsMatrix4() for foot in feet])
+        rates, there = np.empty((len(links), 6, plant.num_velocities())), np.empty((len(links), 4, 4))
         for _ in range(rounds):
             self._put(posture)
-            for number, leg in enumerate(self.legs):
-                link = plant.get_frame(self._feet[number])
-                pose = (link.CalcPose(context, frame) @ self._upright[number]).GetAsMatrix4()
-                turn = wanted[number][:3, :3] @ pose[:3, :3].T
-                error = np.array(
-                    [
-                        0.5 * (turn[2, 1] - turn[1, 2]),
-                        0.5 * (turn[0, 2] - turn[2, 0]),
-                        0.5 * (turn[1, 0] - turn[0, 1]),
-                        *(wanted[number][:3, 3] - pose[:3, 3]),
-                    ]
-                )
-                rates = plant.CalcJacobianSpatialVelocity(
+            for number, link in enumerate(links):
+                there[number] = link.CalcPose(context, frame).multiply(self._upright[number]).GetAsMatrix4()
+                rates[number] = plant.CalcJacobianSpatialVelocity(
                     context, JacobianWrtVariable.kV, link, self._tips[number], frame, frame
-                )[:, self._columns[number]]
-                posture[leg] += self._step(number, rates * self._senses[number], error)
-            posture = np.minimum(np.maximum(posture, self.lower), self.upper)
+                )
+            posture[self._legs] += self._step(rates, there, wanted)
+            posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
 
-    def _step(self, number: int, rates: Vector, error: Vector) -> Vector:
-        """Return a damped step of a leg's joints (k,) by its Jacobian (6, k) and the error (6,) in the root's axes."""
-        rows = self._rows[number]
-        if len(rows) == 4:  # such legs keep their soles flat and the way ahead: as seen in walking direction
-            turn = self.facing.matrix()
-            rates, error = np.vstack([turn @ rates[:3], turn @ rates[3:]]), np.r_[turn @ error[:3], turn @ error[3:]]
-        if len(rows) < 6:
-            rates, error = rates[rows], error[rows]
-        square = rates.T @ rates
-        square.flat[:: len(square) + 1] += _DAMPING
-        return np.clip(np.linalg.solve(square, rates.T @ error), -_LARGEST, _LARGEST)
+    def _step(self, rates: Vector, there: Vector, wanted: Vector) -> Vector:
+        """Return a damped step of the legs' joints (legs, k) from poses of the feet towards others, (legs, 4, 4) each.
+
+        The Jacobians (legs, 6, nv) are in the root's axes, as the poses are.
+        """
+        turn = wanted[:, :3, :3] @ there[:, :3, :3].transpose(0, 2, 1)
+        errors = np.empty((len(turn), 6, 1))
+        errors[:, :3, 0] = 0.5 * (turn[:, _SKEW[0], _SKEW[1]] - turn[:, _SKEW[1], _SKEW[0]])
+        errors[:, 3:, 0] = wanted[:, :3, 3] - there[:, :3, 3]
+        own = rates[self._which, :, self._columns].transpose(0, 2, 1) * self._senses
+        if self._seen_ahead is not None:
+            own, errors = self._seen_ahead @ own, self._seen_ahead @ errors
+        across = own.transpose(0, 2, 1)
+        square = across @ own
+        square[:, self._diagonal, self._diagonal] += _DAMPING
+        step = np.linalg.solve(square, across @ errors)[..., 0]
+        return np.minimum(np.maximum(step, -_LARGEST), _LARGEST)
 
     def _put(self, posture: Vector) -> None:
         positions = self._axes.spread_positions(posture, self._plant.GetPositions(self._asked))

@@ -72,7 +72,7 @@ class Engine:
         foot = self.steps.beside(0)
         stride = Stride(foot=foot, landing=foot, com=foot / 2, zmp=foot / 2, zmp_from=foot / 2)
         for _ in range(3):
-            posture = self._posture(stride, posture, 0.0, _FIRST_ROUNDS)
+            posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
         return stride, posture
 
     def measured(self, stride: Stride, seen: Seen, forces: Sequence[float] | None = None) -> Measured:
@@ -96,7 +96,8 @@ class Engine:
         self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
     ) -> tuple[Stride, Vector]:
         """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
-        omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + self.body.centre(posture)[2]))
+        centre = self.body.centre(posture)
+        omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
         told = self._figures.feedback if measured is not None else None
         stride, xi = self._planned(stride, command, omega, told, measured)
         stride, lift = self._swung(stride)
@@ -108,7 +109,7 @@ class Engine:
             lean, pitch = ((1 - self._part(told.lean_return)) * angle for angle in (lean, pitch))
         com += (1.0 - math.exp(-omega * self._period)) * (xi - com)
         stride = replace(stride, com=com, lean=lean, pitch=pitch)
-        posture = self._posture(stride, posture, lift)
+        posture = self._posture(stride, posture, centre, lift)
         return self._later(stride, command, told, measured, xi), posture
 
     # Where the divergent component and the feet go
@@ -136,8 +137,11 @@ class Engine:
         elif stride.time <= stride.ends - _LANDS:
             own = self._wanted(stride, Landing(stride.ends, planned.place), omega, rest, after)
             error = _beyond(measured.xi - own, told)
-            now = Divergent(own + error, omega, stride.time, stride.transfer, stride.zmp, rest)
-            stride = stride.landing_at(steps.adjusted(1 - standing, planned, now, stride.foot, after))
+            if error:
+                held = _clipped(told.push * error, told.edge)
+                now = Divergent(own + error, omega, stride.time, stride.transfer, stride.zmp + held, rest + held)
+                planned = steps.adjusted(1 - standing, planned, now, stride.foot, after)
+            stride = stride.landing_at(planned)
         return stride, self._wanted(stride, Landing(stride.ends, stride.landing), omega, rest, after)
 
     def _wanted(
@@ -178,7 +182,7 @@ class Engine:
         yaw = stride.foot_yaw + part * (stride.landing_yaw - stride.foot_yaw)
         way = eased(min(after / stride.ends, 1.0))
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
-        height = 64.0 * self._figures.lift * (share * (1.0 - share)) ** 3
+        height = self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
         return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading), height
 
     def _later(
@@ -204,16 +208,16 @@ class Engine:
 
     # Postures
 
-    def _posture(self, stride: Stride, near: Vector, lift: float, rounds: int = 1) -> Vector:
-        """Return the posture (n,) of a stride whose foot is ``lift`` high, found from one near it."""
-        figures, body, turn = self._figures, self.body, turned_by(1j * stride.heading)
+    def _posture(self, stride: Stride, near: Vector, centre: Vector, lift: float, rounds: int = 1) -> Vector:
+        """Return the posture (n,) of a stride whose foot is ``lift`` high, found from one near it and its ``centre``."""
+        figures, body = self._figures, self.body
         rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
             RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch)
         )
         rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean))
-        centre = rotation.multiply(body.centre(near))
+        centre = rotation.multiply(centre)
         root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height])
-        feet = [RigidTransform()] * len(body.legs)
+        feet = [RigidTransform()] * len(body.homes)
         here, there = self._both(stride)
         for group, middle, yaw, height in ((here, 0j, 0.0, 0.0), (there, stride.foot, stride.foot_yaw, lift)):
             for foot, about in zip(self._groups[group], self._about[group], strict=True):
@@ -239,6 +243,11 @@ def _beyond(error: complex, told: Feedback | None) -> complex:
         math.copysign(max(abs(error.real) - ahead, 0.0), error.real),
         math.copysign(max(abs(error.imag) - left, 0.0), error.imag),
     )
+
+
+def _clipped(place: complex, most: tuple[float, float]) -> complex:
+    ahead, left = most
+    return complex(min(max(place.real, -ahead), ahead), min(max(place.imag, -left), left))
 
 
 def _pair(place: complex) -> tuple[float, float]:

@@ -54,6 +54,10 @@ class Feedback(Strict):
     """How fast it comes upright [1/s]."""
     let_be: tuple[NotNegative, NotNegative] = (0.03, 0.02)
     """Errors of the divergent component that no step answers, ahead and sideways [m]: legs that swing make some."""
+    edge: tuple[NotNegative, NotNegative] = (0.0, 0.0)
+    """How far the soles themselves bring the zero-moment point against an error, ahead and sideways [m]."""
+    push: NotNegative = 2.0
+    """How far they do for a metre of error."""
     gain: Share = 1.0
     """How much of an error beyond that a step takes up."""
     hurry: NotNegative = 0.03
@@ -99,6 +103,8 @@ class WalkingFigures(Strict):
     """How far inside of the middle of each foot the zero-moment point goes [m]."""
     zmp_ahead: Number = 0.0
     """How far ahead of it [m]."""
+    rises: Annotated[Number, Field(ge=1, le=4)] = 3.0
+    """How gently a foot lifts and lands: the height goes with (s (1 - s)) to this power, s from 0 to 1 in the swing."""
     settle: Positive = 0.6
     """Time to shift the weight before the first step [s]."""
     quicken: tuple[Positive, Positive, Positive] = (0.06, 0.03, 15.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from cmath import exp as turned_by
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
