@@ -14,12 +14,14 @@ from cmath import exp as turned_by
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
 from simrob_drake.walking.body import Body, Seen
 from simrob_drake.walking.figures import Feedback, WalkingFigures
+from simrob_drake.walking.ground import Ground
 from simrob_drake.walking.pendulum import weights
 from simrob_drake.walking.steps import Command, Divergent, Landing, Steps
 from simrob_drake.walking.stride import Stride, eased
@@ -38,7 +40,8 @@ class Measured:
     Attributes:
         com, xi: centre of mass and divergent component [m].
         lean, pitch: of the trunk, to the right and ahead [rad].
-        touches: whether the swinging foot touches.
+        touches: whether the swinging feet touch.
+        felt: which feet touch, by their forces; none where these are not known.
     """
 
     com: complex
@@ -46,6 +49,7 @@ class Measured:
     lean: float
     pitch: float
     touches: bool
+    felt: Sequence[bool] = ()
 
 
 class Engine:
@@ -65,14 +69,16 @@ class Engine:
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
         self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
         self._middle = 0.5 * (middles[0] + middles[1])
+        self.ground = Ground(groups, period)
         self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag)
 
     def standing(self, posture: Vector) -> tuple[Stride, Vector]:
         """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
         foot = self.steps.beside(0)
         stride = Stride(foot=foot, landing=foot, com=foot / 2, zmp=foot / 2, zmp_from=foot / 2)
+        flat = np.zeros(len(self.body.homes))
         for _ in range(3):
-            posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
+            posture = self._posture(stride, posture, self.body.centre(posture), flat, 0.0, (0.0, 0.0), _FIRST_ROUNDS)
         return stride, posture
 
     def measured(self, stride: Stride, seen: Seen, forces: Sequence[float] | None = None) -> Measured:
@@ -86,21 +92,28 @@ class Engine:
         omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
         up = seen.trunk.matrix()[2]
         told = self._figures.feedback
-        if forces is not None and told is not None and told.touch is not None:
-            touches = max(forces[foot] for foot in there) > told.touch
+        felt = [force > told.touch for force in forces] if forces is not None and told is not None else []
+        if felt:
+            touches = all(felt[foot] for foot in there)
         else:
             touches = bool(seen.lowest[there].min() < seen.lowest[here].min() + _TOUCHES)
-        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), touches)
+        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), touches, felt)
 
     def sample(
-        self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
-    ) -> tuple[Stride, Vector]:
-        """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
+        self, stride: Stride, posture: Vector, heights: Vector, command: Command, measured: Measured | None
+    ) -> tuple[Stride, Vector, Vector]:
+        """Return where a walk is a sample later, its posture (n,), and the heights of the ground (feet,) [m].
+
+        Without feedback if nothing is measured.
+        """
         centre = self.body.centre(posture)
         omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
         told = self._figures.feedback if measured is not None else None
         stride, xi = self._planned(stride, command, omega, told, measured)
-        stride, lift = self._swung(stride)
+        before, (stride, lift) = stride, self._swung(stride)
+        if told is not None and measured is not None and measured.felt:
+            sinks = self._lift(before.share) - lift
+            heights = self.ground.found(heights, before, stride, sinks, measured.felt, told)
         com, lean, pitch = stride.com, stride.lean, stride.pitch
         if told is not None and measured is not None:
             com += self._part(told.follow) * (measured.com - com)
@@ -109,8 +122,11 @@ class Engine:
             lean, pitch = ((1 - self._part(told.lean_return)) * angle for angle in (lean, pitch))
         com += (1.0 - math.exp(-omega * self._period)) * (xi - com)
         stride = replace(stride, com=com, lean=lean, pitch=pitch)
-        posture = self._posture(stride, posture, centre, lift)
-        return self._later(stride, command, told, measured, xi), posture
+        level = (lean, pitch)
+        if told is not None and measured is not None:
+            level = _between(level, (measured.lean, measured.pitch), told.level * stride.share)
+        posture = self._posture(stride, posture, centre, heights, lift, level)
+        return self._later(stride, command, told, measured, xi), posture, heights
 
     # Where the divergent component and the feet go
 
@@ -182,8 +198,11 @@ class Engine:
         yaw = stride.foot_yaw + part * (stride.landing_yaw - stride.foot_yaw)
         way = eased(min(after / stride.ends, 1.0))
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
-        height = self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
-        return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading), height
+        return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading), self._lift(share)
+
+    def _lift(self, share: float) -> float:
+        """Return how high a foot is lifted at a share of its swing [m]."""
+        return self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
 
     def _later(
         self, stride: Stride, command: Command, told: Feedback | None, measured: Measured | None, xi: complex
@@ -201,6 +220,9 @@ class Engine:
         error = _beyond(measured.xi - xi, told) if measured is not None else 0j
         off = abs(stride.foot - self.steps.beside(1 - int(stride.standing)))
         stride = stride.on_the_other_foot()
+        if told is not None and measured is not None:
+            lean, pitch = _between((stride.lean, stride.pitch), (measured.lean, measured.pitch), told.level)
+            stride = replace(stride, lean=lean, pitch=pitch)
         hurries = told is not None and abs(error) > told.hurry
         if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
             return replace(stride, steps=0.0, zmp=stride.foot / 2, zmp_from=stride.foot / 2)
@@ -208,22 +230,42 @@ class Engine:
 
     # Postures
 
-    def _posture(self, stride: Stride, near: Vector, centre: Vector, lift: float, rounds: int = 1) -> Vector:
-        """Return the posture (n,) of a stride whose foot is ``lift`` high, found from one near it and its ``centre``."""
-        figures, body = self._figures, self.body
-        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
-            RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch)
-        )
-        rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean))
-        centre = rotation.multiply(centre)
-        root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height])
+    def _posture(
+        self,
+        stride: Stride,
+        near: Vector,
+        centre: Vector,
+        heights: Vector,
+        lift: float,
+        level: tuple[float, float],
+        rounds: int = 1,
+    ) -> Vector:
+        """Return the posture (n,) of a stride, found from one near it and its ``centre``.
+
+        Feet are ``heights`` high, the swinging ones by ``lift`` more, as they are if the trunk leans and pitches by
+        ``level``.
+        """
+        body, upright = self.body, (stride.lean, stride.pitch)
+        root = self._root(stride, upright, centre)
+        leant = root.multiply(self._root(stride, level, centre).inverse()) if level != upright else RigidTransform()
         feet = [RigidTransform()] * len(body.homes)
         here, there = self._both(stride)
         for group, middle, yaw, height in ((here, 0j, 0.0, 0.0), (there, stride.foot, stride.foot_yaw, lift)):
             for foot, about in zip(self._groups[group], self._about[group], strict=True):
-                place = _pair(middle + turned_by(1j * yaw) * about)
-                feet[foot] = RigidTransform(RotationMatrix.MakeZRotation(yaw), [*place, body.over + height])
+                place = [*_pair(middle + turned_by(1j * yaw) * about), body.over + heights[foot] + height]
+                pose = RigidTransform(RotationMatrix.MakeZRotation(yaw), place)
+                feet[foot] = leant.multiply(pose) if group == there else pose
         return body.posture(near, root, feet, rounds)
+
+    def _root(self, stride: Stride, tilt: tuple[float, float], centre: Vector) -> RigidTransform:
+        """Return the pose of the root, with the trunk leant and pitched so."""
+        lean, pitch = tilt
+        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
+            RotationMatrix.MakeYRotation(math.radians(self._figures.pitch_deg) + pitch)
+        )
+        rotation = rotation.multiply(RotationMatrix.MakeXRotation(lean))
+        centre = rotation.multiply(centre)
+        return RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), self._figures.height])
 
     def _both(self, stride: Stride) -> tuple[int, int]:
         """Return the places of the feet that stand and of those that swing."""
@@ -252,3 +294,7 @@ def _clipped(place: complex, most: tuple[float, float]) -> complex:
 
 def _pair(place: complex) -> tuple[float, float]:
     return place.real, place.imag
+
+
+def _between(here: tuple[float, float], there: tuple[float, float], share: float) -> tuple[float, float]:
+    return here[0] + share * (there[0] - here[0]), here[1] + share * (there[1] - here[1])

@@ -52,6 +52,8 @@ class Feedback(Strict):
     """How fast the reference of the trunk's lean comes to the lean that it has [1/s]."""
     lean_return: NotNegative = 5.0
     """How fast it comes upright [1/s]."""
+    level: Share = 0.0
+    """How much of the lean of the trunk the legs that swing make up for, so that their feet come down level."""
     let_be: tuple[NotNegative, NotNegative] = (0.03, 0.02)
     """Errors of the divergent component that no step answers, ahead and sideways [m]: legs that swing make some."""
     edge: tuple[NotNegative, NotNegative] = (0.0, 0.0)
@@ -74,8 +76,14 @@ class Feedback(Strict):
     """Of a foot that swings, over the ground, at most [m/s]."""
     late: NotNegative = 0.1
     """How long a foot that should have touched is waited for [s]."""
-    touch: Positive | None = None
+    touch: Positive = 10.0
     """Force on a foot from which it touches [N], where `reads` names sensors of the feet; by their heights without."""
+    search: NotNegative = 0.3
+    """How fast a foot that is late goes on downward until its force tells that it touches [m/s]."""
+    depth: NotNegative = 0.03
+    """How far below the feet that stand at most [m]."""
+    ground_follow: NotNegative = 5.0
+    """How fast the trunk comes to its height over ground that was found so [1/s]."""
 
 
 class WalkingFigures(Strict):

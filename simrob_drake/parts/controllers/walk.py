@@ -102,6 +102,7 @@ class Walk(LoopSection):
         return WalkingLoop(
             engine=Engine(body, figures, groups, 1 / self.rate),
             period=1 / self.rate,
+            feet=names if names[0] in self.reads else [],
             posture=np.deg2rad(robot.model.axis_vector(figures.posture_deg, f"{key}.gait.posture_deg")),
             commands=np.array(rows).reshape(-1, 4),
         )
@@ -111,7 +112,8 @@ class WalkingLoop(SampledBlock):
     """Ask a robot's axes for the next posture of a walk.
 
     Ports:
-        in  ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
+        in  by each foot's name, if sensors tell them: the force on it (3) [N];
+            ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
             ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s].
         out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: how fast the target moves;
             ``capture`` (2): divergent component from the foot that stands, ahead and to the left [m];
@@ -120,20 +122,26 @@ class WalkingLoop(SampledBlock):
 
     units: ClassVar[Mapping[str, str]] = {"target": "rad", "offset_velocity": "rad/s", "capture": "m"}
 
-    def __init__(self, *, engine: Engine, period: float, posture: Vector, commands: Vector) -> None:
+    def __init__(
+        self, *, engine: Engine, period: float, feet: Sequence[str], posture: Vector, commands: Vector
+    ) -> None:
         """Make the block.
 
         Args:
             engine: that makes the walk.
             period: between samples [s].
+            feet: names of those whose forces are read, in the engine's order; empty if none are.
             posture: of the axes in no leg, and near which the legs are found, shape (n,) [rad].
             commands: times [s], speeds ahead and to the left [m/s], turns [rad/s], shape (m, 4).
         """
-        self._engine, self._commands, self._start = engine, commands, posture
+        self._engine, self._commands, self._start, self._feet = engine, commands, posture, feet
         zero = np.zeros(len(posture))
         super().__init__(
             period=period,
-            reads={"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6},
+            reads={
+                **{"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6},
+                **dict.fromkeys(feet, 3),
+            },
             memory={
                 "target": zero,
                 "active": 0.0,
@@ -142,6 +150,7 @@ class WalkingLoop(SampledBlock):
                 "foot": 1.0,
                 "stride": np.zeros(NUMBERS),
                 "posture": zero,
+                "heights": np.zeros(len(engine.body.homes)),
                 "begun": zero,
                 "count": 0.0,
                 "ready": 0.0,
@@ -158,17 +167,26 @@ class WalkingLoop(SampledBlock):
             return self._readied(memory)
         stride, posture = Stride.of(memory["stride"]), memory["posture"]
         engine = self._engine
-        seen = engine.measured(stride, engine.body.seen(*(read[name] for name in _READ)))
-        after, target = engine.sample(stride, posture, self._command(count * self.period), seen)
+        seen = engine.measured(stride, engine.body.seen(*(read[name] for name in _READ)), self._forces(stride, read))
+        command = self._command(count * self.period)
+        after, target, heights = engine.sample(stride, posture, memory["heights"], command, seen)
         return {
             "target": target,
             "offset_velocity": (target - posture) / self.period,
             "posture": target,
+            "heights": heights,
             "stride": after.numbers(),
             "foot": after.standing,
             "capture": np.array([seen.xi.real, seen.xi.imag]),
             "count": count + 1,
         }
+
+    def _forces(self, stride: Stride, read: Named) -> list[float] | None:
+        """Return the forces on feet that come down, and none on others; None where no sensor tells them."""
+        if not self._feet:
+            return None
+        down = self._engine.ground.coming_down(stride)
+        return [math.hypot(*read[foot].tolist()) if place in down else 0.0 for place, foot in enumerate(self._feet)]
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
