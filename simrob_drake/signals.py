@@ -5,7 +5,7 @@ Whoever makes an output declares it once; tables, plots, block pictures and summ
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, TypeAlias
 
 from simrob_drake.frames import Vector
 
@@ -49,6 +49,10 @@ class Recorded(Protocol):
         """Return the values of ports at times (k,) [s]: arrays (k, size), or lists of abstract values."""
 
 
+Compute: TypeAlias = Callable[[Recorded, Vector], Vector]
+"""Gives columns of a run that is over at times (m,) [s], shape (m, k)."""
+
+
 @dataclass(frozen=True)
 class Signal:
     """Columns of a result.
@@ -70,7 +74,7 @@ class Signal:
     role: Role
     output: str = ""
     entries: tuple[int, ...] | None = None
-    compute: Callable[[Recorded, Vector], Vector] | None = None
+    compute: Compute | None = None
     adjust: Callable[[Recorded, Vector, Vector], Vector] | None = None
     part: str = ""
     panel: Panel | None = None

@@ -7,6 +7,7 @@ author published later. The forms are ours. It faces +x, its left is +y; all fra
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,10 +78,14 @@ SOLE = ((0.1218, 0.07801, 0.012), (-0.00633, -0.02859, -0.01993))  # size, centr
 COLLISIONS: dict[str, list[Shape]] = {
     "c_chest": [box((0.1204, 0.105, 0.0856), (-0.0294, 0, -0.0113))],
     "c_head": [box((0.049, 0.03, 0.037), (0.0024, 0, -0.001))],
+    "c_waist": [box((0.055, 0.068, 0.056), (-0.006, 0, 0.006))],
+    "shoulder": [box((0.049, 0.036, 0.028))],
+    "upperarm": [box((0.06, 0.02, 0.087), (-0.0015, 0, -0.0345))],
     "lowerarm": [box((0.03, 0.036, 0.10), (-0.002, 0, -0.05))],
     "upperleg": [box((0.045, 0.034, 0.08), (0.0025, 0, -0.03))],
     "lowerleg": [box((0.035, 0.037, 0.08), (0.0095, 0, -0.033))],
-}
+    "foot": [box(*SOLE)],
+}  # of the right side
 
 
 def c_waist() -> Parts:
@@ -241,10 +246,9 @@ def make(folder: Path) -> None:
 def _link(name: str, figures: tuple, visuals: list[tuple[Shape, str]], sign: int) -> Link:
     mass, (x, y, z), moments, (xy, xz, yz) = figures
     shape = name.removeprefix("r_").removeprefix("l_")
-    collisions = COLLISIONS.get(shape, [])
-    if shape == "foot":
-        size, (a, b, c) = SOLE
-        collisions = [box(size, (a, sign * b, c))]
+    collisions = [
+        replace(each, xyz=(each.xyz[0], sign * each.xyz[1], each.xyz[2])) for each in COLLISIONS.get(shape, [])
+    ]
     com, products = (x, sign * y, z), (sign * xy, xz, sign * yz)
     return Link(
         name=name, mass=mass, com=com, moments=moments, products=products, visuals=visuals, collisions=collisions

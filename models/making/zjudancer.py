@@ -8,6 +8,7 @@ The kid-size humanoid of the ZJUDancer team. Masses and leg lengths are those of
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -81,10 +82,13 @@ SOLE = ((0.087, 0.147, 0.012), (0.016, 0, -0.054))  # size, centre in the right 
 COLLISIONS: dict[str, list[Shape]] = {
     "chest": [box((0.12, 0.09, 0.165), (0, 0, -0.06))],
     "head": [sphere(0.036, (0, 0, 0.054))],
+    "arm": [box((0.05, 0.04, 0.17), (0.0255, 0, -0.066))],
     "hand": [box((0.026, 0.03, 0.13), (0, 0, -0.07))],
+    "leg_roll": [box((0.055, 0.076, 0.054), (0, -0.014, -0.007))],
     "leg_pitch": [box((0.06, 0.04, 0.11), (0, 0, -0.062))],
     "leg_knee": [box((0.06, 0.044, 0.11), (0, 0, -0.065))],
-}
+    "foot": [box(*SOLE)],
+}  # of the right side
 
 
 def chest() -> Parts:
@@ -213,10 +217,7 @@ def make(folder: Path) -> None:
 def _link(name: str, visuals: list[tuple[Shape, str]], figures: tuple, scale: float, sign: int = 1) -> Link:
     mass, (x, y, z), moments = figures
     shape = name.removeprefix("right_").removeprefix("left_")
-    collisions = COLLISIONS.get(shape, [])
-    if shape == "foot":
-        size, (a, b, c) = SOLE
-        collisions = [box(size, (sign * a, b, c))]
+    collisions = [replace(each, xyz=(sign * each.xyz[0], *each.xyz[1:])) for each in COLLISIONS.get(shape, [])]
     inertia = {"mass": round(scale * mass, 9), "moments": [scale * moment for moment in moments]}
     return Link(name=name, com=(sign * x, y, z), visuals=visuals, collisions=collisions, **inertia)
 

@@ -16,6 +16,7 @@ from simrob_drake.cli import (
     legged,
     linear,
     prove,
+    pushes,
     robots,
     simulink,
     stations,
@@ -46,7 +47,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",  # what stands in brackets is a unit, and no markup
     pretty_exceptions_enable=False,
 )
-for room in (stations, linear, legged, sweep, tune, prove, robots, teach, simulink, engines):
+for room in (stations, linear, legged, sweep, tune, prove, pushes, robots, teach, simulink, engines):
     for name, command in room.COMMANDS.items():
         app.command(name)(command)
 

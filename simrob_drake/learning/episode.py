@@ -11,6 +11,8 @@ from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.given import drake_asserts
 from simrob_drake.learning.rewards import Moment, turned_from
+from simrob_drake.parts.controllers import readers_of
+from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.policy import LearntPolicy, Policy
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.site import StationRobot
@@ -53,9 +55,8 @@ class Episode:
         station = resolve(config)
         self._station, self._forces = station, dict(config.forces)
         name, self.section = next(iter(policies_of(config).items()))
-        self._built = closed_station(
-            station, sensors=[name for name, sensor in station.sensors.items() if sensor.stepped], monitors=False
-        )
+        sensors = sensors_read(readers_of(config.controllers), station.sensors)
+        self._built = closed_station(station, sensors=sensors, monitors=False)
         self._ports = self._built.ports
         self.policy: LearntPolicy = self._built.diagram.GetSubsystemByName(f"controller.{name}")
         self.robot: StationRobot = self._ports.robot(self.section.robot)

@@ -24,7 +24,7 @@ from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.robots.pieces import TCP, PieceModel
-from simrob_drake.signals import Signal
+from simrob_drake.signals import Compute, Signal
 
 WORLD = "world"
 
@@ -253,6 +253,7 @@ class Site:
         outputs: output ports by name: ``position``, ``velocity``, ``torque`` (n), ``base_pose``, ``tcp_pose`` (7),
             ``piece_pose.<piece>`` (7), ``piece_velocity.<piece>`` (6), ``force.<sensor>`` (3) ...
         of_state: how the plant's state gives an output without its port, by the output's name.
+        later: what gives a sensor's output after the run, where it has no port, by the output's name.
         signals: what the outputs are, in the order of the columns of a result.
         monitors: when they end a run, by name; their conditions watch the outputs.
         notes: how a part was made, in words, by its name.
@@ -269,6 +270,7 @@ class Site:
     inputs: dict[str, InputPort] = field(default_factory=dict)
     outputs: dict[str, OutputPort] = field(default_factory=dict)
     of_state: dict[str, FromState] = field(default_factory=dict)
+    later: dict[str, Compute] = field(default_factory=dict)
     signals: list[Signal] = field(default_factory=list)
     monitors: dict[str, Trigger] = field(default_factory=dict)
     notes: dict[str, dict[str, str]] = field(default_factory=dict)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
 
-from simrob_drake.errors import InvalidModel, shortened
+from simrob_drake.errors import InvalidModel, one_of, shortened
 from simrob_drake.files import NotRead, text_of
 
 LARGEST_URDF = 10_000_000
@@ -126,6 +126,19 @@ def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
     for mesh in robot.iter("mesh"):
         mesh.set("filename", f"file://{mesh_file(mesh.get('filename', ''), folder)}")  # Drake decodes no %20
     return robot
+
+
+def scale_masses(robot: ET.Element, factors: Mapping[str, float]) -> None:
+    """Make links of a robot, by name, so many times as heavy, and their moments of inertia as many times as large.
+
+    Raises:
+        UnknownName: no such link.
+    """
+    links = {name_of(link): link for link in robot.iterfind("link")}
+    for name, factor in factors.items():
+        link = links[one_of("link (under mass_factors)", name, links)]
+        for element in (*link.iterfind("inertial/mass"), *link.iterfind("inertial/inertia")):
+            element.attrib.update({key: repr(factor * float(value)) for key, value in element.attrib.items()})
 
 
 def drop_collision(robot: ET.Element) -> None:

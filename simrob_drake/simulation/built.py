@@ -97,9 +97,7 @@ class StationDiagrams:
 
     @property
     def _stepped_sensors(self) -> list[str]:
-        sensors = self._station.sensors
-        read = sensors_read(readers_of(self._station.config.controllers), sensors)
-        return [name for name, sensor in sensors.items() if sensor.stepped or name in read]
+        return sorted(sensors_read(readers_of(self._station.config.controllers), self._station.sensors))
 
     def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> ClosedStation:
         kept = self._stepped_sensors if sensors is None else sensors

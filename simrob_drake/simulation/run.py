@@ -62,14 +62,7 @@ class Run:
         ) as show:
             if show is not None:
                 watchers.append(pace_watcher(self.config, show))
-            ports = self.whole.ports
-            watch = Watch(ports, Sampler(self.whole.diagram, ports, _NOTHING))
-            recorder = Recorder(
-                self.stepper.simulator,
-                *watchers,
-                look=watch.look if ports.monitors else None,
-                pace=self.stepper.pace(),
-            )
+            recorder, watch = watched(self.stepper, self.whole, *watchers)
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
@@ -163,6 +156,14 @@ class Run:
             return []
         findings = step_findings(self.config, self.whole.ports.plant)
         return [finding.text for finding in findings if finding.level == "warning"]
+
+
+def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context], None]) -> tuple[Recorder, Watch]:
+    """Return who records what is stepped, and who asks the station's monitors about that."""
+    ports = whole.ports
+    watch = Watch(ports, Sampler(whole.diagram, ports, _NOTHING))
+    look = watch.look if ports.monitors else None
+    return Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace()), watch
 
 
 def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context], None]:

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
-from simrob_drake.blocks.references import Course
+from simrob_drake.blocks.references import Course, Samples
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.given import drake_asserts, instance
 from simrob_drake.parts.controllers import own_blocks
@@ -16,6 +16,7 @@ from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import StationDiagrams, needed_inputs
+from simrob_drake.simulation.fork import Fork
 from simrob_drake.simulation.run import OnStep, Run
 from simrob_drake.simulation.stepping import Stepper, Ticks
 from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
@@ -141,13 +142,8 @@ class Runner:
             raise InvalidParameter("on_step", on_step, "a function of time and positions")
         start = _checked_start(config, start)
         given = by_robot(config, reference)
-        courses = station_courses(self._station, given, start.references if start else None)
-        driven = driven_inputs(self._blocks)
-        for robot in self._station.robots.values():
-            if f"{robot.prefix}reference" not in driven:
-                check_course(robot, courses[robot.name], config.duration)
-        diagrams = self._diagrams_for(config, courses, watched=ticks is not None)
-        diagrams.play(courses, config.forces)
+        diagrams = self._playing(config, given, start, watched=ticks is not None)
+        courses = diagrams.courses
         stepper = Stepper(config, diagrams.stepped, diagrams.edges, blocks=self._blocks, ticks=ticks)
         if start is not None:
             start.put(stepper.built.diagram, stepper.built.ports, stepper.simulator.get_mutable_context())
@@ -158,6 +154,26 @@ class Runner:
         result = run.result(progress=progress, on_step=on_step, references=given, start=start)
         return replace(result, config=result.config.model_copy(update={"controllers": own}))
 
+    @drake_asserts()
+    def fork(
+        self, at: float, *, reference: Reference | Mapping[str, Reference] | None = None, duration: float | None = None
+    ) -> Fork:
+        """Run the station up to a moment, from which runs with other pushes go on.
+
+        Args:
+            at: the moment [s]: later than the start, and that at which a push of the station begins.
+            reference: as of :func:`simulate`.
+            duration: of the whole runs, in place of the configuration's [s].
+
+        Raises:
+            SimrobError: input that cannot be run at all.
+        """
+        config = with_duration(self.config, duration)
+        if not 0 < at < config.duration:
+            raise InvalidParameter("at", at, f"a moment within the run, over 0 and below {config.duration:g} s")
+        start = _checked_start(config, None)
+        return Fork(config, at, self._playing(config, by_robot(config, reference), start), self._blocks, start)
+
     def courses(self, reference: Reference | Mapping[str, Reference] | None, start: State | None) -> dict[str, Course]:
         """Return what each robot is asked in a run that begins in a state, as :meth:`run` takes them all.
 
@@ -165,6 +181,24 @@ class Runner:
             SimrobError: a reference that does not fit its robot.
         """
         return station_courses(self._station, by_robot(self.config, reference), start.references if start else None)
+
+    def _playing(
+        self,
+        config: StationConfig,
+        given: Mapping[str, Course | Samples],
+        start: State | None,
+        *,
+        watched: bool = False,
+    ) -> StationDiagrams:
+        """Return the diagrams for a run, which play its references and pushes."""
+        courses = station_courses(self._station, given, start.references if start else None)
+        driven = driven_inputs(self._blocks)
+        for robot in self._station.robots.values():
+            if f"{robot.prefix}reference" not in driven:
+                check_course(robot, courses[robot.name], config.duration)
+        diagrams = self._diagrams_for(config, courses, watched=watched)
+        diagrams.play(courses, config.forces)
+        return diagrams
 
     def _diagrams_for(self, config: StationConfig, courses: Mapping[str, Course], *, watched: bool) -> StationDiagrams:
         """Return the diagrams for a run: those of other runs, if forces act at the same places."""

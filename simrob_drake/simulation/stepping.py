@@ -103,6 +103,7 @@ class Stepper:
         *,
         blocks: Mapping[str, LeafSystem],
         ticks: Ticks | None = None,
+        reached: Context | None = None,
     ) -> None:
         """Prepare to step.
 
@@ -112,16 +113,21 @@ class Stepper:
             edges: times at which a step must end, in their order [s].
             blocks: of the user's own, by name.
             ticks: at which stepping begins anew.
+            reached: where another stepper of the same run came to, to go on from there.
         """
         self._config, self._diagram_at, self._blocks = config, diagram_at, blocks
-        self._edges = [edge for edge in edges if 0 < edge < config.duration] + [config.duration]
+        first = 0.0 if reached is None else reached.get_time()
+        self._edges = [edge for edge in edges if first < edge < config.duration] + [config.duration]
         self._ticks, self._moments = ticks, set[float]()
         if ticks is not None:
             self._moments = set(ticks.times(config.duration, self._edges))
             self._edges = sorted({*self._edges, *self._moments})
-        self.built = diagram_at(0.0)
-        used = {id(built): built for built in map(diagram_at, [0.0, *self._edges[:-1]])}
+        self.built = diagram_at(first)
+        used = {id(built): built for built in map(diagram_at, [first, *self._edges[:-1]])}
         self._simulators = {key: self._simulator(built) for key, built in used.items()}
+        self._in_motion = reached is not None
+        if reached is not None:
+            _copy_state(reached, self.simulator.get_mutable_context())
 
     @property
     def simulator(self) -> Simulator:
@@ -179,7 +185,7 @@ class Stepper:
         return recorder.history().last()
 
     def _advanced(self, recorder: Recorder) -> SimulatorStatus:
-        status = self.simulator.Initialize()
+        status = self._initialize_in_motion() if self._in_motion else self.simulator.Initialize()
         for edge in self._edges:
             if status.reason() == _ENDED:
                 break
@@ -217,12 +223,12 @@ class Stepper:
         recorder.attach(self.simulator, self.pace())
         self._initialize_in_motion()
 
-    def _initialize_in_motion(self) -> None:
+    def _initialize_in_motion(self) -> SimulatorStatus:
         """Let the simulator go on with long steps, since nothing begins here."""
         integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
-        self.simulator.Initialize()
+        return self.simulator.Initialize()
 
     def _pace(self, built: ClosedStation, simulator: Simulator) -> Callable[[Context], None] | None:
         solver = stepped_by(self._config)
@@ -282,6 +288,8 @@ def _copy_state(source: Context, target: Context) -> None:
         target.SetContinuousState(source.get_continuous_state_vector().CopyToVector())
     for group in range(source.num_discrete_state_groups()):
         target.SetDiscreteState(group, source.get_discrete_state(group).value())
+    for index in range(source.num_abstract_states()):
+        target.get_mutable_abstract_state(index).SetFrom(source.get_abstract_state(index))
 
 
 def _time(recorder: Recorder) -> str:

@@ -148,6 +148,8 @@ class RobotConfig(_Section):
     """Pose of the tool centre point in that tool's frame, [x y z Rz Ry Rx]; it is then the tool `tcp`."""
     feet: str | None = None
     """What a legged robot stands on: a kind of feet of its `robot.yaml`, such as spheres_C or soles."""
+    mass_factors: dict[str, Positive] = Field(default_factory=dict)
+    """By how much links are heavier than its URDF says, {chest: 1.05}; their moments of inertia grow likewise."""
     drives: Drives | None = None
     """Motors, gears and friction; what is not given is as the robot's own file says."""
     servo: ServoConfig | None = None

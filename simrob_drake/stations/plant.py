@@ -30,7 +30,7 @@ from simrob_drake.robots.feet import put_on_feet
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.piece_urdf import FRICTION, add_piece, piece_robot
 from simrob_drake.robots.pieces import TCP
-from simrob_drake.robots.urdf import with_absolute_meshes
+from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
 from simrob_drake.stations.contact_config import ContactConfig
@@ -171,6 +171,7 @@ def add_robot(
         where = station.config.robots[robot.name].urdf or model.urdf_path
         raise InvalidModel(where, "", f"the moving links {listed} have no inertia; {remedy}")
     urdf = urdf_with_pieces(station, robot)
+    scale_masses(urdf, station.config.robots[robot.name].mass_factors)
     if station.mode == "dynamic":
         add_play(urdf, dict(zip([axis.joint for axis in model.axes.values()], model.play.tolist(), strict=True)))
     instance = add_urdf(plant, urdf, name=robot.name, where=model.urdf_path, collision=collision)

@@ -74,12 +74,12 @@ def _with_inputs(config: StationConfig) -> StationConfig:
 
 
 def _sensors(config: StationConfig) -> dict[str, SensorConfig]:
-    """Return the sensors; those that loops read sample while the station is stepped."""
+    """Return the sensors, each after those that it reads; what loops read samples while the station is stepped."""
     sensors = dict(config.sensors)
     for name in sensors_read(readers_of(config.controllers), sensors):
         if isinstance(sensors[name], SampledSensor):
             sensors[name] = sensors[name].model_copy(update={"in_loop": True})
-    return sensors
+    return dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors))))
 
 
 def check_parts(station: ResolvedStation) -> None:

@@ -2,7 +2,10 @@
 
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from simrob_drake.errors import one_of
+from simrob_drake.parts.sensors import Sensors
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.yaml_files import read_yaml
@@ -49,7 +52,10 @@ def loops_on(known: dict[str, Settings], settings: Settings) -> list[str]:
 
 
 def _sensors(section: Any, content: dict[str, Any]) -> Settings:
-    """Return the sensors that a loop reads, as settings."""
+    """Return the sensors that a loop reads, and those that they read, as settings."""
     read = section.get("reads", {}) if isinstance(section, dict) else {}
     named = {str(value) for value in (read.values() if isinstance(read, dict) else [])}
-    return {f"sensors.{name}": sensor for name, sensor in content.get("sensors", {}).items() if name in named}
+    sensors = content.get("sensors", {})
+    sections = TypeAdapter(Sensors).validate_python(sensors)
+    named |= {other for name in named & {*sections} for other in sections[name].read(sections).values()}
+    return {f"sensors.{name}": sensor for name, sensor in sensors.items() if name in named}

@@ -15,6 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.errors import SimrobError
 from simrob_drake.mujoco.limits import check_sayable
 from simrob_drake.robots.feet import FootContact
+from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.plant import add_plant
@@ -31,6 +32,8 @@ _BALLAST = 0.1  # at most, of the mass of a robot that carries none
 _FRICTION = (0.6, 1.2)  # times
 _JOINT_FRICTION = 0.02  # at most, of a joint's torque limit
 _STIFFNESS = 3.0  # times, or a part
+_LINK = 0.05  # more or less, of the mass of each link
+_STATIC, _DYNAMIC = (0.5, 1.2), 0.9  # coefficient of static friction, and dynamic as a part of it: Simulink's 1 and 0.9
 _POSTURE = 0.5  # deviation of each joint at the start [deg]
 _STREAM = 7_919  # apart from the streams of searches and sweeps
 
@@ -65,6 +68,20 @@ def doubts(config: StationConfig, seeds: int, *, second_engine: bool = True) -> 
         found |= {kind: drawn} if all(drawn) else {}
     engine = {"engine": [{ENGINE: MUJOCO}]} if second_engine and _in_mujoco(thought) else {}
     return {**found, "solver": _other_solvers(config), **engine}
+
+
+def drawn(config: StationConfig, seed: int) -> Change:
+    """Return one robot on the floor of many: of another posture, noise, masses of all links, and friction, at once."""
+    thought, draw = _Thought(config, resolve(config), {}), np.random.default_rng([_STREAM, len(_KINDS), seed])
+    changed = _noisy(thought, draw, seed)
+    for name, robot in thought.station.robots.items():
+        heavy = [name_of(link) for link in robot.model.element.iterfind("link") if mass_of(link) > 0]
+        factors = draw.uniform(1 - _LINK, 1 + _LINK, len(heavy))
+        changed[f"{thought.key(name)}.mass_factors"] = dict(zip(heavy, factors.tolist(), strict=True))
+    if config.contact is not None:
+        static = float(draw.uniform(*_STATIC))
+        changed["contact.friction"] = {"static": static, "dynamic": _DYNAMIC * static}
+    return changed
 
 
 def _pushed(thought: _Thought, draw: np.random.Generator, seed: int) -> Change:

@@ -5,10 +5,10 @@ A line is added for each run and goes to the disk at once.
 
 import json
 import os
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Protocol, TypeVar
 
 import yaml
 
@@ -16,10 +16,21 @@ from simrob_drake.errors import InvalidConfig, OutputError
 from simrob_drake.folders import alone_in, check_folder, writing, written_at_once
 from simrob_drake.progress import progress_bar
 from simrob_drake.tuning.engines import engine
-from simrob_drake.tuning.rollout import Case, Row, killed, rollout
+from simrob_drake.tuning.rollout import Row
 from simrob_drake.yaml_files import Strict, read_yaml, validated
 
 _ROWS = "rows.jsonl"
+
+
+class Numbered(Protocol):
+    """What is to be done, under a number of its own."""
+
+    @property
+    def number(self) -> int:
+        """From 1."""
+
+
+Task = TypeVar("Task", bound=Numbered)
 
 
 class _Kept(Strict):
@@ -84,7 +95,9 @@ def rows(folder: Path) -> list[Row]:
 
 def run(
     folder: Path,
-    cases: Sequence[Case],
+    cases: Sequence[Task],
+    work: Callable[[Task], Row],
+    died: Callable[[Task], Row],
     *,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -94,7 +107,9 @@ def run(
 
     Args:
         folder: where they are kept.
-        cases: all runs.
+        cases: all runs, with their numbers.
+        work: makes one, and returns its row with its number.
+        died: the row of one whose process died.
         workers: how many processes of this machine; as many as it has processors unless given.
         scheduler: the address of a Dask scheduler whose workers do it instead.
         progress: show a bar.
@@ -107,7 +122,7 @@ def run(
         done = {row["number"] for row in rows(folder)}
         left = [case for case in cases if case.number not in done]
         with progress_bar(f"{len(cases)} runs", len(cases), shown=progress) as move:
-            for count, row in enumerate(engine_.outcomes(rollout, left, killed), start=len(done) + 1):
+            for count, row in enumerate(engine_.outcomes(work, left, died), start=len(done) + 1):
                 journal.write(json.dumps(row, ensure_ascii=False) + "\n")
                 journal.flush()
                 os.fsync(journal.fileno())

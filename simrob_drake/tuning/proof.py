@@ -11,7 +11,7 @@ from simrob_drake.folders import written_at_once
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.doubts import Change, doubts
 from simrob_drake.tuning.proof_page import page
-from simrob_drake.tuning.rollout import Case, Margin, Row
+from simrob_drake.tuning.rollout import Case, Margin, Row, killed, rollout
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.study import Figures, Study, named
 from simrob_drake.tuning.study_folder import STUDY, WINNER
@@ -105,7 +105,9 @@ class ProofFolder:
 
         Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
         """
-        rows = journal.run(self.folder, self.cases, workers=workers, scheduler=scheduler, progress=progress)
+        rows = journal.run(
+            self.folder, self.cases, rollout, killed, workers=workers, scheduler=scheduler, progress=progress
+        )
         judged = [{**row, **self._judged(row)} for row in rows]
         write_rows(self.folder / TABLE, judged)
         proven, words = verdict(judged)

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import InvalidConfig, UnknownName, one_of, quoted
 from simrob_drake.extras import needed
@@ -106,6 +107,11 @@ class Scene:
         found.update(self.engine.encode() if self.engine != DRAKE else b"")
         return found.hexdigest()[:16]
 
+    @property
+    def reference(self) -> Trajectory | None:
+        """The joint positions of its gait over time; None where the station says itself what is asked."""
+        return None if self.motion is None else self.motion.trajectory()
+
     def run(self) -> SimulationResult:
         """Run it; what is built already is used where that can be.
 
@@ -114,12 +120,11 @@ class Scene:
         """
         if self.program is not None:
             return perform(Workcell(self.config), self.program)
-        reference = None if self.motion is None else self.motion.trajectory()
         if self.engine == DRAKE:
-            return run(self.config, reference)
+            return run(self.config, self.reference)
         with needed("MuJoCo", MUJOCO):
             from simrob_drake.mujoco.runner import MujocoRunner
-        return MujocoRunner(self.config).run(reference=reference)
+        return MujocoRunner(self.config).run(reference=self.reference)
 
     def pushed(self, name: str, size: float) -> "Scene":
         """Return it with a push of the station so many times as hard; 0 leaves it out.

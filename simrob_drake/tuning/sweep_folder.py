@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from simrob_drake.tuning import journal
-from simrob_drake.tuning.rollout import Row
+from simrob_drake.tuning.rollout import Row, killed, rollout
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_plots import save_sweep_plots
 from simrob_drake.tuning.table import write_rows
@@ -53,7 +53,9 @@ class SweepFolder:
 
         Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
         """
-        rows = journal.run(self.folder, self.cases, workers=workers, scheduler=scheduler, progress=progress)
+        rows = journal.run(
+            self.folder, self.cases, rollout, killed, workers=workers, scheduler=scheduler, progress=progress
+        )
         write_rows(self.folder / TABLE, rows)
         save_sweep_plots(self.sweep, rows, self.folder / "plots")
         return rows

@@ -14,22 +14,24 @@ from cmath import exp as turned_by
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
 from simrob_drake.walking.body import Body, Seen
 from simrob_drake.walking.figures import Feedback, WalkingFigures
-from simrob_drake.walking.ground import Ground
 from simrob_drake.walking.pendulum import weights
 from simrob_drake.walking.steps import Command, Divergent, Landing, Steps
 from simrob_drake.walking.stride import Stride, eased
 
-_FIRST_ROUNDS = 30  # of Newton's method, from a posture that may be far away
+_FIRST_ROUNDS, _SETTLINGS = 10, 12  # of Newton's method, from a posture that may be far away; of the centre of mass
 _TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
 _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
+_TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
+_COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
+_SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
+_ASIDE = 0.3  # most of a turn back [rad/s]
 _HALFWAY = 0.5  # of a swing, before which no foot touches: it has just lifted
 
 
@@ -40,16 +42,18 @@ class Measured:
     Attributes:
         com, xi: centre of mass and divergent component [m].
         lean, pitch: of the trunk, to the right and ahead [rad].
-        touches: whether the swinging feet touch.
-        felt: which feet touch, by their forces; none where these are not known.
+        heading: where the trunk looks in the world [rad].
+        slope: of the soles that stand, ahead and to the left [1].
+        touches: whether the swinging foot touches.
     """
 
     com: complex
     xi: complex
     lean: float
     pitch: float
+    heading: float
+    slope: complex
     touches: bool
-    felt: Sequence[bool] = ()
 
 
 class Engine:
@@ -68,65 +72,71 @@ class Engine:
         homes = [complex(*home[:2]) + 1j * math.copysign(figures.widen, home[1]) for home in body.homes]
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
         self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
-        self._middle = 0.5 * (middles[0] + middles[1])
-        self.ground = Ground(groups, period)
+        self._turns = figures.fastest.turn_deg > 0
         self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag)
 
-    def standing(self, posture: Vector) -> tuple[Stride, Vector]:
+    def standing(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:
         """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
         foot = self.steps.beside(0)
-        stride = Stride(foot=foot, landing=foot, com=foot / 2, zmp=foot / 2, zmp_from=foot / 2)
-        flat = np.zeros(len(self.body.homes))
-        for _ in range(3):
-            posture = self._posture(stride, posture, self.body.centre(posture), flat, 0.0, (0.0, 0.0), _FIRST_ROUNDS)
+        middle = self.steps.middle(1, foot)
+        stride = Stride(foot=foot, landing=foot, com=middle, zmp=middle, zmp_from=middle, slope=slope)
+        for _ in range(_SETTLINGS):
+            posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
         return stride, posture
 
     def measured(self, stride: Stride, seen: Seen, forces: Sequence[float] | None = None) -> Measured:
         """Return what the robot does, from the foot that stands; ``forces`` on its feet, if they are known [N]."""
         here, there = (self._groups[place] for place in self._both(stride))
         places = [seen.feet[foot] for foot in here]
-        origin = sum(complex(*place.translation()[:2]) for place in places) / len(places)
-        ahead = sum(complex(*place.rotation().matrix()[:2, 0]) for place in places)
+        points = [complex(*place.translation()[:2]) for place in places]
+        origin = sum(points) / len(points)
+        about = self._about[int(stride.standing)]
+        if len(places) > 1:  # balls roll and turn with their legs; the line between them does not
+            ahead = sum((point - origin) * place.conjugate() for point, place in zip(points, about, strict=True))
+        else:
+            ahead = sum(complex(*place.rotation().matrix()[:2, 0]) for place in places)
         turn = ahead.conjugate() / abs(ahead)
         com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2])
         omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
-        up = seen.trunk.matrix()[2]
+        trunk = seen.trunk.matrix()
+        up, heading = trunk[2], math.atan2(trunk[1, 0], trunk[0, 0])
+        normal = sum(place.rotation().matrix()[:, 2] for place in places)
+        slope = 0j if self.body.over else -turn * complex(*normal[:2]) / max(normal[2], 0.5)
         told = self._figures.feedback
-        felt = [force > told.touch for force in forces] if forces is not None and told is not None else []
-        if felt:
-            touches = all(felt[foot] for foot in there)
+        if forces is not None and told is not None and told.touch is not None:
+            touches = min(forces[foot] for foot in there) > told.touch
         else:
             touches = bool(seen.lowest[there].min() < seen.lowest[here].min() + _TOUCHES)
-        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), touches, felt)
+        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches)
 
     def sample(
-        self, stride: Stride, posture: Vector, heights: Vector, command: Command, measured: Measured | None
-    ) -> tuple[Stride, Vector, Vector]:
-        """Return where a walk is a sample later, its posture (n,), and the heights of the ground (feet,) [m].
-
-        Without feedback if nothing is measured.
-        """
+        self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
+    ) -> tuple[Stride, Vector]:
+        """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
         centre = self.body.centre(posture)
         omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
         told = self._figures.feedback if measured is not None else None
+        if measured is not None:
+            measured = replace(measured, com=measured.com - stride.sag, xi=measured.xi - stride.sag)
         stride, xi = self._planned(stride, command, omega, told, measured)
-        before, (stride, lift) = stride, self._swung(stride)
-        if told is not None and measured is not None and measured.felt:
-            sinks = self._lift(before.share) - lift
-            heights = self.ground.found(heights, before, stride, sinks, measured.felt, told)
-        com, lean, pitch = stride.com, stride.lean, stride.pitch
+        stride, lift = self._swung(stride, told)
+        com, lean, pitch, rise, slope = stride.com, stride.lean, stride.pitch, stride.rise, stride.slope
+        counter, sag = stride.counter, stride.sag
         if told is not None and measured is not None:
-            com += self._part(told.follow) * (measured.com - com)
             lean += self._part(told.lean_follow) * (measured.lean - lean)
             pitch += self._part(told.lean_follow) * (measured.pitch - pitch)
             lean, pitch = ((1 - self._part(told.lean_return)) * angle for angle in (lean, pitch))
+            if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
+                slope += self._part(told.ground) * (measured.slope - slope)
+                sag = _clipped(sag + self._part(told.learns) * (measured.com - com), _SAG)
+                counter -= told.upright * self._period * complex(measured.lean, measured.pitch)
+                counter = _clipped(counter, _COUNTER)
+            rise -= self._part(told.level) * rise
+            com += self._part(told.follow) * (measured.com - com)
         com += (1.0 - math.exp(-omega * self._period)) * (xi - com)
-        stride = replace(stride, com=com, lean=lean, pitch=pitch)
-        level = (lean, pitch)
-        if told is not None and measured is not None:
-            level = _between(level, (measured.lean, measured.pitch), told.level * stride.share)
-        posture = self._posture(stride, posture, centre, heights, lift, level)
-        return self._later(stride, command, told, measured, xi), posture, heights
+        stride = replace(stride, com=com, lean=lean, pitch=pitch, counter=counter, sag=sag, rise=rise, slope=slope)
+        posture = self._posture(stride, posture, centre, lift)
+        return self._later(stride, command, told, measured, xi, lift), posture
 
     # Where the divergent component and the feet go
 
@@ -140,14 +150,18 @@ class Engine:
             error = _beyond(off, told)
             if command.moves or abs(error) > (told.hurry if told else 0.0):
                 stride = self._begun(stride, command, error)
+                stride = stride if measured is None else replace(stride, course=measured.heading)
             else:
                 return stride, stride.zmp
+        if told is not None and measured is not None and self._turns:
+            off = math.remainder(stride.course - measured.heading, math.tau)
+            stride = replace(stride, aside=_most(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period)
         standing = int(stride.standing)
-        rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.command)
+        rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.trimmed)
         planned = Landing(stride.nominal, planned.place, planned.yaw)
         share = min(stride.time / stride.transfer, 1.0) if stride.transfer > 0 else 1.0
         stride = replace(stride, zmp=stride.zmp_from + share * (rest - stride.zmp_from))
-        after = steps.after(standing, stride.command, omega)
+        after = steps.after(standing, stride.trimmed, omega)
         if told is None or measured is None:
             stride = stride.landing_at(planned)
         elif stride.time <= stride.ends - _LANDS:
@@ -174,8 +188,8 @@ class Engine:
             stride = stride.on_the_other_foot()
         settle = 0.0 if error else self._figures.settle
         stride = self._next(stride, command, hurries=bool(error))
-        more = settle - stride.transfer
-        return replace(stride, steps=1.0, transfer=settle, nominal=stride.nominal + more, ends=stride.ends + more)
+        ends = settle + self._figures.step_time
+        return replace(stride, steps=1.0, transfer=settle, nominal=ends, ends=ends)
 
     def _next(self, stride: Stride, command: Command, *, hurries: bool) -> Stride:
         """Return a step that begins now."""
@@ -185,7 +199,7 @@ class Engine:
         time = figures.step_time
         return replace(stride, transfer=transfer, nominal=time, ends=time, speed=told.speed, turn=told.turn)
 
-    def _swung(self, stride: Stride) -> tuple[Stride, float]:
+    def _swung(self, stride: Stride, told: Feedback | None) -> tuple[Stride, float]:
         """Return the stride with its foot further on its way, and how high that is [m]."""
         after = stride.time + self._period
         length = stride.ends - stride.transfer
@@ -198,14 +212,18 @@ class Engine:
         yaw = stride.foot_yaw + part * (stride.landing_yaw - stride.foot_yaw)
         way = eased(min(after / stride.ends, 1.0))
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
-        return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading), self._lift(share)
-
-    def _lift(self, share: float) -> float:
-        """Return how high a foot is lifted at a share of its swing [m]."""
-        return self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
+        height = stride.height * (1.0 - part)
+        lift = self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
+        return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height), lift
 
     def _later(
-        self, stride: Stride, command: Command, told: Feedback | None, measured: Measured | None, xi: complex
+        self,
+        stride: Stride,
+        command: Command,
+        told: Feedback | None,
+        measured: Measured | None,
+        xi: complex,
+        lift: float,
     ) -> Stride:
         """Return the stride at the next sample, perhaps on the other foot."""
         stride = replace(stride, time=stride.time + self._period)
@@ -216,56 +234,47 @@ class Engine:
         if stride.time < stride.ends - 1e-9 and not (touches and stride.time > begun):
             return stride
         if told is not None and not touches and stride.waits < told.late:
-            return replace(stride, waits=stride.waits + self._period)
+            lower = stride.height - told.search * self._period
+            return replace(stride, waits=stride.waits + self._period, height=lower)
         error = _beyond(measured.xi - xi, told) if measured is not None else 0j
         off = abs(stride.foot - self.steps.beside(1 - int(stride.standing)))
-        stride = stride.on_the_other_foot()
-        if told is not None and measured is not None:
-            lean, pitch = _between((stride.lean, stride.pitch), (measured.lean, measured.pitch), told.level)
-            stride = replace(stride, lean=lean, pitch=pitch)
+        if told is not None and abs(error) <= told.hurry:
+            way = self.steps.planned(1 - int(stride.standing), stride.command).place - stride.foot
+            trim = stride.trim + told.cruise / self._figures.step_time * way
+            stride = replace(stride, trim=_clipped(trim, _TRIM))
+        stride = replace(stride, height=stride.height + lift).on_the_other_foot()
         hurries = told is not None and abs(error) > told.hurry
         if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
-            return replace(stride, steps=0.0, zmp=stride.foot / 2, zmp_from=stride.foot / 2)
+            middle = self.steps.middle(int(stride.standing), stride.foot)
+            return replace(stride, steps=0.0, zmp=middle, zmp_from=middle)
         return self._next(stride, command, hurries=hurries)
 
     # Postures
 
-    def _posture(
-        self,
-        stride: Stride,
-        near: Vector,
-        centre: Vector,
-        heights: Vector,
-        lift: float,
-        level: tuple[float, float],
-        rounds: int = 1,
-    ) -> Vector:
-        """Return the posture (n,) of a stride, found from one near it and its ``centre``.
-
-        Feet are ``heights`` high, the swinging ones by ``lift`` more, as they are if the trunk leans and pitches by
-        ``level``.
-        """
-        body, upright = self.body, (stride.lean, stride.pitch)
-        root = self._root(stride, upright, centre)
-        leant = root.multiply(self._root(stride, level, centre).inverse()) if level != upright else RigidTransform()
+    def _posture(self, stride: Stride, near: Vector, centre: Vector, lift: float, rounds: int = 1) -> Vector:
+        """Return the posture (n,) of a stride whose foot is ``lift`` high, found from one near it and its ``centre``."""
+        figures, body = self._figures, self.body
+        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
+            RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch + stride.counter.imag)
+        )
+        rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean + stride.counter.real))
+        centre = rotation.multiply(centre)
+        root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height + stride.rise])
+        ahead, left = _pair(stride.slope)
+        ground = RotationMatrix.MakeYRotation(-math.atan(ahead)).multiply(RotationMatrix.MakeXRotation(math.atan(left)))
         feet = [RigidTransform()] * len(body.homes)
         here, there = self._both(stride)
-        for group, middle, yaw, height in ((here, 0j, 0.0, 0.0), (there, stride.foot, stride.foot_yaw, lift)):
+        for group, middle, yaw, height in ((here, 0j, 0.0, 0.0), (there, stride.foot, stride.foot_yaw, stride.height + lift)):
             for foot, about in zip(self._groups[group], self._about[group], strict=True):
-                place = [*_pair(middle + turned_by(1j * yaw) * about), body.over + heights[foot] + height]
-                pose = RigidTransform(RotationMatrix.MakeZRotation(yaw), place)
-                feet[foot] = leant.multiply(pose) if group == there else pose
+                place = middle + turned_by(1j * yaw) * about
+                up = body.over + height + ahead * place.real + left * place.imag
+                turn = ground.multiply(RotationMatrix.MakeZRotation(yaw))
+                feet[foot] = RigidTransform(turn, [*_pair(place), up])
         return body.posture(near, root, feet, rounds)
 
-    def _root(self, stride: Stride, tilt: tuple[float, float], centre: Vector) -> RigidTransform:
-        """Return the pose of the root, with the trunk leant and pitched so."""
-        lean, pitch = tilt
-        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
-            RotationMatrix.MakeYRotation(math.radians(self._figures.pitch_deg) + pitch)
-        )
-        rotation = rotation.multiply(RotationMatrix.MakeXRotation(lean))
-        centre = rotation.multiply(centre)
-        return RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), self._figures.height])
+    def coming_down(self, stride: Stride) -> Sequence[int]:
+        """Return the feet that may touch."""
+        return self._groups[1 - int(stride.standing)] if stride.steps and stride.share > _HALFWAY else ()
 
     def _both(self, stride: Stride) -> tuple[int, int]:
         """Return the places of the feet that stand and of those that swing."""
@@ -287,14 +296,14 @@ def _beyond(error: complex, told: Feedback | None) -> complex:
     )
 
 
+def _most(value: float, most: float) -> float:
+    return min(max(value, -most), most)
+
+
 def _clipped(place: complex, most: tuple[float, float]) -> complex:
     ahead, left = most
-    return complex(min(max(place.real, -ahead), ahead), min(max(place.imag, -left), left))
+    return complex(_most(place.real, ahead), _most(place.imag, left))
 
 
 def _pair(place: complex) -> tuple[float, float]:
     return place.real, place.imag
-
-
-def _between(here: tuple[float, float], there: tuple[float, float], share: float) -> tuple[float, float]:
-    return here[0] + share * (there[0] - here[0]), here[1] + share * (there[1] - here[1])

@@ -52,8 +52,10 @@ class Feedback(Strict):
     """How fast the reference of the trunk's lean comes to the lean that it has [1/s]."""
     lean_return: NotNegative = 5.0
     """How fast it comes upright [1/s]."""
-    level: Share = 0.0
-    """How much of the lean of the trunk the legs that swing make up for, so that their feet come down level."""
+    upright: NotNegative = 0.5
+    """How fast a lean that lasts is taken out of the trunk [1/s]."""
+    learns: NotNegative = 0.5
+    """How fast the lasting distance of the centre of mass from its reference is learnt, and no error any more [1/s]."""
     let_be: tuple[NotNegative, NotNegative] = (0.03, 0.02)
     """Errors of the divergent component that no step answers, ahead and sideways [m]: legs that swing make some."""
     edge: tuple[NotNegative, NotNegative] = (0.0, 0.0)
@@ -74,16 +76,20 @@ class Feedback(Strict):
     """What a second off the planned time costs, likewise [m²/s²]."""
     foot_speed: Positive = 1.5
     """Of a foot that swings, over the ground, at most [m/s]."""
+    cruise: Share = 0.1
+    """How much of what a step lacks of the commanded way is added to the next ones."""
+    holds: NotNegative = 1.0
+    """How fast the trunk turns back to where the commands have it look [1/s]."""
     late: NotNegative = 0.1
     """How long a foot that should have touched is waited for [s]."""
-    touch: Positive = 10.0
+    search: NotNegative = 0.2
+    """How fast it goes on downward meanwhile [m/s]."""
+    level: NotNegative = 5.0
+    """How fast the root comes to its height over a foot that stands higher or lower than the last [1/s]."""
+    ground: NotNegative = 1.0
+    """How fast the slope that feet are laid on comes to that of the foot that stands [1/s]; 0 on a level floor."""
+    touch: Positive | None = None
     """Force on a foot from which it touches [N], where `reads` names sensors of the feet; by their heights without."""
-    search: NotNegative = 0.3
-    """How fast a foot that is late goes on downward until its force tells that it touches [m/s]."""
-    depth: NotNegative = 0.03
-    """How far below the feet that stand at most [m]."""
-    ground_follow: NotNegative = 5.0
-    """How fast the trunk comes to its height over ground that was found so [1/s]."""
 
 
 class WalkingFigures(Strict):

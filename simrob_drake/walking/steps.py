@@ -60,6 +60,10 @@ class Steps:
         """Return where a foot stands from the other one, in a robot at rest."""
         return complex(0.0, 2.0 * self._half if swinging else -2.0 * self._half)
 
+    def middle(self, standing: int, foot: complex) -> complex:
+        """Return where the zero-moment point rests while both feet stand, the other one beside the first."""
+        return 0.5 * (self.rest_point(standing) + foot + self.rest_point(1 - standing))
+
     def planned(self, swinging: int, command: Command) -> Landing:
         """Return where a foot lands by a command: about the middle of the robot, which goes and turns."""
         yaw, out = command.turn * self._time, 0.5 * self.beside(swinging)

@@ -29,7 +29,15 @@ class Stride:
         landing, landing_yaw: where it lands.
         heading, heading_from: of the trunk, and where that came from [rad].
         lean, pitch: of the trunk, to the right and ahead [rad].
+        counter: to lean and pitch, against what the servos give way under its weight [rad].
+        sag: how far the centre of mass lasts to be from its reference [m].
+        height: of the ground under the other foot over that under the foot that stands [m].
+        rise: of the root, over its usual height there [m].
+        slope: of the ground, ahead and to the left [1].
         speed, turn: that the steps follow [m/s, rad/s].
+        course: where the trunk shall look in the world [rad].
+        aside: turn that brings it back there, added to the command's [rad/s].
+        trim: what the planned speed has beyond the command's, for the way to be as long as that asks [m/s].
         waits: how long the foot has been late [s].
     """
 
@@ -51,14 +59,27 @@ class Stride:
     heading_from: float = 0.0
     lean: float = 0.0
     pitch: float = 0.0
+    counter: complex = 0j
+    sag: complex = 0j
+    height: float = 0.0
+    rise: float = 0.0
+    slope: complex = 0j
     speed: complex = 0j
     turn: float = 0.0
+    course: float = 0.0
+    aside: float = 0.0
+    trim: complex = 0j
     waits: float = 0.0
 
     @property
     def command(self) -> Command:
-        """What the steps follow."""
+        """What the steps shall come to."""
         return Command(self.speed, self.turn)
+
+    @property
+    def trimmed(self) -> Command:
+        """What they are planned by."""
+        return Command(self.speed + self.trim, self.turn + self.aside)
 
     def on_the_other_foot(self) -> Stride:
         """Return it seen from the foot that swung, which stands now."""
@@ -80,6 +101,11 @@ class Stride:
             share=0.0,
             heading=heading,
             heading_from=heading,
+            height=-self.height,
+            rise=self.rise - self.height,
+            sag=self.sag.conjugate(),
+            slope=self.slope * turn,
+            trim=self.trim * turn,
             waits=0.0,
         )
 

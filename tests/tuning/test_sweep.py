@@ -23,6 +23,7 @@ from simrob_drake.tuning import cluster, journal
 from simrob_drake.tuning.cluster import Cluster
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.processes import Processes
+from simrob_drake.tuning.rollout import killed, rollout
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
 from simrob_drake.tuning.variation import parsed
@@ -234,7 +235,7 @@ class TestCluster:
         killer.start()
         while True:
             try:
-                journal.run(tmp_path, cases, scheduler=address, progress=False)
+                journal.run(tmp_path, cases, rollout, killed, scheduler=address, progress=False)
             except InvalidParameter:  # it is not there yet, or has no worker
                 continue
             except SimrobError as problem:
@@ -244,7 +245,7 @@ class TestCluster:
         killer.join()
         os.killpg(working.pid, signal.SIGKILL)
         assert 0 < len(journal.rows(tmp_path)) < 30
-        rows = journal.run(tmp_path, cases, scheduler=scheduler, progress=False)
+        rows = journal.run(tmp_path, cases, rollout, killed, scheduler=scheduler, progress=False)
         assert [row["number"] for row in rows] == list(range(1, 31))
 
     def test_workers_with_other_versions_are_refused(self, scheduler, monkeypatch):

@@ -1,6 +1,6 @@
 """What the kinds of loop share: whom they drive, what they read, and how several mix."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Annotated, ClassVar, Literal, Protocol
@@ -11,6 +11,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.parts.sensors.sensor import Sensor
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.quantities import Positive
 from simrob_drake.yaml_files import Number, Strict
@@ -146,10 +147,12 @@ class Reader(Protocol):
         """Check what is known before anything is built."""
 
 
-def sensors_read(loops: Mapping[str, Reader], sensors: Collection[str]) -> set[str]:
-    """Return the names of the sensors that loops read: those must sample while the station is stepped."""
+def sensors_read(loops: Mapping[str, Reader], sensors: Mapping[str, Sensor]) -> set[str]:
+    """Return the names of the sensors that must sample while a station is stepped: loops read them, or such sensors."""
     parts = {part for loop in loops.values() for text in loop.named for part in text.split(".")}
-    return parts & set(sensors)
+    stepped = {name: sensor for name, sensor in sensors.items() if sensor.stepped or name in parts}
+    read = {other for sensor in stepped.values() for other in sensor.read(sensors).values()}
+    return {*stepped, *read} & set(sensors)
 
 
 def of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:

@@ -74,9 +74,14 @@ class Walk(LoopSection):
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(key, f"walk of {robot.name}", "of a robot that stands on feet of its own")
-        for group in self.figures(robot).groups:
-            for foot in group:
-                one_of(f"foot of {robot.name} for {key}.gait.groups", foot, robot.model.tools)
+        figures = self.figures(robot)
+        feet = [foot for group in figures.groups for foot in group]
+        for foot in feet:
+            one_of(f"foot of {robot.name} for {key}.gait.groups", foot, robot.model.tools)
+        told = [foot for foot in feet if foot in self.reads]
+        if told and (told != feet or figures.feedback is None or figures.feedback.touch is None):
+            expected = f"with a force sensor for each of {', '.join(feet)}, and gait.feedback.touch, or with none"
+            raise InvalidParameter(f"{key}.reads", f"forces on {', '.join(told)}", expected)
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
@@ -102,7 +107,7 @@ class Walk(LoopSection):
         return WalkingLoop(
             engine=Engine(body, figures, groups, 1 / self.rate),
             period=1 / self.rate,
-            feet=names if names[0] in self.reads else [],
+            feet=[foot for foot in names if foot in self.reads],
             posture=np.deg2rad(robot.model.axis_vector(figures.posture_deg, f"{key}.gait.posture_deg")),
             commands=np.array(rows).reshape(-1, 4),
         )
@@ -112,8 +117,7 @@ class WalkingLoop(SampledBlock):
     """Ask a robot's axes for the next posture of a walk.
 
     Ports:
-        in  by each foot's name, if sensors tell them: the force on it (3) [N];
-            ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
+        in  by the name of each foot whose force is read: that (3) [N]; ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
             ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s].
         out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: how fast the target moves;
             ``capture`` (2): divergent component from the foot that stands, ahead and to the left [m];
@@ -130,11 +134,11 @@ class WalkingLoop(SampledBlock):
         Args:
             engine: that makes the walk.
             period: between samples [s].
-            feet: names of those whose forces are read, in the engine's order; empty if none are.
+            feet: names of those whose forces are read, all in the engine's order or none.
             posture: of the axes in no leg, and near which the legs are found, shape (n,) [rad].
             commands: times [s], speeds ahead and to the left [m/s], turns [rad/s], shape (m, 4).
         """
-        self._engine, self._commands, self._start, self._feet = engine, commands, posture, feet
+        self.engine, self.start, self._commands, self._feet = engine, posture, commands, feet
         zero = np.zeros(len(posture))
         super().__init__(
             period=period,
@@ -150,7 +154,6 @@ class WalkingLoop(SampledBlock):
                 "foot": 1.0,
                 "stride": np.zeros(NUMBERS),
                 "posture": zero,
-                "heights": np.zeros(len(engine.body.homes)),
                 "begun": zero,
                 "count": 0.0,
                 "ready": 0.0,
@@ -166,15 +169,13 @@ class WalkingLoop(SampledBlock):
         if memory["ready"][0] < 1.0:
             return self._readied(memory)
         stride, posture = Stride.of(memory["stride"]), memory["posture"]
-        engine = self._engine
+        engine = self.engine
         seen = engine.measured(stride, engine.body.seen(*(read[name] for name in _READ)), self._forces(stride, read))
-        command = self._command(count * self.period)
-        after, target, heights = engine.sample(stride, posture, memory["heights"], command, seen)
+        after, target = engine.sample(stride, posture, self._command(count * self.period), seen)
         return {
             "target": target,
             "offset_velocity": (target - posture) / self.period,
             "posture": target,
-            "heights": heights,
             "stride": after.numbers(),
             "foot": after.standing,
             "capture": np.array([seen.xi.real, seen.xi.imag]),
@@ -182,15 +183,17 @@ class WalkingLoop(SampledBlock):
         }
 
     def _forces(self, stride: Stride, read: Named) -> list[float] | None:
-        """Return the forces on feet that come down, and none on others; None where no sensor tells them."""
+        """Return the forces on the feet that come down, for reading them takes time; None where none are told."""
         if not self._feet:
             return None
-        down = self._engine.ground.coming_down(stride)
+        down = self.engine.coming_down(stride)
         return [math.hypot(*read[foot].tolist()) if place in down else 0.0 for place, foot in enumerate(self._feet)]
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
-        stride, posture = self._engine.standing(self._start)
+        engine, begun = self.engine, Stride()
+        seen = engine.measured(begun, engine.body.seen(*(read[name] for name in _READ)))
+        stride, posture = engine.standing(self.start, seen.slope)
         far = np.abs(posture - read["position"]).max()
         return {
             "target": read["position"] if far > _SAME else posture,

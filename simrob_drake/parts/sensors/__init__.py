@@ -12,8 +12,10 @@ from simrob_drake.parts.sensors.force import Force
 from simrob_drake.parts.sensors.frame import FrameSensor
 from simrob_drake.parts.sensors.imu import Imu
 from simrob_drake.parts.sensors.joint_torque import JointTorque
+from simrob_drake.parts.sensors.leg_odometry import LegOdometry
 
 SensorConfig = Annotated[
-    Force | Distance | JointTorque | ExternalTorque | Imu | Encoders | FrameSensor, Field(discriminator="kind")
+    Force | Distance | JointTorque | ExternalTorque | Imu | Encoders | FrameSensor | LegOdometry,
+    Field(discriminator="kind"),
 ]
 Sensors = Annotated[dict[str, SensorConfig], named_by_kind(SensorConfig)]

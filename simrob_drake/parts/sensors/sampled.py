@@ -12,7 +12,7 @@ from simrob_drake.lifetime import release_with
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
 from simrob_drake.parts.site import Site, StationRobot
 from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.signals import Recorded, Signal
+from simrob_drake.signals import Compute, Recorded, Signal
 
 
 class SampledSensor(Sensor):
@@ -44,18 +44,20 @@ class SampledSensor(Sensor):
         *,
         block: LeafSystem,
         title: str,
-        inputs: Mapping[str, OutputPort],
+        inputs: Mapping[str, OutputPort | Compute],
         signals: Mapping[str, Signal],
         robot: StationRobot | None = None,
     ) -> None:
         """Add the outputs ``<port>.<sensor>`` of a block, or what computes them after the run.
 
-        ``inputs`` tells, by the names of the block's ports, what they read; ``signals`` what its outputs are.
+        ``inputs`` tells, by the names of the block's ports, what they read: ports, or after the run what gives it
+        then; ``signals`` what its outputs are.
         """
         if self.in_loop:
             builder.AddNamedSystem(f"sensor.{name}", block)
             site.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
             for port, source in inputs.items():
+                assert isinstance(source, OutputPort)  # what is read while stepping samples then, too
                 builder.Connect(source, block.GetInputPort(port))
         else:
             release_with(site.plant.plant, block)
@@ -65,6 +67,7 @@ class SampledSensor(Sensor):
                 site.add(output, block.GetOutputPort(port), replace(signal, output=output))
             else:
                 compute = partial(_after_the_run, block=block, inputs=inputs, output=port)
+                site.later[f"{port}.{name}"] = compute
                 site.signals.append(replace(signal, compute=compute))
 
 
@@ -81,7 +84,7 @@ def rounded(values: Vector, resolution: Vector) -> Vector:
 
 
 def _after_the_run(
-    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort], output: str
+    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute], output: str
 ) -> Vector:
     """Return an output of a block as :func:`replayed` gives it; the block goes through the run once."""
     key = (block, times.tobytes())
@@ -91,7 +94,7 @@ def _after_the_run(
 
 
 def replayed(
-    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort]
+    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
 ) -> dict[str, Vector]:
     """Let a sampled block go through a run that is over, as it would have while stepping.
 
@@ -104,10 +107,13 @@ def replayed(
     period = attribute.period_sec()
     ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
     held = np.clip((times / period + 1e-9).astype(int), 0, len(ticks) - 1)
-    values = dict(zip(inputs, recorded.sample(list(inputs.values()), ticks), strict=True))
+    ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
+    values = dict(zip(ports, recorded.sample(list(ports.values()), ticks), strict=True))
+    before = np.maximum(ticks - period, 0.0)  # while stepping, sensors that sample together see each other's last
+    values |= {name: source(recorded, before) for name, source in inputs.items() if not isinstance(source, OutputPort)}
     context = block.CreateDefaultContext()
-    ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
-    rows = {port.get_name(): np.empty((len(ticks), port.size())) for port in ports}
+    outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
+    rows = {port.get_name(): np.empty((len(ticks), port.size())) for port in outputs}
     wanted = set(held.tolist())
     for tick, time in enumerate(ticks):
         context.SetTime(time)
@@ -116,6 +122,6 @@ def replayed(
         update = block.EvalUniquePeriodicDiscreteUpdate(context)
         context.get_mutable_discrete_state().SetFrom(update)
         if tick in wanted:
-            for port in ports:
+            for port in outputs:
                 rows[port.get_name()][tick] = port.Eval(context)
     return {name: row[held] for name, row in rows.items()}

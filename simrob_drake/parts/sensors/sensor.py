@@ -1,6 +1,7 @@
 """What the kinds of sensor share."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
@@ -26,6 +27,10 @@ class Sensor(Strict):
         A block that nothing reads still costs a solver time at every look at the diagram.
         """
         return False
+
+    def read(self, sensors: Mapping[str, Any]) -> dict[str, str]:
+        """Return which of a station's other sensors it reads, if they are there, by what it reads them for."""
+        return {}
 
 
 class ShapeSensor(Sensor):

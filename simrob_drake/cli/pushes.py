@@ -1,0 +1,143 @@
+"""The command that measures how much a robot that walks withstands: pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.given import refuse, texts_by_key
+from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers
+from simrob_drake.cli.screen import console
+from simrob_drake.results.files import default_folder
+from simrob_drake.yaml_files import parse_yaml, validated
+
+_SIDES = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
+
+
+def pushes(
+    station: StationArgument,
+    directions: Annotated[int | None, typer.Option(min=1, help="How many; 4 by default, the first is forward.")] = None,
+    phases: Annotated[int | None, typer.Option(min=1, help="Moments over the period; 8 by default.")] = None,
+    period: Annotated[float | None, typer.Option(help="Time of two steps [s]; the gait's by default, or 0.8.")] = None,
+    start: Annotated[float | None, typer.Option(help="The first moment [s]; 3 by default.")] = None,
+    duration: Annotated[float | None, typer.Option(help="How long a push lasts [s]; 0.1 by default.")] = None,
+    after: Annotated[float | None, typer.Option(help="How long it must stay up then [s]; 2 by default.")] = None,
+    at: Annotated[str | None, typer.Option(help="A tool or link that is pushed; the root by default.")] = None,
+    from_: Annotated[
+        float | None, typer.Option("--from", metavar="N", help="The force that a search tries first [N].")
+    ] = None,
+    newtons: Annotated[
+        float | None, typer.Option("--newtons", metavar="N", help="Push by this force [N]; nothing is searched for.")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="BURDEN", help="Search in place of pushes: load, friction, stiffness, slope, step."),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(help="How long it walks under a burden [s]; 10 by default.")] = None,
+    least: Annotated[
+        float | None, typer.Option(help="How much of its way it must go under a burden; 0.5 by default.")
+    ] = None,
+    close: Annotated[float | None, typer.Option(help="Where a search ends, as a part; 0.1 by default.")] = None,
+    seeds: Annotated[int, typer.Option(min=0, help="Draws of posture, noise, masses and friction.")] = 0,
+    set_: Settings = None,
+    beside: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY.PATH=VALUE", help="Do all with this changed, too; may be given several times."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder; runs/STATION-pushes-TIME by default.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    force: Force = False,
+    allow_code: AllowCode = False,
+) -> int:
+    """Push a robot that walks from all sides, at all moments of its steps: the largest pushes that it withstands.
+
+    Table, summary and picture come of it. One that was interrupted goes on when it is given again with the same --out.
+
+    For example:
+
+        simrob pushes zjudancer_dynamic --set gait.name=walk --out runs/pushes
+
+        simrob pushes zjudancer_dynamic --set gait.name=walk --newtons 10 --seeds 20
+
+        simrob pushes zjudancer_dynamic --set gait.name=walk --vary load --vary slope
+    """
+    from simrob_drake.tuning.burdens import Burdens
+    from simrob_drake.tuning.push_map import PushMap
+    from simrob_drake.tuning.walking_folder import WalkingFolder
+
+    of_pushes: dict[str, Any] = {"directions": directions, "phases": phases, "period": period, "start": start}
+    of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}
+    of_burdens = {"seconds": seconds, "least": least}
+    if vary:
+        refuse("left out with --vary", **of_pushes)
+    else:
+        refuse("given with --vary", **of_burdens)
+    given = {
+        "station": str(Path(station).resolve()) if Path(station).is_file() else station,
+        "overrides": _changes(set_, "--set"),
+        "beside": _changes(beside, "--beside"),
+        "seeds": seeds,
+        "close": close,
+        "at": at,
+        **({"vary": vary, **of_burdens} if vary else of_pushes),
+    }
+    kind = Burdens if vary else PushMap
+    asked = validated(kind, {key: value for key, value in given.items() if value is not None}, "simrob pushes")
+    folder = out or default_folder(f"{Path(station).stem}-pushes")
+    if scheduler:
+        refuse("left out with --scheduler: the cluster has its own", workers=workers)
+    place = WalkingFolder(folder, asked, force=force, allow_code=allow_code)
+    rows = place.run(workers=workers, scheduler=scheduler)
+    console.print(_table(asked.summary(rows)))
+    console.print(f"table {folder / f'{asked.name}.csv'}", soft_wrap=True, highlight=False)
+    return ExitCode.DONE
+
+
+def _changes(given: list[str] | None, option: str) -> dict[str, Any]:
+    return {key: parse_yaml(text, f"{option} {key}") for key, text in texts_by_key(given, option)}
+
+
+_COLUMNS: Mapping[str, tuple[str, str]] = {
+    "settings": ("settings", ""),
+    "direction_deg": ("direction", ""),
+    "burden": ("burden", ""),
+    "pushes": ("pushes", ""),
+    "withstood": ("withstood", ".0%"),
+    "weakest_force": ("weakest [N]", ".3g"),
+    "weakest_impulse": ("[N·s]", ".3g"),
+    "weakest_impulse_per_mass": ("[N·s/kg]", ".3g"),
+    "moment": ("at [s]", ".4g"),
+    "median_force": ("median [N]", ".3g"),
+    "median_impulse": ("[N·s]", ".3g"),
+    "median_impulse_per_mass": ("[N·s/kg]", ".3g"),
+    "weakest": ("weakest", ".3g"),
+    "median": ("median", ".3g"),
+    "unit": ("unit", ""),
+}
+"""What the screen calls the columns of a summary, and how it shows their figures."""
+
+
+def _table(rows: list[dict[str, Any]]) -> Table:
+    """Return a summary as a table."""
+    shown = [key for key in _COLUMNS if key in rows[0]]
+    table = Table(*(_COLUMNS[key][0] for key in shown), box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*(_cell(key, row[key]) for key in shown))
+    return table
+
+
+def _cell(key: str, value: Any) -> str:
+    if key == "direction_deg":
+        return "all" if value is None else _SIDES.get(value, f"{value:g}°")
+    if value is None:
+        return "none"
+    return format(value, _COLUMNS[key][1])
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"pushes": pushes}

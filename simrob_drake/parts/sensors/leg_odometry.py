@@ -1,0 +1,301 @@
+r"""Where a robot on its feet is and how it moves, as an IMU at its root link and the encoders of its joints tell.
+
+A complementary filter of the base's position p and velocity v, in the world's axes, as of Bloesch et al., State
+estimation for legged robots (RSS 2012). The accelerometer foretells, with the orientation R̄ midway between two samples,
+
+.. math:: a_k = \bar R (f_k - b_{k-1}) + g, \quad p^-_k = p_{k-1} + T v_{k-1} + \tfrac12 T^2 a_k, \quad
+    v^-_k = v_{k-1} + T a_k .
+
+The points of the feet that touch the ground stand still. A point that was at :math:`r_{k-1}` from the base and is at
+:math:`r_k` says that the base has come by :math:`r_{k-1} - r_k`, which is by :math:`e_i` more than was foretold. Each
+counts by how low it is, now and a sample ago (:math:`c_i`: e times less for each 3 mm over the lowest; with force
+sensors over the lowest of its foot, times the part of ``force`` on that), and by how still, against a speed s:
+
+.. math:: w_i = \frac{c_{i,k}\, c_{i,k-1}}{1 + |e_i|^2 / (s T)^2}, \quad
+    e = \min\left(1, \sum w_i\right) \frac{\sum w_i e_i}{\sum w_i}, \quad
+    p_k = p^-_k + e, \quad v_k = v^-_k + K e, \quad b_k = b_{k-1} - \frac{K}{\tau_b} \bar R^\top e
+
+with :math:`K = (1 - e^{-T/\tau})/T`: a foot that slips, swings or lands counts little, and the accelerometer's bias b
+is learnt with :math:`\tau_b` = 1 s. Balls roll: the point is that which was lowest. On level ground the height is
+brought to that at which the lowest points are at z = 0, with a time constant of 1 s.
+
+The orientation is the IMU's, which is the true one: nothing drifts in yaw, as it would if the gyroscope were summed up.
+"""
+
+import math
+import weakref
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RotationMatrix
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.parts.sensors.sampled import SampledSensor
+from simrob_drake.parts.sensors.sensor import axis_names
+from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings, named
+from simrob_drake.quantities import Positive
+from simrob_drake.signals import Panel, Signal
+
+_COUNTS = 0.003
+"""By how much a point of the feet is higher than the lowest when it counts e times less [m]."""
+_BIAS = 1.0
+"""Time constant of the bias of the accelerometer [s]."""
+_LEVELS = 1.0
+"""Time constant of the height over level ground [s]."""
+_READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
+_PARTS = {
+    "base_pose": (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"),
+    "base_velocity": (("vx", "vy", "vz", "wx", "wy", "wz"), ("m/s",) * 3 + ("rad/s",) * 3, "velocity [m/s]"),
+}
+
+
+class LegOdometry(SampledSensor):
+    """Pose and velocity of a robot's base, estimated from an IMU at its root link and encoders: `base_pose.<sensor>`.
+
+    It begins where the station's file has the base, at rest. It tells of the moment of its sensors' samples: it is as
+    late as they are, and one sample more.
+    """
+
+    kind: Literal["leg_odometry"]
+    robot: str | None = None
+    """Whose base; the only robot's unless given."""
+    reads: dict[str, str] = Field(default_factory=dict)
+    """The sensors that it reads: `imu` and `encoders`, the only ones of these kinds unless given, and by the links of
+    all feet, if given, force sensors: `{imu: chest, left_foot: left, right_foot: right}`."""
+    force: Positive | None = None
+    """Force from which a foot counts in full [N]; the robot's weight by the number of its feet unless given."""
+    slip: Positive = 0.07
+    """Speed over the ground at which a point of the feet counts half as much as at rest [m/s]."""
+    velocity_time: Positive = 0.1
+    """Time constant τ with which the velocity follows the feet [s]."""
+    level: bool | None = None
+    """Whether the ground is level, at z = 0, which keeps the height from drifting; as the floor is unless given."""
+
+    def read(self, sensors: Mapping[str, Any]) -> dict[str, str]:
+        """Return the sensors that it reads, by what it reads them for: `imu`, `encoders`, links of feet."""
+        of_kind = {kind: _of_kind(sensors, kind) for kind in ("imu", "encoders")}
+        return {kind: names[0] for kind, names in of_kind.items() if len(names) == 1} | self.reads
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check that the robot stands on feet, and that the sensors are its own and sample as often.
+
+        Raises:
+            SimrobError: what does not fit.
+        """
+        robot = station.robot(self.robot, key)
+        if not robot.floats or robot.feet is None:
+            raise InvalidParameter(key, f"of {robot.model.name}", "of a robot that stands on feet of its own")
+        kinds = {"imu": "imu", "encoders": "encoders", **dict.fromkeys(robot.feet.links, "force")}
+        for what in dict.fromkeys(["imu", "encoders", *self.reads]):
+            kind, told = kinds[one_of(f"input for {key}.reads", what, kinds)], f"{key}.reads.{what}"
+            known = _of_kind(station.sensors, kind)
+            named(self.reads.get(what), known, kind=f"sensor of kind {kind} for {told}", key=told)
+        feet = [foot for foot in robot.feet.links if foot in self.reads]
+        if feet and len(feet) < len(robot.feet.links):
+            raise InvalidParameter(f"{key}.reads", f"with {', '.join(feet)}", "with all feet, or none")
+        self._check_sensors(key, station, robot)
+
+    def _check_sensors(self, key: str, station: Surroundings, robot: ResolvedRobot) -> None:
+        read, root = self.read(station.sensors), f"{robot.prefix}{robot.model.root}"
+        imu, encoders = (station.sensors[read[kind]] for kind in ("imu", "encoders"))
+        if imu.frame not in (None, root):
+            raise InvalidParameter(f"sensors.{read['imu']}.frame", imu.frame, f"{root} for {key}, or left out")
+        if station.robot(encoders.robot, key) is not robot:
+            raise InvalidParameter(f"sensors.{read['encoders']}.robot", encoders.robot, f"{robot.name} for {key}")
+        for kind, sensor in (("imu", imu), ("encoders", encoders)):
+            if sensor.rate != self.rate:
+                expected = f"{sensor.rate:g} Hz, that of sensors.{read[kind]}: each of its samples counts once"
+                raise InvalidParameter(f"{key}.rate", f"{self.rate:g} Hz", expected)
+
+    def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
+        """Add ``base_pose.<sensor>`` (7: x y z [m] qw qx qy qz) and ``base_velocity.<sensor>`` (6) [m/s, rad/s].
+
+        The velocity is the linear one of the root link, then the angular one, in the world's axes.
+        """
+        robot, read = site.robot(self.robot), self.read(site.station.sensors)
+        soles, gravity = Soles(robot), robot.plant.gravity_field().gravity_vector()
+        weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(np.linalg.norm(gravity))
+        outputs = {what: f"{what}.{read[sensor]}" for what, sensor in _READS.items()}
+        outputs |= {foot: f"force.{read[foot]}" for foot in soles.feet if foot in read}
+        known = {**site.later, **site.outputs}
+        block = BaseEstimator(
+            period=1 / self.rate,
+            delay=self.late_samples,
+            soles=soles,
+            size=len(robot.axes),
+            start=xyz_quaternion_from_transform(robot.base),
+            gravity=gravity,
+            force=(self.force or weight / len(soles.feet)) if len(read) > 2 else None,
+            slip=self.slip,
+            velocity_time=self.velocity_time,
+            level=not site.station.ground.incline if self.level is None else self.level,
+        )
+        signals = {}
+        for output, (columns, units, label) in _PARTS.items():
+            names, title = axis_names(output, name, columns), output.replace("_", " ")
+            panel = Panel(f"odometry_{name}", f"leg odometry '{name}'", title, label, names[:3])
+            signals[output] = Signal(names, units, "estimate", part=name, panel=panel)
+        inputs = {what: known[output] for what, output in outputs.items()}
+        self._give(builder, site, name, block=block, title="Leg odometry", inputs=inputs, signals=signals, robot=robot)
+
+
+def _of_kind(sensors: Mapping[str, Any], kind: str) -> list[str]:
+    return [name for name, sensor in sensors.items() if sensor.kind == kind]
+
+
+class Soles:
+    """The points of a robot's feet that touch the ground, of the joints' positions alone.
+
+    Attributes:
+        scratch: a context of the plant.
+        feet: by the link of each foot the places of its points among all k.
+        radius: of the balls that they are the middles of [m]; 0 for corners of a box.
+    """
+
+    def __init__(self, robot: StationRobot) -> None:
+        """Prepare a robot on feet."""
+        assert robot.feet is not None  # the section has checked
+        plant, self._axes = robot.plant, robot.axis_map
+        self._plant, self.scratch = weakref.proxy(plant), plant.CreateDefaultContext()
+        self._positions, self._root = plant.GetPositions(self.scratch), robot.root.index()
+        self._links = [plant.GetFrameByName(link, robot.instance).index() for link in robot.feet.links]
+        self.radius = robot.feet.radius if robot.feet.points else 0.0
+        points = [robot.feet.support_points(link) + np.array([0.0, 0.0, self.radius]) for link in robot.feet.links]
+        ends = np.cumsum([0, *map(len, points)])
+        self.feet = {link: slice(*part) for link, part in zip(robot.feet.links, pairwise(ends.tolist()), strict=True)}
+        self._foot, arms = np.repeat(range(len(points)), np.diff(ends)), np.concatenate(points)
+        self.arms = np.column_stack([arms, np.ones(len(arms))])
+
+    def poses(self, position: Vector, turned: Vector) -> Vector:
+        """Return the pose of the foot of each point, seen from the root link, in the world's axes, shape (k, 3, 4).
+
+        Args:
+            position: of the axes, shape (n,) [rad or m]; finite.
+            turned: rotation of the root link, shape (3, 3).
+        """
+        plant, scratch = self._plant, self.scratch
+        self._positions[self._axes.position_places] = self._axes.signs * position
+        plant.SetPositions(scratch, self._positions)
+        root = plant.get_frame(self._root)
+        poses = [plant.CalcRelativeTransform(scratch, root, plant.get_frame(link)) for link in self._links]
+        return np.asarray((turned @ np.array([pose.GetAsMatrix34() for pose in poses]))[self._foot])
+
+
+class BaseEstimator(SampledBlock):
+    """Estimate where a base is, and how it moves, by the equations of this module.
+
+    A sample that reads something that is not finite is skipped: the base goes on as it did, and the feet count again
+    from the second one after it.
+
+    Ports:
+        in  ``position`` (n) [rad or m]; ``orientation`` (4): of the root link, qw qx qy qz; ``angular_velocity`` (3)
+        [rad/s] and ``specific_force`` (3) [m/s²], in its axes; by each foot's name the force on it (3) [N], if asked.
+        out ``base_pose`` (7): x y z [m] qw qx qy qz; ``base_velocity`` (6): linear, then angular, in the world's axes
+        [m/s, rad/s].
+    """
+
+    def __init__(
+        self,
+        *,
+        period: float,
+        delay: int = 0,
+        soles: Soles,
+        size: int,
+        start: Vector,
+        gravity: Vector,
+        force: float | None = None,
+        slip: float,
+        velocity_time: float,
+        level: bool,
+    ) -> None:
+        """Make the block.
+
+        Args:
+            period: T, between samples [s].
+            delay: by how many samples it tells them late.
+            soles: the points that touch the ground.
+            size: n, of axes.
+            start: pose at the start, shape (7,).
+            gravity: g, in the world, shape (3,) [m/s²].
+            force: from which a foot counts in full [N]; None where no forces are read.
+            slip: s [m/s].
+            velocity_time: τ [s].
+            level: whether the ground is the plane z = 0.
+        """
+        feet = {} if force is None else dict.fromkeys(soles.feet, 3)
+        self._reads = {"position": size, "orientation": 4, "angular_velocity": 3, "specific_force": 3, **feet}
+        points = len(soles.arms)
+        super().__init__(
+            period=period,
+            reads=self._reads,
+            memory={
+                "base_pose": start,
+                "base_velocity": np.zeros(6),
+                "bias": np.zeros(3),  # of the accelerometer
+                "lowest": np.zeros(4 * points),  # what of each foot's link was lowest; 1 behind
+                "places": np.zeros(3 * points),  # where that was, from the base, in the world's axes
+                "shares": np.zeros(points),
+            },
+            gives=("base_pose", "base_velocity"),
+            delay=delay,
+        )
+        self._soles, self._gravity, self._force, self._slips = soles, gravity, force, (slip * period) ** 2
+        self._follow = (1 - math.exp(-period / velocity_time)) / period
+        self._learn = self._follow / _BIAS
+        self.level, self._settle = level, 1 - math.exp(-period / _LEVELS) if level else 0.0
+
+    def sample(self, memory: Named, read: Named) -> Changes:
+        """Return where the base is now."""
+        pose, motion, period, soles = memory["base_pose"], memory["base_velocity"], self.period, self._soles
+        told = {name: read[name] for name in self._reads}
+        if not math.isfinite(np.concatenate([*told.values()]).sum()):
+            place = pose[:3] + period * motion[:3]
+            return {"base_pose": np.concatenate([place, pose[3:]]), "shares": np.zeros(len(soles.arms))}
+        turn, before = told["orientation"], pose[3:]
+        turned, middle = _rotation(turn), _rotation(before + math.copysign(1.0, before @ turn) * turn)
+        change = period * (middle @ (told["specific_force"] - memory["bias"]) + self._gravity)
+        step, speed = period * (motion[:3] + change / 2), motion[:3] + change
+        poses = soles.poses(told["position"], turned)
+        lowest, places = soles.arms.copy(), (poses @ soles.arms[:, :, np.newaxis])[:, :, 0]
+        lowest[:, :3] -= soles.radius * poses[:, 2, :3]
+        places[:, 2] -= soles.radius
+        shares = self._shares(places[:, 2], told)
+        moved = (poses @ memory["lowest"].reshape(lowest.shape)[:, :, np.newaxis])[:, :, 0]
+        errors = memory["places"].reshape(places.shape) - moved - step
+        weights = shares * memory["shares"] / (1.0 + (errors * errors).sum(axis=1) / self._slips)
+        total, bias = float(weights.sum()), memory["bias"]
+        if total > 0:
+            trust = min(total, 1.0)
+            error = trust / total * (weights @ errors)
+            step, speed, bias = step + error, speed + self._follow * error, bias - self._learn * (error @ middle)
+            step[2] -= trust * self._settle * (pose[2] + step[2] + weights @ places[:, 2] / total)
+        return {
+            "base_pose": np.concatenate([pose[:3] + step, turn]),
+            "base_velocity": np.concatenate([speed, turned @ told["angular_velocity"]]),
+            "bias": bias,
+            "lowest": lowest.ravel(),
+            "places": places.ravel(),
+            "shares": shares,
+        }
+
+    def _shares(self, heights: Vector, told: Named) -> Vector:
+        """Return how much each point counts by how low it is, and by the force on its foot, shape (k,)."""
+        if self._force is None:
+            return np.asarray(np.exp((heights.min() - heights) / _COUNTS))
+        shares = np.empty(len(heights))
+        for foot, part in self._soles.feet.items():
+            own, force = heights[part], told[foot]
+            shares[part] = min(math.sqrt(force @ force) / self._force, 1.0) * np.exp((own.min() - own) / _COUNTS)
+        return shares
+
+
+def _rotation(quaternion: Vector) -> Vector:
+    """Return the rotation matrix of a quaternion (4,) qw qx qy qz that may have any length."""
+    return np.asarray(RotationMatrix(Quaternion(quaternion / math.sqrt(quaternion @ quaternion))).matrix())

@@ -1,0 +1,182 @@
+"""Trials of a robot on its feet: as its station says, or a gait of its own, has it walk; and so with other settings.
+
+Each is made with each draw of the robot and its floor: of posture, noise, masses and friction.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.programs.gaits.registry import gaits_of
+from simrob_drake.tuning.doubts import Change, drawn
+from simrob_drake.tuning.rollout import KILLED, REFUSED, Row
+from simrob_drake.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
+from simrob_drake.tuning.subject import subject_of
+from simrob_drake.tuning.variation import MOST_SEEDS
+from simrob_drake.yaml_files import Number, Strict
+
+GIVEN = "as given"
+"""What the settings are called that nothing beside changes."""
+COMPLETED = "completed"
+"""How a run ends that nothing ends before."""
+_REST = 2.0  # before a gait ends its robot slows down and stands: trials end before that [s]
+_FEW = 12  # steps
+
+
+class Walking(Strict, ABC):
+    """What trials of a robot that walks have in common."""
+
+    name: ClassVar[str]
+    """What their files are called."""
+    station: str
+    """A name, or a file."""
+    overrides: dict[str, Any] = Field(default_factory=dict)
+    """What is changed in it, or in the gait that its robot goes (``gait.name`` ...)."""
+    beside: dict[str, Any] = Field(default_factory=dict)
+    """What is changed, too, in a second set of trials beside the first; there is none unless this is given."""
+    seeds: Annotated[int, Field(ge=0, le=MOST_SEEDS)] = 0
+    """How many draws of the robot and its floor; 0 takes both as they were thought."""
+    close: Annotated[Number, Field(ge=1e-3, le=0.5)] = 0.1
+    """Where a bisection ends: what no longer holds is larger than what does by this part of it."""
+    at: str | None = None
+    """What is pushed: a tool or a link, at its origin; the robot's root, at its centre of mass, unless given."""
+
+    @property
+    @abstractmethod
+    def longest(self) -> float:
+        """How long the longest run is without what is tried [s]."""
+
+    @property
+    def settings(self) -> dict[str, Change]:
+        """The changes of each set of trials, by its name."""
+        told = ", ".join(f"{key}={value}" for key, value in self.beside.items())
+        return {GIVEN: self.overrides} | ({told: {**self.overrides, **self.beside}} if self.beside else {})
+
+    @property
+    def draws(self) -> list[int | None]:
+        """The seeds of the draws; None takes all as it was thought."""
+        return list(range(self.seeds)) or [None]
+
+    @abstractmethod
+    def trials(self, *, allow_code: bool = False) -> "Sequence[Trial]":
+        """Return all trials; ``allow_code`` tells whether the station may name Python code.
+
+        Raises:
+            SimrobError: a station or a gait that cannot be.
+        """
+
+    def check(self, *, allow_code: bool = False) -> str:
+        """Check, before any trial, all that can be known by then; return a digest of the station.
+
+        Raises:
+            SimrobError: a station that cannot be, no robot on feet of its own, or one that falls by itself.
+        """
+        if "duration" in self.overrides | self.beside:
+            raise InvalidParameter("--set duration", "given", "left out: how long a run is, its trial tells")
+        walks = [self.scene(changes, self.longest, allow_code=allow_code) for changes in self.settings.values()]
+        subject_of(walks[0].config, self.at)
+        run = walks[0].run()
+        if run.ending != COMPLETED:
+            raise SimrobError(f"{self.station}: nothing can be found of a robot that falls by itself: {run.message}")
+        return walks[0].digest
+
+    @abstractmethod
+    def summary(self, rows: list[Row]) -> list[Row]:
+        """Return what the rows of all trials come to."""
+
+    def scene(self, changes: Change, seconds: float, *, seed: int | None = None, allow_code: bool = False) -> Scene:
+        """Return a walk of some time [s]; a gait goes as many steps as it takes, unless it is told how many.
+
+        Args:
+            changes: of a set of trials, and of one of them.
+            seconds: how long it is.
+            seed: of its draw, if any.
+            allow_code: whether the station may name Python code.
+
+        Raises:
+            SimrobError: a station or a gait that cannot be.
+        """
+        called = {key: f"--set {key}" for key in self.overrides} | {key: f"--beside {key}" for key in self.beside}
+
+        def scene(changed: Change) -> Scene:
+            return Scene.of(self.station, changed, called=called, allow_code=allow_code)
+
+        asked = {**changes, "duration": seconds}
+        found, steps = scene(asked), _FEW
+        if found.program is not None or found.engine != DRAKE:
+            key = ENGINE if found.program is None else PROGRAM
+            raise InvalidConfig(self.station, key, f"is to be left out: a station alone is tried, or its {GAIT}")
+        counted = gait_of(found) is not None and "steps" not in found.told
+        while counted and found.motion is not None and found.motion.duration < seconds + _REST:
+            steps *= 2
+            asked[f"{GAIT}.steps"] = steps
+            found = scene(asked)
+        return found if seed is None else scene({**drawn(found.config, seed), **asked})
+
+
+def gait_of(scene: Scene) -> Any:
+    """Return the figures of the gait of steps that a robot goes, as ``gaits.yaml`` has them; None if it goes none."""
+    if scene.motion is None:
+        return None
+    known = gaits_of(scene.motion.model, steps=True)
+    name = scene.told.get("name", next(iter(known), None))
+    return known[name][1] if name in known else None
+
+
+@dataclass(frozen=True)
+class Trial(ABC):
+    """One of many trials, whose rows belong to a table.
+
+    Attributes:
+        number: from 1.
+        settings: the name of those it is made with.
+        changes: what these are.
+        seed: of its draw, if any.
+        allow_code: whether the station may name Python code.
+    """
+
+    number: int
+    settings: str
+    changes: Change
+    seed: int | None
+    allow_code: bool
+
+    @property
+    @abstractmethod
+    def columns(self) -> list[Row]:
+        """What tells its rows from each other and from those of others."""
+
+    @abstractmethod
+    def figures(self) -> list[Row]:
+        """Return the other columns of its rows.
+
+        Raises:
+            SimrobError: what cannot be run.
+        """
+
+    def row(self, figures: Sequence[Row]) -> Row:
+        """Return its number, and its rows."""
+        own = {"settings": self.settings, "seed": self.seed}
+        told = [{**own, **columns, **more} for columns, more in zip(self.columns, figures, strict=True)]
+        return {"number": self.number, "rows": told}
+
+    def lost(self, ended: str, message: str) -> Row:
+        """Return its rows if it never came to an end."""
+        return self.row([{"ended": ended, "message": message}] * len(self.columns))
+
+
+def made(trial: Trial) -> Row:
+    """Make a trial, whatever becomes of it."""
+    try:
+        return trial.row(trial.figures())
+    except SimrobError as problem:
+        return trial.lost(REFUSED, str(problem))
+
+
+def killed(trial: Trial) -> Row:
+    """Return the rows of a trial whose process was killed, and once more when it was alone."""
+    return trial.lost(KILLED, "its process was killed, twice")

@@ -1,0 +1,78 @@
+"""The folder of trials of a robot that walks: what was asked for, all trials as they end, and what they come to."""
+
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from simrob_drake.folders import written_at_once
+from simrob_drake.tuning import journal
+from simrob_drake.tuning.push_map import PushMap
+from simrob_drake.tuning.push_picture import save_push_picture
+from simrob_drake.tuning.rollout import Row
+from simrob_drake.tuning.table import write_rows
+from simrob_drake.tuning.walking import Walking, killed, made
+from simrob_drake.yaml_files import validated
+
+
+class WalkingFolder:
+    """Trials of a robot that walks, in a folder."""
+
+    def __init__(self, folder: Path, asked: Walking, *, force: bool = False, allow_code: bool = False) -> None:
+        """Begin trials in a new folder, or go on with the same ones.
+
+        Args:
+            folder: where to.
+            asked: which.
+            force: replace others that are there, or the same ones.
+            allow_code: whether the station may name Python code.
+
+        Raises:
+            SimrobError: trials that cannot be.
+            OutputError: the folder holds something else, or cannot be written.
+            InvalidConfig: the station has changed since they began.
+        """
+        self.folder, self._asked = folder, asked
+        digest = asked.check(allow_code=allow_code)
+        self._trials = asked.trials(allow_code=allow_code)
+        journal.take(folder, f"{asked.name}.yaml", asked, digest, force=force)
+
+    def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
+        """Make the trials that are not made yet, write table, summary and picture, and return the rows of the table.
+
+        Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
+        """
+        kept = journal.run(
+            self.folder, self._trials, made, killed, workers=workers, scheduler=scheduler, progress=progress
+        )
+        rows = [row for trial in kept for row in trial["rows"]]
+        asked, place = self._asked, self.folder / self._asked.name
+        write_rows(place.with_suffix(".csv"), rows)
+        told = {"asked": asked.model_dump(mode="json"), "summary": asked.summary(rows)}
+        written_at_once(place.with_suffix(".json"), json.dumps(told, indent=1, ensure_ascii=False))
+        if isinstance(asked, PushMap):
+            save_push_picture(asked, rows, place.with_suffix(".png"))
+        return rows
+
+
+def push_map(
+    station: str, folder: Path | None = None, *, workers: int | None = None, progress: bool = True, **asked: Any
+) -> list[Row]:
+    """Push a robot that walks, and return a row for each direction, moment, draw and set of settings.
+
+    A row has ``settings``, ``seed``, ``moment`` [s], ``direction_deg`` from ahead to the left, ``force`` [N],
+    ``impulse`` [N·s], ``impulse_per_mass`` [N·s/kg], and ``ended``, how a run ended.
+
+    Args:
+        station: a name, or a file.
+        folder: where table, summary and picture go; they are not kept unless given.
+        workers: how many processes; as many as there are processors unless given.
+        progress: show a bar.
+        asked: the other keys of :class:`~simrob_drake.tuning.push_map.PushMap`.
+
+    Raises:
+        SimrobError: a map that cannot be.
+    """
+    what = validated(PushMap, {"station": station, **asked}, "push map")
+    with TemporaryDirectory() as nowhere:
+        return WalkingFolder(folder or Path(nowhere) / what.name, what).run(workers=workers, progress=progress)

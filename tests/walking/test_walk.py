@@ -1,0 +1,123 @@
+"""The controller `walk`: the legs' kinematics, the same way as planned walks, and robots that keep their feet."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake import load_station, simulate
+from simrob_drake.errors import SimrobError
+from simrob_drake.parts.controllers.walk import WalkingLoop
+from simrob_drake.programs.gaits.biped import walk
+from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.stations.station import add_station
+from simrob_drake.walking.steps import Command
+
+HUMANOIDS = ("zjudancer", "roid1", "humanoid")
+
+
+def loop_of(station: str, gait: dict[str, Any]) -> tuple[DiagramBuilder, WalkingLoop]:
+    """Return the loop of a station, and what keeps its plant alive."""
+    builder = DiagramBuilder()
+    add_station(builder, load_station(station, {"controllers.walk.gait": gait}))
+    return builder, next(block for block in builder.GetSystems() if isinstance(block, WalkingLoop))
+
+
+@pytest.mark.parametrize("robot", HUMANOIDS)
+def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
+    builder, loop = loop_of(f"{robot}_walking", {})
+    engine, body = loop.engine, loop.engine.body
+    stride, posture = engine.standing(loop.start)
+    base = np.array([0, 0, 1.0, 1, 0, 0, 0])
+    seen = body.seen(posture, np.zeros(len(posture)), base, np.zeros(6))
+    apart = seen.feet[0].inverse() @ seen.feet[1]
+    assert apart.translation() == pytest.approx([0, engine.steps.beside(1).imag, 0], abs=2e-6)
+    assert apart.rotation().IsNearlyIdentity(2e-6)
+    assert seen.lowest[0] == pytest.approx(seen.lowest[1], abs=2e-6)
+    ahead = engine.steps.rest_point(0).real
+    middle = np.mean([body.facing @ foot.translation() for foot in seen.feet], axis=0)
+    assert (body.facing @ seen.com)[:2] == pytest.approx(middle[:2] + [ahead, 0], abs=1e-5)
+    # one foot ahead and up, as far as such legs can
+    wanted = [RigidTransform(body.facing @ (foot.translation() * [1, 1, 0])) for foot in seen.feet]
+    wanted[0] = RigidTransform(RotationMatrix(), wanted[0].translation() + [0.03, 0, 0.02])
+    root = RigidTransform([0, 0, float(1.0 - seen.feet[0].translation()[2])])
+    found = body.posture(posture, root, wanted, 30)
+    there = body.seen(found, np.zeros(len(found)), base, np.zeros(6)).feet
+    step = body.facing @ (there[0].translation() - there[1].translation())
+    assert step[[0, 2]] == pytest.approx([0.03, 0.02], abs=1e-5)
+    assert builder is not None
+
+
+@pytest.mark.parametrize("robot", HUMANOIDS)
+def test_without_feedback_it_goes_as_planned(robot: str) -> None:
+    """The planner mends the zero-moment point by the whole body, the engine is a pendulum: 1.6 deg rms between them.
+
+    Most of it is in knees that swing, or are nearly straight.
+    """
+    gait, planned = load_gaits(robot).walks["walk"], walk(robot, 6)
+    speed = gait.step_length / gait.step_time
+    own = gait.model_dump(include={"step_time", "double_support", "lift", "zmp_inward", "zmp_ahead", "settle", "widen"})
+    more = {"feedback": None, "rises": 3, "quicken": [speed / 4, 0.1, 20], "height": gait.bearing.height}
+    builder, loop = loop_of(f"{robot}_walking", {**own, **more})
+    stride, posture = loop.engine.standing(loop.start)
+    found = [posture]
+    for _ in range(round(100 * (gait.settle + 5 * gait.step_time))):
+        stride, posture = loop.engine.sample(stride, posture, Command(complex(speed)), None)
+        found.append(posture)
+    asked = planned.positions[: len(found)]
+    errors = np.rad2deg(np.array(found) - asked)
+    assert np.abs(errors).max() < 14.0
+    assert np.sqrt(np.mean(errors**2, axis=0)).max() < 1.7
+    assert builder is not None
+
+
+def ahead(result: Any, facing: tuple[float, float]) -> float:
+    """Return how far a base has gone to where its robot looks [m]."""
+    x, y = result["base.x"], result["base.y"]
+    return float((x[-1] - x[0]) * facing[0] + (y[-1] - y[0]) * facing[1])
+
+
+def test_it_starts_walks_and_stops_by_commands() -> None:
+    commands = [{"time": 0.2, "ahead": 0.15}, {"time": 2.5}]
+    result = simulate(load_station("zjudancer_walking", {"controllers.walk.commands": commands}), duration=5.0)
+    assert result.stopped_by is None
+    assert 0.15 < ahead(result, (0, 1)) < 0.4
+    still = result.times > 4.5
+    speeds = [result[name][still] for name in result.names if name.startswith("v.")]
+    assert np.abs(speeds).max() < 0.2
+
+
+def test_a_push_that_fells_a_planned_walk_is_answered() -> None:
+    push = {"kind": "push", "start": 2.0, "force": [-20.0, 0, 0]}  # N, to the left: twice what planned walks withstand
+    settings = {"forces.push": push, "duration": 4.5}
+    assert simulate(load_station("zjudancer_walking", settings)).stopped_by is None
+    blind = {**settings, "controllers.walk.gait": {"feedback": None}}
+    assert simulate(load_station("zjudancer_walking", blind)).stopped_by == "fall"
+
+
+def test_the_same_again_and_from_the_middle() -> None:
+    """All that the walk remembers is state: resumed, it goes on as it went, to the last bit."""
+    settings = {"solver": {"kind": "discrete", "time_step": 0.002}, "controllers.walk.commands": [{"ahead": 0.2}]}
+    config = load_station("zjudancer_walking", settings)
+    whole = simulate(config, duration=1.6)
+    first = simulate(config, duration=0.8)
+    second = simulate(config, duration=0.8, start=first.final_state)
+    for name in ("q.left_knee", "q_ref.right_hip_roll", "base.x"):
+        np.testing.assert_array_equal(whole[name][-1], second[name][-1])
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"controllers.walk.commands": [{"time": 2}, {"time": 1}]}, "must rise"),
+        ({"controllers.walk.gait": {"step_tyme": 0.3}}, "step_time"),
+        ({"controllers.walk.gait": {"reach": {"near": 0.3}}}, "beyond reach.near"),
+        ({"controllers.walk.gait": {"groups": [["right_foot"], ["left_fot"]]}}, "left_foot"),
+        ({"robot.model": "irb120", "robot.base": [0, 0, 0, 0, 0, 0], "robot.initial_deg": 0}, "feet of its own"),
+    ],
+)
+def test_what_cannot_be_is_told(settings: dict[str, Any], told: str) -> None:
+    with pytest.raises(SimrobError, match=told):
+        simulate(load_station("zjudancer_walking", settings), duration=0.1)
