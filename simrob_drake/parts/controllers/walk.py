@@ -117,7 +117,8 @@ class WalkingLoop(SampledBlock):
     """Ask a robot's axes for the next posture of a walk.
 
     Ports:
-        in  by the name of each foot whose force is read: that (3) [N]; ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
+        in  by the name of each foot whose force is read: that (3) [N];
+            ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
             ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s].
         out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: how fast the target moves;
             ``capture`` (2): divergent component from the foot that stands, ahead and to the left [m];
