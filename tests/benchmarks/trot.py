@@ -1,7 +1,8 @@
 """What yobotics withstands while it trots by the walking engine, each seed a little other: a table of docs/walking.md.
 
 Run it with ``python -m tests.benchmarks.trot [NEWTON [SEEDS [KEY=VALUE]...]]``: pushes of 0.1 s from four sides, each
-seed with a posture off by 0.5°, masses of all links by 5 %, a friction of 0.5 to 1.2, and a phase of the step.
+seed with a posture off by 0.5°, masses of all links by 5 %, a friction of 0.5 to 1.2, and a phase of the step. With
+``rubble [SEEDS [KEY=VALUE]...]`` it crosses 2 m of stones of 40 mm instead, likewise each seed a little other.
 """
 
 import math
@@ -16,6 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from simrob_drake import SimulationResult, simulate
+from simrob_drake.results.record.walks import locomotion
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.yaml_files import parse_yaml
@@ -24,7 +26,6 @@ STATION = "yobotics_walking"
 SIDES = {"forward": 0.0, "left": 90.0, "backward": 180.0, "right": 270.0}
 PUSHED, STEP, AFTER = 2.5, 0.5, 2.0  # when, two steps, and how long it must keep its feet [s]
 _POSTURE, _MASS, _FRICTION = 0.5, 0.05, (0.5, 1.2)
-_FRICTION_OF_MODELS = 0.9
 
 
 def doubtful(seed: int, folder: Path, station: str = STATION) -> dict[str, Any]:
@@ -75,10 +76,29 @@ def main(force: float, seeds: int, changes: Mapping[str, Any]) -> None:
             print(f"{force:g} N {name} | {sum(upright)} of {seeds} | fell: {fell}", flush=True)
 
 
+def rubble(seeds: int, changes: Mapping[str, Any]) -> None:
+    """Cross and print."""
+    ground = {"kind": "rubble", "height": 0.04, "size": 0.2, "length": 2}
+    slow = {"controllers.walk.commands": [{"time": 0.5, "ahead": 0.2}], "controllers.walk.gait": {"lift": 0.1}}
+    with TemporaryDirectory() as folder:
+        for seed in range(seeds):
+            field = {"floor.terrain": {**ground, "seed": seed}, "duration": 15.0, "sample_rate": 50}
+            run = simulate(
+                load_station(STATION, {**doubtful(seed, Path(folder)), **field, **slow, **changes}), progress=False
+            )
+            told = locomotion(run)
+            print(
+                f"rubble {seed} | {'upright' if run.stopped_by is None else 'fell'} | {told.ahead:.2f} m ahead | "
+                f"{told.drift:.2f} m aside | {math.degrees(told.tilt):.1f}°",
+                flush=True,
+            )
+
+
 if __name__ == "__main__":
-    told = dict(each.split("=", 1) for each in sys.argv[3:])
-    main(
-        float(sys.argv[1]) if len(sys.argv) > 1 else 110.0,
-        int(sys.argv[2]) if len(sys.argv) > 2 else 20,
-        {key: parse_yaml(value, key) for key, value in told.items()},
-    )
+    first, *rest = sys.argv[1:] or ["110"]
+    pairs = [each.split("=", 1) for each in rest[1:]]
+    told, count = {key: parse_yaml(value, key) for key, value in pairs}, int(rest[0]) if rest else 20
+    if first == "rubble":
+        rubble(count, told)
+    else:
+        main(float(first), count, told)
