@@ -275,3 +275,13 @@ class TestBadInput:
         first, second = (runner.run(reference=jump, duration=0.5) for _ in range(2))
         assert first.ending == "diverged"
         assert_equal(first, second)
+
+
+def test_pushes_are_those_of_the_run_for_which_a_diagram_is_first_needed():
+    """Without the sensor, which only reports, a diagram is stepped that is built when something pushes."""
+    push = {"kind": "push", "start": 0.15, "force": [9, 0, 0]}
+    config = load_station("roid1_dynamic", {"duration": 0.1, "sensors.imu": {"kind": "imu"}, "forces.push": push})
+    runner = Runner(config)
+    runner.run()
+    other = {"push": {"start": 0.02, "force": [0, 5, 0]}}
+    assert np.array_equal(runner.run(pushes=other).values, Runner(config).run(pushes=other).values)

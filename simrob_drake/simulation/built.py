@@ -102,7 +102,9 @@ class StationDiagrams:
     def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> ClosedStation:
         kept = self._stepped_sensors if sensors is None else sensors
         leave = {"forces": forces, "monitors": False}
-        return closed_station(self._station, self.courses, sensors=kept, blocks=self._blocks, **leave)
+        made = closed_station(self._station, self.courses, sensors=kept, blocks=self._blocks, **leave)
+        made.play_forces(self.forces)  # which may be others by now than the station's own
+        return made
 
 
 def needed_inputs(blocks: Mapping[str, LeafSystem]) -> list[str]:

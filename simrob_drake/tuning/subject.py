@@ -71,11 +71,12 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
     heading = float(headings(station, body, xyz_quaternion_from_transform(base)[np.newaxis])[0])
     turned = RigidTransform(RotationMatrix.MakeZRotation(heading), np.zeros(3))
     seen = place_of(station, place)[0].CalcPoseInWorld(context).rotation().inverse() @ turned.rotation()
+    ahead, left, _ = seen.matrix().T.copy()  # Drake 1.51 lets go of what it shows a column of
     return Subject(
         name=name,
         root=robot.model.root,
         mass=float(plant.CalcTotalMass(context, [body.instance])),
         heading=heading,
-        ahead=seen.col(0),
-        left=seen.col(1),
+        ahead=ahead,
+        left=left,
     )

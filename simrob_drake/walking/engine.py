@@ -32,7 +32,6 @@ _TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
 _COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
 _SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
 _ASIDE = 0.3  # most of a turn back [rad/s]
-_HALFWAY = 0.5  # of a swing, before which no foot touches: it has just lifted
 
 
 @dataclass(frozen=True)
@@ -229,9 +228,8 @@ class Engine:
         stride = replace(stride, time=stride.time + self._period)
         if not stride.steps:
             return stride
-        touches = told is not None and measured is not None and measured.touches
-        begun = stride.transfer + _HALFWAY * (stride.ends - stride.transfer)
-        if stride.time < stride.ends - 1e-9 and not (touches and stride.time > begun):
+        touches = told is not None and measured is not None and measured.touches and stride.share > told.early
+        if stride.time < stride.ends - 1e-9 and not touches:
             return stride
         if told is not None and not touches and stride.waits < told.late:
             lower = stride.height - told.search * self._period

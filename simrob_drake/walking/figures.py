@@ -80,6 +80,8 @@ class Feedback(Strict):
     """How much of what a step lacks of the commanded way is added to the next ones."""
     holds: NotNegative = 1.0
     """How fast the trunk turns back to where the commands have it look [1/s]."""
+    early: Share = 0.5
+    """Part of a swing from which a foot that touches ends the step; 1: none does before its time."""
     late: NotNegative = 0.1
     """How long a foot that should have touched is waited for [s]."""
     search: NotNegative = 0.2
