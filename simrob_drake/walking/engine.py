@@ -272,7 +272,8 @@ class Engine:
 
     def coming_down(self, stride: Stride) -> Sequence[int]:
         """Return the feet that may touch."""
-        return self._groups[1 - int(stride.standing)] if stride.steps and stride.share > _HALFWAY else ()
+        told = self._figures.feedback
+        return self._groups[1 - int(stride.standing)] if told is not None and stride.share > told.early else ()
 
     def _both(self, stride: Stride) -> tuple[int, int]:
         """Return the places of the feet that stand and of those that swing."""
