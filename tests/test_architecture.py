@@ -17,6 +17,7 @@ ROAD = [
     "importer",
     "dynamics",
     "blocks",
+    "walking",
     "parts",
     "stations",
     "results",

@@ -7,17 +7,22 @@ from simrob_drake.programs.gaits.parameters import Gaits
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import PieceModel
+from simrob_drake.walking.figures import WalkingFigures
 from simrob_drake.yaml_files import file_schema, write_schema
 
 
 def model_schemas() -> dict[str, dict[str, Any]]:
-    """Return the schemas of ``robot.yaml``, ``piece.yaml``, ``gaits.yaml`` and programs by the names of their files."""
+    """Return the schemas of files under ``models/`` and of programs, by the names of their own files."""
     robot = file_schema(RobotModel, from_place=("name", "folder", "root", "axes"))
     robot["oneOf"] = [{"required": ["urdf", "root", "axes"]}, {"required": ["dh"]}]
     piece = file_schema(PieceModel, from_place=("folder",))
     for schema in (robot, piece):
         del schema["properties"]["folder"]
-    others = {"gaits.schema.json": file_schema(Gaits), "program.schema.json": file_schema(Program)}
+    others = {
+        "gaits.schema.json": file_schema(Gaits),
+        "walking.schema.json": file_schema(WalkingFigures),
+        "program.schema.json": file_schema(Program),
+    }
     return {"robot.schema.json": robot, "piece.schema.json": piece, **others}
 
 

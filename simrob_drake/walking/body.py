@@ -93,7 +93,9 @@ class Body:
         self._legs = np.array([list(leg) for leg in legs])
         self._which, self._diagonal = np.arange(len(legs))[:, np.newaxis], np.arange(self._legs.shape[1])
         self._columns, self._senses = axes.velocity_places[self._legs], axes.signs[self._legs][:, np.newaxis]
-        rows = _ROWS[self._legs.shape[1]]  # such legs keep their soles flat and the way ahead: as seen in that direction
+        rows = _ROWS[
+            self._legs.shape[1]
+        ]  # such legs keep their soles flat and the way ahead: as seen in that direction
         turn = np.kron(np.eye(2), self.facing.matrix())
         self._seen_ahead = None if len(rows) == 6 else turn[rows]
         self._lower, self._upper = limits[0].copy(), limits[1]

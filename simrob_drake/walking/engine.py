@@ -154,7 +154,9 @@ class Engine:
                 return stride, stride.zmp
         if told is not None and measured is not None and self._turns:
             off = math.remainder(stride.course - measured.heading, math.tau)
-            stride = replace(stride, aside=_most(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period)
+            stride = replace(
+                stride, aside=_most(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period
+            )
         standing = int(stride.standing)
         rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.trimmed)
         planned = Landing(stride.nominal, planned.place, planned.yaw)
@@ -250,7 +252,7 @@ class Engine:
     # Postures
 
     def _posture(self, stride: Stride, near: Vector, centre: Vector, lift: float, rounds: int = 1) -> Vector:
-        """Return the posture (n,) of a stride whose foot is ``lift`` high, found from one near it and its ``centre``."""
+        """Return the posture (n,) of a stride whose foot is ``lift`` high, from one near it, with its ``centre``."""
         figures, body = self._figures, self.body
         rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
             RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch + stride.counter.imag)
@@ -262,7 +264,10 @@ class Engine:
         ground = RotationMatrix.MakeYRotation(-math.atan(ahead)).multiply(RotationMatrix.MakeXRotation(math.atan(left)))
         feet = [RigidTransform()] * len(body.homes)
         here, there = self._both(stride)
-        for group, middle, yaw, height in ((here, 0j, 0.0, 0.0), (there, stride.foot, stride.foot_yaw, stride.height + lift)):
+        for group, middle, yaw, height in (
+            (here, 0j, 0.0, 0.0),
+            (there, stride.foot, stride.foot_yaw, stride.height + lift),
+        ):
             for foot, about in zip(self._groups[group], self._about[group], strict=True):
                 place = middle + turned_by(1j * yaw) * about
                 up = body.over + height + ahead * place.real + left * place.imag

@@ -115,17 +115,14 @@ class Stride:
 
     def numbers(self) -> Vector:
         """Return it as numbers, shape (:data:`NUMBERS`,)."""
-        return np.array(
-            [(value.real, value.imag) for name in _NAMES for value in [complex(getattr(self, name))]]
-        ).ravel()
+        return np.array([complex(getattr(self, name)) for name in _NAMES]).view(float)
 
     @classmethod
     def of(cls, numbers: Vector) -> Stride:
         """Return what numbers (:data:`NUMBERS`,) tell."""
-        pairs: Sequence[list[float]] = numbers.reshape(-1, 2).tolist()
-        return cls(
-            **{name: complex(*pair) if name in _PLACES else pair[0] for name, pair in zip(_NAMES, pairs, strict=True)}
-        )
+        values: list[complex] = numbers.copy().view(complex).tolist()
+        told = zip(_NAMES, values, strict=True)
+        return cls(**{name: value if name in _PLACES else value.real for name, value in told})
 
 
 def eased(share: float) -> float:

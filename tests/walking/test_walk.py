@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
@@ -29,7 +29,7 @@ def loop_of(station: str, gait: dict[str, Any]) -> tuple[DiagramBuilder, Walking
 def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     builder, loop = loop_of(f"{robot}_walking", {})
     engine, body = loop.engine, loop.engine.body
-    stride, posture = engine.standing(loop.start)
+    posture = engine.standing(loop.start)[1]
     base = np.array([0, 0, 1.0, 1, 0, 0, 0])
     seen = body.seen(posture, np.zeros(len(posture)), base, np.zeros(6))
     apart = seen.feet[0].inverse() @ seen.feet[1]
@@ -38,10 +38,10 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     assert seen.lowest[0] == pytest.approx(seen.lowest[1], abs=2e-6)
     ahead = engine.steps.rest_point(0).real
     middle = np.mean([body.facing @ foot.translation() for foot in seen.feet], axis=0)
-    assert (body.facing @ seen.com)[:2] == pytest.approx(middle[:2] + [ahead, 0], abs=1e-5)
+    assert (body.facing @ seen.com)[:2] == pytest.approx([middle[0] + ahead, middle[1]], abs=1e-5)
     # one foot ahead and up, as far as such legs can
     wanted = [RigidTransform(body.facing @ (foot.translation() * [1, 1, 0])) for foot in seen.feet]
-    wanted[0] = RigidTransform(RotationMatrix(), wanted[0].translation() + [0.03, 0, 0.02])
+    wanted[0] = RigidTransform([0.03, 0, 0.02]) @ wanted[0]
     root = RigidTransform([0, 0, float(1.0 - seen.feet[0].translation()[2])])
     found = body.posture(posture, root, wanted, 30)
     there = body.seen(found, np.zeros(len(found)), base, np.zeros(6)).feet
