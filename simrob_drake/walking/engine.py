@@ -88,18 +88,23 @@ class Engine:
         """Return what the robot does, from the foot that stands; ``forces`` on its feet, if they are known [N]."""
         here, there = (self._groups[place] for place in self._both(stride))
         places = [seen.feet[foot] for foot in here]
-        origin = sum(complex(*place.translation()[:2]) for place in places) / len(places)
-        ahead = sum(complex(*place.rotation().matrix()[:2, 0]) for place in places)
+        points = [complex(*place.translation()[:2]) for place in places]
+        origin = sum(points) / len(points)
+        about = self._about[int(stride.standing)]
+        if len(places) > 1:  # balls roll and turn with their legs; the line between them does not
+            ahead = sum((point - origin) * place.conjugate() for point, place in zip(points, about, strict=True))
+        else:
+            ahead = sum(complex(*place.rotation().matrix()[:2, 0]) for place in places)
         turn = ahead.conjugate() / abs(ahead)
         com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2])
         omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
         trunk = seen.trunk.matrix()
         up, heading = trunk[2], math.atan2(trunk[1, 0], trunk[0, 0])
         normal = sum(place.rotation().matrix()[:, 2] for place in places)
-        slope = -turn * complex(*normal[:2]) / max(normal[2], 0.5)
+        slope = 0j if self.body.over else -turn * complex(*normal[:2]) / max(normal[2], 0.5)
         told = self._figures.feedback
         if forces is not None and told is not None and told.touch is not None:
-            touches = max(forces[foot] for foot in there) > told.touch
+            touches = min(forces[foot] for foot in there) > told.touch
         else:
             touches = bool(seen.lowest[there].min() < seen.lowest[here].min() + _TOUCHES)
         return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches)
@@ -271,6 +276,11 @@ class Engine:
                 turn = ground.multiply(RotationMatrix.MakeZRotation(yaw))
                 feet[foot] = RigidTransform(turn, [*_pair(place), up])
         return body.posture(near, root, feet, rounds)
+
+    def coming_down(self, stride: Stride) -> Sequence[int]:
+        """Return the feet that may touch."""
+        told = self._figures.feedback
+        return self._groups[1 - int(stride.standing)] if told is not None and stride.share > told.early else ()
 
     def _both(self, stride: Stride) -> tuple[int, int]:
         """Return the places of the feet that stand and of those that swing."""

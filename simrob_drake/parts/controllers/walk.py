@@ -69,9 +69,14 @@ class Walk(LoopSection):
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(key, f"walk of {robot.name}", "of a robot that stands on feet of its own")
-        for group in self.figures(robot).groups:
-            for foot in group:
-                one_of(f"foot of {robot.name} for {key}.gait.groups", foot, robot.model.tools)
+        figures = self.figures(robot)
+        feet = [foot for group in figures.groups for foot in group]
+        for foot in feet:
+            one_of(f"foot of {robot.name} for {key}.gait.groups", foot, robot.model.tools)
+        told = [foot for foot in feet if foot in self.reads]
+        if told and (told != feet or figures.feedback is None or figures.feedback.touch is None):
+            expected = f"with a force sensor for each of {', '.join(feet)}, and gait.feedback.touch, or with none"
+            raise InvalidParameter(f"{key}.reads", f"forces on {', '.join(told)}", expected)
         self.warnings(key, robot)
         if self.path is not None:
             begins, stands = complex(*self.path.points[0]), complex(*robot.base.translation()[:2])
@@ -132,6 +137,7 @@ class Walk(LoopSection):
         return WalkingLoop(
             engine=Engine(body, figures, groups, 1 / self.rate),
             period=1 / self.rate,
+            feet=[foot for foot in names if foot in self.reads],
             posture=np.deg2rad(robot.model.axis_vector(figures.posture_deg, f"{key}.gait.posture_deg")),
             commander=Commander(self.commands, path),
             fastest=figures.fastest,
@@ -144,7 +150,8 @@ class WalkingLoop(SampledBlock):
     """Ask a robot's axes for the next posture of a walk.
 
     Ports:
-        in  ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
+        in  by the name of each foot whose force is read: that (3) [N];
+            ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
             ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s]; perhaps ``command`` (3), as below, or
             not a number.
         out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: how fast the target moves;
@@ -163,6 +170,7 @@ class WalkingLoop(SampledBlock):
         *,
         engine: Engine,
         period: float,
+        feet: Sequence[str],
         posture: Vector,
         commander: Commander,
         fastest: Fastest,
@@ -174,19 +182,20 @@ class WalkingLoop(SampledBlock):
         Args:
             engine: that makes the walk.
             period: between samples [s].
+            feet: names of those whose forces are read, all in the engine's order or none.
             posture: of the axes in no leg, and near which the legs are found, shape (n,) [rad].
             commander: says what is asked for.
             fastest: what is clipped.
             told: whether it has an input ``command``.
             strict: end the run in place of that.
         """
-        self.engine, self.start, self._commander = engine, posture, commander
+        self.engine, self.start, self._commander, self._feet = engine, posture, commander, feet
         self._fastest, self._told_command, self._strict = fastest, told, strict
         zero = np.zeros(len(posture))
         reads = {"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6}
         super().__init__(
             period=period,
-            reads={**reads, "command": 3} if told else reads,
+            reads={**reads, **({"command": 3} if told else {}), **dict.fromkeys(feet, 3)},
             memory={
                 "target": zero,
                 "active": 0.0,
@@ -227,7 +236,7 @@ class WalkingLoop(SampledBlock):
             return {**told, **self._readied(memory)}
         stride, posture, engine = Stride.of(memory["stride"]), memory["posture"], self.engine
         command = self._commanded(memory, read, told)
-        measured = None if blind else engine.measured(stride, engine.body.seen(*values))
+        measured = None if blind else engine.measured(stride, engine.body.seen(*values), self._forces(stride, read))
         after, target = engine.sample(stride, posture, command, measured)
         if measured is not None:
             told["capture"] = np.array([measured.xi.real, measured.xi.imag])
@@ -262,6 +271,13 @@ class WalkingLoop(SampledBlock):
         if numbers != before.tolist():
             told["command"] = np.array(numbers)
         return command
+
+    def _forces(self, stride: Stride, read: Named) -> list[float] | None:
+        """Return the forces on the feet that come down, for reading them takes time; None where none are told."""
+        if not self._feet:
+            return None
+        down = self.engine.coming_down(stride)
+        return [math.hypot(*read[foot].tolist()) if place in down else 0.0 for place, foot in enumerate(self._feet)]
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
