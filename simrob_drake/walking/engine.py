@@ -119,25 +119,32 @@ class Engine:
         if measured is not None:
             measured = replace(measured, com=measured.com - stride.sag, xi=measured.xi - stride.sag)
         stride, xi = self._planned(stride, command, omega, told, measured)
-        stride, lift = self._swung(stride, told)
-        com, lean, pitch, rise, slope = stride.com, stride.lean, stride.pitch, stride.rise, stride.slope
-        counter, sag = stride.counter, stride.sag
-        stiff = not stride.steps or self.steps.transfer < stride.transfer > stride.time  # it stands on both feet
-        if told is not None and measured is not None and not stiff:
-            lean += self._part(told.lean_follow) * (measured.lean - lean)
-            pitch += self._part(told.lean_follow) * (measured.pitch - pitch)
-            lean, pitch = ((1 - self._part(told.lean_return)) * angle for angle in (lean, pitch))
-            if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
-                slope += self._part(told.ground) * (measured.slope - slope)
-                sag = _clipped(sag + self._part(told.learns) * (measured.com - com), _SAG)
-                counter -= told.upright * self._period * complex(measured.lean, measured.pitch)
-                counter = _clipped(counter, _COUNTER)
-            rise -= self._part(told.level) * rise
-            com += self._part(told.follow) * (measured.com - com)
-        com += (1.0 - math.exp(-omega * self._period)) * (xi - com)
-        stride = replace(stride, com=com, lean=lean, pitch=pitch, counter=counter, sag=sag, rise=rise, slope=slope)
+        stride, lift = self._swung(stride)
+        if told is not None and measured is not None:
+            stride = self._followed(stride, told, measured, xi)
+        com = stride.com + (1.0 - math.exp(-omega * self._period)) * (xi - stride.com)
+        stride = replace(stride, com=com)
         posture = self._posture(stride, posture, centre, lift)
         return self._later(stride, command, told, measured, xi, lift), posture
+
+    def _followed(self, stride: Stride, told: Feedback, measured: Measured, xi: complex) -> Stride:
+        """Return the stride with its references nearer to what is measured, and what lasts of the difference learnt."""
+        if not stride.steps or self.steps.transfer < stride.transfer > stride.time:
+            return stride  # it stands on both feet, and stiff: they hold it
+        follows, returns = self._part(told.lean_follow), 1.0 - self._part(told.lean_return)
+        lean = returns * (stride.lean + follows * (measured.lean - stride.lean))
+        pitch = returns * (stride.pitch + follows * (measured.pitch - stride.pitch))
+        com = stride.com + self._part(told.follow) * (measured.com - stride.com)
+        rise = stride.rise - self._part(told.level) * stride.rise
+        if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
+            counter = stride.counter - told.upright * self._period * complex(measured.lean, measured.pitch)
+            stride = replace(
+                stride,
+                slope=stride.slope + self._part(told.ground) * (measured.slope - stride.slope),
+                sag=_clipped(stride.sag + self._part(told.learns) * (measured.com - stride.com), _SAG),
+                counter=_clipped(counter, _COUNTER),
+            )
+        return replace(stride, com=com, lean=lean, pitch=pitch, rise=rise)
 
     # Where the divergent component and the feet go
 
@@ -202,7 +209,7 @@ class Engine:
         time = figures.step_time
         return replace(stride, transfer=transfer, nominal=time, ends=time, speed=told.speed, turn=told.turn)
 
-    def _swung(self, stride: Stride, told: Feedback | None) -> tuple[Stride, float]:
+    def _swung(self, stride: Stride) -> tuple[Stride, float]:
         """Return the stride with its foot further on its way, and how high that is [m]."""
         after = stride.time + self._period
         length = stride.ends - stride.transfer

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cmath import exp as turned_by
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -121,8 +122,9 @@ class Stride:
     def of(cls, numbers: Vector) -> Stride:
         """Return what numbers (:data:`NUMBERS`,) tell."""
         values: list[complex] = numbers.copy().view(complex).tolist()
-        told = zip(_NAMES, values, strict=True)
-        return cls(**{name: value if name in _PLACES else value.real for name, value in told})
+        named = zip(_NAMES, values, strict=True)
+        told: dict[str, Any] = {name: value if name in _PLACES else value.real for name, value in named}
+        return cls(**told)
 
 
 def eased(share: float) -> float:
