@@ -11,7 +11,7 @@ from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.yaml_files import read_yaml
 
-GUARDS = read_yaml(Path(__file__).parents[1] / "examples" / "fall_guards.yaml")
+GUARDS = read_yaml(Path(__file__).parents[1] / "examples" / "loops" / "fall_guards.yaml")
 PUSHED = 1.5  # while it takes its second step [s]
 
 

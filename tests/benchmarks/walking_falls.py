@@ -2,7 +2,7 @@
 
 Run it with ``python -m tests.benchmarks.walking_falls [NAME]...``; it takes some minutes. Each seed draws
 a push of 0.1 s from anywhere, at any moment of two steps, how far each joint is off, the mass of each link and the
-friction of all that touches. The same falls are simulated without and with the guards of examples/fall_guards.yaml.
+friction of all that touches. The same falls are simulated without and with the guards of examples/loops/fall_guards.yaml.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ FELLS, WITHSTOOD = (2.0, 3.0), (0.3, 0.9)  # of the push that it withstands
 NOISE = math.radians(0.5)  # standard deviation of how far each joint is off [rad]
 MASSES, FRICTION = (0.95, 1.05), (0.5, 1.2)
 STEPS = {"solver.max_step": 0.01, "solver.error_control": True, "sample_rate": 500}
-GUARDS = read_yaml(Path(__file__).parents[2] / "examples" / "fall_guards.yaml")
+GUARDS = read_yaml(Path(__file__).parents[2] / "examples" / "loops" / "fall_guards.yaml")
 
 
 @dataclass(frozen=True)
