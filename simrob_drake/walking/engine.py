@@ -123,7 +123,7 @@ class Engine:
         if told is not None and measured is not None:
             stride = self._followed(stride, told, measured, xi)
         com = stride.com + (1.0 - math.exp(-omega * self._period)) * (xi - stride.com)
-        stride = replace(stride, com=com)
+        stride = stride.changed(com=com)
         posture = self._posture(stride, posture, centre, lift)
         return self._later(stride, command, told, measured, xi, lift), posture
 
@@ -138,13 +138,12 @@ class Engine:
         rise = stride.rise - self._part(told.level) * stride.rise
         if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
             counter = stride.counter - told.upright * self._period * complex(measured.lean, measured.pitch)
-            stride = replace(
-                stride,
+            stride = stride.changed(
                 slope=stride.slope + self._part(told.ground) * (measured.slope - stride.slope),
                 sag=_clipped(stride.sag + self._part(told.learns) * (measured.com - stride.com), _SAG),
                 counter=_clipped(counter, _COUNTER),
             )
-        return replace(stride, com=com, lean=lean, pitch=pitch, rise=rise)
+        return stride.changed(com=com, lean=lean, pitch=pitch, rise=rise)
 
     # Where the divergent component and the feet go
 
@@ -158,19 +157,19 @@ class Engine:
             error = _beyond(off, told, _STILL)
             if command.moves or error:
                 stride = self._begun(stride, command, error)
-                stride = stride if measured is None else replace(stride, course=measured.heading)
+                stride = stride if measured is None else stride.changed(course=measured.heading)
             else:
                 return stride, stride.zmp
         if told is not None and measured is not None and self._turns:
             off = math.remainder(stride.course - measured.heading, math.tau)
-            stride = replace(
-                stride, aside=_most(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period
+            stride = stride.changed(
+                aside=_most(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period
             )
         standing = int(stride.standing)
         rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.trimmed)
         planned = Landing(stride.nominal, planned.place, planned.yaw)
         share = min(stride.time / stride.transfer, 1.0) if stride.transfer > 0 else 1.0
-        stride = replace(stride, zmp=stride.zmp_from + share * (rest - stride.zmp_from))
+        stride = stride.changed(zmp=stride.zmp_from + share * (rest - stride.zmp_from))
         after = steps.after(standing, stride.trimmed, omega)
         if told is None or measured is None:
             stride = stride.landing_at(planned)
@@ -199,7 +198,7 @@ class Engine:
         settle = 0.0 if error else self._figures.settle
         stride = self._next(stride, command, hurries=bool(error))
         ends = settle + self._figures.step_time
-        return replace(stride, steps=1.0, transfer=settle, nominal=ends, ends=ends)
+        return stride.changed(steps=1.0, transfer=settle, nominal=ends, ends=ends)
 
     def _next(self, stride: Stride, command: Command, *, hurries: bool) -> Stride:
         """Return a step that begins now."""
@@ -207,7 +206,7 @@ class Engine:
         told = stride.command.nearer(command, figures.quicken)
         transfer = 0.0 if hurries else self.steps.transfer
         time = figures.step_time
-        return replace(stride, transfer=transfer, nominal=time, ends=time, speed=told.speed, turn=told.turn)
+        return stride.changed(transfer=transfer, nominal=time, ends=time, speed=told.speed, turn=told.turn)
 
     def _swung(self, stride: Stride) -> tuple[Stride, float]:
         """Return the stride with its foot further on its way, and how high that is [m]."""
@@ -224,7 +223,7 @@ class Engine:
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
         height = stride.height * (1.0 - part)
         lift = self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
-        return replace(stride, foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height), lift
+        return stride.changed(foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height), lift
 
     def _later(
         self,
@@ -236,7 +235,7 @@ class Engine:
         lift: float,
     ) -> Stride:
         """Return the stride at the next sample, perhaps on the other foot."""
-        stride = replace(stride, time=stride.time + self._period)
+        stride = stride.changed(time=stride.time + self._period)
         if not stride.steps:
             return stride
         touches = told is not None and measured is not None and measured.touches and stride.share > told.early
@@ -244,18 +243,18 @@ class Engine:
             return stride
         if told is not None and not touches and stride.waits < told.late:
             lower = stride.height - told.search * self._period
-            return replace(stride, waits=stride.waits + self._period, height=lower)
+            return stride.changed(waits=stride.waits + self._period, height=lower)
         error = _beyond(measured.xi - xi, told) if measured is not None else 0j
         off = abs(stride.foot - self.steps.beside(1 - int(stride.standing)))
         if told is not None and abs(error) <= told.hurry:
             way = self.steps.planned(1 - int(stride.standing), stride.command).place - stride.foot
             trim = stride.trim + told.cruise / self._figures.step_time * way
-            stride = replace(stride, trim=_clipped(trim, _TRIM))
-        stride = replace(stride, height=stride.height + lift).on_the_other_foot()
+            stride = stride.changed(trim=_clipped(trim, _TRIM))
+        stride = stride.changed(height=stride.height + lift).on_the_other_foot()
         hurries = told is not None and abs(error) > told.hurry
         if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
             middle = self.steps.middle(int(stride.standing), stride.foot)
-            return replace(stride, steps=0.0, zmp=middle, zmp_from=middle)
+            return stride.changed(steps=0.0, zmp=middle, zmp_from=middle)
         return self._next(stride, command, hurries=hurries)
 
     # Postures

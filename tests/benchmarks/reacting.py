@@ -33,7 +33,7 @@ def tasks(robot: str) -> dict[str, dict[str, Any]]:
     return {
         "long": {COMMANDS: ahead(speed), "duration": LONG[robot], "floor.size": 400},
         "blind": {COMMANDS: ahead(speed), GAIT: {"feedback": None}, "duration": 20},
-        "finer": {COMMANDS: ahead(speed), "solver.max_step": 0.0025, "duration": 20},
+        "finer": {COMMANDS: ahead(speed), "solver.max_step": 0.005, "duration": 20},
         "turn": {COMMANDS: [{"time": 1.0, "turn_deg": 20}, {"time": 5.5}], "duration": 8},
         "up": {COMMANDS: ahead(0.6 * speed), "floor.incline_deg": 6, "floor.heading_deg": facing, "duration": 20},
         "down": {
