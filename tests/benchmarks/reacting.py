@@ -12,11 +12,14 @@ import numpy as np
 
 from simrob_drake import load_station, simulate
 from simrob_drake.frames import vertical
+from simrob_drake.robots.catalog import load_robot
 from simrob_drake.tuning.doubts import drawn
+from tests.benchmarks.walking_falls import GUARDS, Outcome
 
 SPEEDS = {"zjudancer": 0.25, "roid1": 0.2, "humanoid": 0.15, "yobotics": 0.5}  # m/s
 LONG = {"zjudancer": 600, "roid1": 600, "humanoid": 600, "yobotics": 300}  # s
 FACING = {"zjudancer": 90, "roid1": 0, "humanoid": -90, "yobotics": 0}
+FELLS = {"zjudancer": 50.0, "roid1": 22.0}  # N, for 0.1 s: surely
 COMMANDS, GAIT = "controllers.walk.commands", "controllers.walk.gait"
 STEPS = {"kind": "steps", "height": 0.01, "size": 0.1, "length": 3}
 
@@ -68,8 +71,42 @@ def walked(robot: str, settings: Mapping[str, Any], seed: int | None = None) -> 
     )
 
 
+def fallen(robot: str, seed: int, guards: Mapping[str, Any]) -> Outcome:
+    """Return how the walk of a seed ends after a push that it mostly does not withstand."""
+    draw = np.random.default_rng(seed)
+    size, turn, start = FELLS[robot] * draw.uniform(1.0, 1.5), draw.uniform(-np.pi, np.pi), 3.0 + draw.uniform(0.0, 0.6)
+    head = load_robot(robot).tools["head"]
+    settings = {
+        **{f"controllers.{name}": {**guard, "tilt_deg": 22} for name, guard in guards.items()},
+        "forces.push": {"kind": "push", "start": start, "force": [size * np.cos(turn), size * np.sin(turn), 0.0]},
+        "sensors": {"head": {"kind": "distance", "body": head}},
+        "monitors": {},
+        "duration": start + 3.0,
+        "sample_rate": 500,
+    }
+    config = load_station(f"{robot}_walking", settings)
+    config = load_station(f"{robot}_walking", {**settings, **drawn(config, seed)})
+    return Outcome.of(simulate(config, progress=False), guards)
+
+
+def falls(robot: str, seeds: int = 20) -> None:
+    """Print in how many falls the head meets the floor, without guards and with those of examples/loops."""
+    for label, guards in (("without", {}), ("with guards", GUARDS[robot])):
+        seen = [fallen(robot, seed, guards) for seed in range(seeds)]
+        touches = sum(each.blow is not None for each in seen if each.fell)
+        print(
+            robot,
+            label,
+            f"{sum(each.fell for each in seen)} of {seeds} fall, the head touches in {touches}",
+            flush=True,
+        )
+
+
 def main(robot: str = "zjudancer", *wanted: str) -> None:
-    """Walk and print; ``WHAT:20`` does it with 20 draws of robot and floor."""
+    """Walk and print; ``WHAT:20`` does it with 20 draws of robot and floor, ``falls`` pushes hard."""
+    if wanted == ("falls",):
+        falls(robot)
+        return
     for asked in wanted or tasks(robot):
         name, _, seeds = asked.partition(":")
         for seed in range(int(seeds)) if seeds else (None,):

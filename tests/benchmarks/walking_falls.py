@@ -2,7 +2,7 @@
 
 Run it with ``python -m tests.benchmarks.walking_falls [NAME]...``; it takes some minutes. Each seed draws
 a push of 0.1 s from anywhere, at any moment of two steps, how far each joint is off, the mass of each link and the
-friction of all that touches. The same falls are simulated without and with the guards of examples/loops/fall_guards.yaml.
+friction of all that touches. The same falls without and with the guards of examples/loops/fall_guards.yaml.
 """
 
 from __future__ import annotations
