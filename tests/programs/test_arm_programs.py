@@ -319,5 +319,5 @@ def test_legs_refuse_what_is_for_arms():
     from simrob_drake import LeggedRobot
 
     robot = LeggedRobot("humanoid_fixed")
-    with pytest.raises(InvalidParameter, match=r"move 1 is move_l; it must be one of target_deg, walk, act, attach"):
+    with pytest.raises(InvalidParameter, match=r"move 1 is move_l; it must be one of target_deg, walk, go, act"):
         robot.run(Program.model_validate({"moves": [{"act": "bow"}, {"move_l": [0, 0, 1]}]}))
