@@ -54,6 +54,8 @@ def bound_steps(
     """Let ``cenic`` take steps of at most ``longest`` [s] and ``accuracy`` from now on, and of at most the solver's."""
     integrator, step = simulator.get_mutable_integrator(), min(longest, solver.max_step)
     integrator.set_maximum_step_size(step)
+    if integrator.get_initial_step_size_target() > step:  # Drake would refuse to go on with another diagram
+        integrator.request_initial_step_size_target(step)
     integrator.set_target_accuracy(min(accuracy, solver.accuracy))
     _set_iteration(integrator, solver.accuracy, step)
 

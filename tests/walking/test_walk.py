@@ -90,11 +90,18 @@ def test_it_starts_walks_and_stops_by_commands() -> None:
 
 
 def test_a_push_that_fells_a_planned_walk_is_answered() -> None:
-    push = {"kind": "push", "start": 2.0, "force": [-20.0, 0, 0]}  # N, to the left: twice what planned walks withstand
+    push = {"kind": "push", "start": 2.1, "force": [-20.0, 0, 0]}  # N, to the left: twice what planned walks withstand
     settings = {"forces.push": push, "duration": 4.5}
     assert simulate(load_station("zjudancer_walking", settings)).stopped_by is None
     blind = {**settings, "controllers.walk.gait": {"feedback": None}}
     assert simulate(load_station("zjudancer_walking", blind)).stopped_by == "fall"
+
+
+def test_who_is_in_the_air_as_a_push_ends_falls_and_does_not_diverge() -> None:
+    """In flight steps are short, and stay so in the diagram without the push."""
+    push = {"kind": "push", "start": 2.2, "force": [-24.0, 0, 0]}
+    result = simulate(load_station("zjudancer_walking", {"forces.push": push, "duration": 3.2}))
+    assert result.stopped_by in (None, "fall")
 
 
 def test_the_same_again_and_from_the_middle() -> None:
