@@ -23,7 +23,7 @@ def pushes(
     station: StationArgument,
     directions: Annotated[int | None, typer.Option(min=1, help="How many; 4 by default, the first is forward.")] = None,
     phases: Annotated[int | None, typer.Option(min=1, help="Moments over the period; 8 by default.")] = None,
-    period: Annotated[float | None, typer.Option(help="Time of two steps [s]; the gait's by default, or 0.8.")] = None,
+    period: Annotated[float | None, typer.Option(help="Time of two steps [s]; the walk's own by default.")] = None,
     start: Annotated[float | None, typer.Option(help="The first moment [s]; 3 by default.")] = None,
     duration: Annotated[float | None, typer.Option(help="How long a push lasts [s]; 0.1 by default.")] = None,
     after: Annotated[float | None, typer.Option(help="How long it must stay up then [s]; 2 by default.")] = None,

@@ -10,8 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from simrob_drake.constants import STANDARD_GRAVITY
+from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.quantities import Duration, Positive
 from simrob_drake.simulation.stepping import Outcome
+from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning.bisection import bracket
 from simrob_drake.tuning.rollout import Row
 from simrob_drake.tuning.runners import runner_of
@@ -20,7 +22,7 @@ from simrob_drake.tuning.subject import subject_of
 from simrob_drake.tuning.walking import COMPLETED, Trial, Walking, gait_of
 
 _PUSH = "pushed"  # what the station calls it
-_PERIOD = 0.8  # of two steps, unless a gait tells it [s]
+_PERIOD = 0.8  # of two steps, unless a gait or a loop tells it [s]
 _FIRST, _MOST = 0.2, 100.0  # of a robot's weight: what is tried first, and at most
 
 
@@ -34,7 +36,7 @@ class PushMap(Walking):
     phases: Annotated[int, Field(ge=1, le=1000)] = 8
     """At how many moments, evenly over the period."""
     period: Duration | None = None
-    """Of two steps [s]; the gait's unless given, or 0.8 s."""
+    """Of two steps [s]; those of the gait or of the loop `walk` unless given, or 0.8 s."""
     start: Duration = 3.0
     """The first moment [s]; by then the robot shall walk evenly."""
     duration: Duration = 0.1
@@ -106,6 +108,10 @@ def _period(scene: Scene) -> float:
     for key, many in (("step_time", 2), ("leg_time", 4)):
         if hasattr(gait, key):
             return many * float(scene.told.get(key, getattr(gait, key)))
+    for name, section in scene.config.controllers.items():
+        if isinstance(section, Walk):
+            robot = resolve(scene.config).robot(section.robot, f"controllers.{name}")
+            return 2 * section.figures(robot).step_time
     return _PERIOD
 
 

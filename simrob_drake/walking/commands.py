@@ -12,7 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.quantities import NotNegative
 from simrob_drake.walking.figures import Fastest
 from simrob_drake.walking.path import Follower
-from simrob_drake.walking.steps import Command
+from simrob_drake.walking.steps import Command, within
 from simrob_drake.yaml_files import Number, Strict
 
 _ROUNDING = 1e-9  # s
@@ -39,9 +39,8 @@ class Commanded(Strict):
 def clipped(command: Command, fastest: Fastest) -> Command:
     """Return what of a command the legs can follow; the same object if that is all of it."""
     ahead = min(max(command.speed.real, -fastest.backward), fastest.ahead)
-    left = min(max(command.speed.imag, -fastest.sideways), fastest.sideways)
-    most = radians(fastest.turn_deg)
-    turn = min(max(command.turn, -most), most)
+    left = within(command.speed.imag, fastest.sideways)
+    turn = within(command.turn, radians(fastest.turn_deg))
     same = ahead == command.speed.real and left == command.speed.imag and turn == command.turn
     return command if same else Command(complex(ahead, left), turn)
 

@@ -21,7 +21,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.walking.body import Body, Seen
 from simrob_drake.walking.figures import Feedback, WalkingFigures
 from simrob_drake.walking.pendulum import weights
-from simrob_drake.walking.steps import Command, Divergent, Landing, Steps
+from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, within
 from simrob_drake.walking.stride import Stride, eased
 
 _FIRST_ROUNDS, _SETTLINGS = 10, 12  # of Newton's method, from a posture that may be far away; of the centre of mass
@@ -163,7 +163,7 @@ class Engine:
         if told is not None and measured is not None and self._turns:
             off = math.remainder(stride.course - measured.heading, math.tau)
             stride = stride.changed(
-                aside=_most(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period
+                aside=within(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period
             )
         standing = int(stride.standing)
         rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.trimmed)
@@ -308,13 +308,9 @@ def _beyond(error: complex, told: Feedback | None, times: float = 1.0) -> comple
     )
 
 
-def _most(value: float, most: float) -> float:
-    return min(max(value, -most), most)
-
-
 def _clipped(place: complex, most: tuple[float, float]) -> complex:
     ahead, left = most
-    return complex(_most(place.real, ahead), _most(place.imag, left))
+    return complex(within(place.real, ahead), within(place.imag, left))
 
 
 def _pair(place: complex) -> tuple[float, float]:

@@ -82,7 +82,7 @@ class Feedback(Strict):
     """How fast the trunk turns back to where the commands have it look [1/s]."""
     early: Share = 0.5
     """Part of a swing from which a foot that touches ends the step; 1: none does before its time."""
-    late: NotNegative = 0.1
+    late: NotNegative = 0.0
     """How long a foot that should have touched is waited for [s]."""
     search: NotNegative = 0.2
     """How fast it goes on downward meanwhile [m/s]."""

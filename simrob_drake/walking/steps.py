@@ -29,8 +29,8 @@ class Command:
         """Return a command nearer to another one, each part by its largest change (ahead, left, turn [deg/s])."""
         ahead, left, turn = most
         way, more = wanted.speed - self.speed, wanted.turn - self.turn
-        step = complex(_within(way.real, ahead), _within(way.imag, left))
-        return Command(self.speed + step, self.turn + _within(more, radians(turn)))
+        step = complex(within(way.real, ahead), within(way.imag, left))
+        return Command(self.speed + step, self.turn + within(more, radians(turn)))
 
 
 @dataclass(frozen=True)
@@ -168,5 +168,6 @@ class Divergent:
         return (self.xi - start * self.zmp - rest * self.rest) / end
 
 
-def _within(value: float, most: float) -> float:
+def within(value: float, most: float) -> float:
+    """Return a number, or the nearest between ``-most`` and ``most``."""
     return min(max(value, -most), most)

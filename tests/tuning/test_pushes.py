@@ -203,6 +203,11 @@ def test_a_gait_goes_as_many_steps_as_the_pushes_take():
     assert [trial.moment for trial in PushMap(station="roid1_dynamic", phases=2).trials()] == pytest.approx([3, 3.4])
 
 
+def test_moments_are_spread_over_two_steps_of_a_loop_that_walks():
+    trials = PushMap(station="roid1_walking", phases=4).trials()
+    assert [trial.moment for trial in trials] == pytest.approx([3.0, 3.105, 3.21, 3.315])  # steps of 0.21 s
+
+
 def test_a_block_bears_the_slope_that_mechanics_has(block):
     """It tips on a slope of atan(b / h), 0.1 m before and 0.06 m beside its middle."""
     asked = Burdens(station=block, vary=["slope"], seconds=2.5, close=0.15)

@@ -1,5 +1,6 @@
 """The controller `walk`: the legs' kinematics, the same way as planned walks, and robots that keep their feet."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ from simrob_drake.parts.controllers.walk import WalkingLoop
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.stations.station import add_station
+from simrob_drake.walking.engine import Measured
 from simrob_drake.walking.steps import Command
+from simrob_drake.walking.stride import Stride
 
 HUMANOIDS = ("zjudancer", "roid1", "humanoid")
 
@@ -71,6 +74,60 @@ def test_without_feedback_it_goes_as_planned(robot: str) -> None:
     assert np.abs(errors).max() < 14.0
     assert np.sqrt(np.mean(errors**2, axis=0)).max() < 1.7
     assert builder is not None
+
+
+class TestWhatLasts:
+    """What is measured again and again off the reference is learnt, and taken out."""
+
+    def walked(self, samples: int = 60, **off: Any) -> Stride:
+        """Return the stride after a walk on which all is measured as it shall be, but for what is ``off``."""
+        builder, loop = loop_of("zjudancer_walking", {})
+        stride, posture = loop.engine.standing(loop.start)
+        measured = Measured(stride.com, stride.zmp, 0.0, 0.0, 0.0, 0j, touches=False)
+        for _ in range(samples):
+            asked = replace(measured, com=stride.com, xi=stride.zmp if not stride.steps else stride.com)
+            stride, posture = loop.engine.sample(stride, posture, Command(), asked)
+        stride, posture = loop.engine.sample(stride, posture, Command(0.1), replace(asked, com=stride.com))
+        stride = stride.changed(transfer=0.0, nominal=0.28, ends=0.28, time=0.0)
+        for _ in range(8):
+            free = loop.engine._planned(stride, Command(0.1), 5.2, None, None)[1]
+            now = {**{"com": stride.com + stride.sag, "xi": free + stride.sag}, **off}
+            if "away" in now:
+                now["com"] += now.pop("away")
+            stride, posture = loop.engine.sample(stride, posture, Command(0.1), replace(measured, **now))
+        assert builder is not None
+        return stride
+
+    def test_nothing_is_learnt_where_nothing_is_off(self) -> None:
+        stride = self.walked()
+        assert abs(stride.sag) < 1e-3
+        assert (abs(stride.slope), stride.counter, stride.aside) == (0.0, 0j, 0.0)
+
+    def test_a_lean_is_countered_and_a_slope_followed(self) -> None:
+        stride = self.walked(lean=0.02, pitch=-0.03, slope=0.1 - 0.05j)
+        assert stride.counter.real < 0 < stride.counter.imag
+        assert stride.slope.real > 0 > stride.slope.imag
+
+    def test_a_sag_is_no_error_any_more(self) -> None:
+        assert self.walked(away=-0.01).sag.real < -1e-4
+
+    def test_the_heading_is_held(self) -> None:
+        assert self.walked(heading=0.1).aside < 0 < self.walked(heading=-0.1).aside
+
+
+def test_it_finds_a_slope_that_it_was_not_told_of() -> None:
+    """Blind, it leans with the ground; else the soles lie on that and the trunk stays upright."""
+    settings = {
+        "floor.incline_deg": 6,
+        "floor.heading_deg": 90,
+        "controllers.walk.commands": [{"time": 0.5, "ahead": 0.15}],
+    }
+    leans = []
+    for gait in ({}, {"feedback": None}):
+        run = simulate(load_station("zjudancer_walking", {**settings, "controllers.walk.gait": gait}), duration=5.0)
+        upright = 1 - 2 * (run["base.qx"] ** 2 + run["base.qy"] ** 2)
+        leans.append(float(np.rad2deg(np.arccos(upright[run.times > 4.0])).mean()))
+    assert leans[0] < 0.7 * leans[1]
 
 
 def ahead(result: Any, facing: tuple[float, float]) -> float:

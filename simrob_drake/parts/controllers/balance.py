@@ -25,7 +25,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import mapped
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.capture_step import CaptureStep, Stepper, Stepping
 from simrob_drake.parts.controllers.loop import LoopSection
@@ -93,9 +93,8 @@ class Balance(LoopSection):
             SimrobError: it does not, or what every loop checks.
         """
         super().check(key, station)
-        robot = station.robot(self.robot, key)
-        if not robot.floats or robot.feet is None:
-            raise InvalidParameter(key, f"balance of {robot.name}", "of a robot that stands on feet of its own")
+        robot = self.on_feet(key, station)
+        assert robot.feet is not None  # on_feet() has asked
         for name, step in self.steps.items():
             if step.foot not in robot.feet.links:
                 raise UnknownName(f"foot of {robot.name} for {key}.steps.{name}.foot", step.foot, robot.feet.links)

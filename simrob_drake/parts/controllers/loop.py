@@ -85,6 +85,17 @@ class LoopSection(Strict):
             raise InvalidParameter(f"{key}.rate", f"{self.rate:g} Hz", told)
         self.axes(robot)
 
+    def on_feet(self, key: str, station: Surroundings) -> ResolvedRobot:
+        """Return whom it drives.
+
+        Raises:
+            SimrobError: no such robot, or one that does not stand on feet of its own.
+        """
+        robot = station.robot(self.robot, key)
+        if not robot.floats or robot.feet is None:
+            raise InvalidParameter(key, f"{self.kind} of {robot.name}", "of a robot that stands on feet of its own")
+        return robot
+
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
         """Return what will not go as the section says, in words; ``key`` is where that stands."""
         return []

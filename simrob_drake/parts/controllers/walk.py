@@ -66,9 +66,7 @@ class Walk(LoopSection):
             SimrobError: it does not, or what every loop checks.
         """
         super().check(key, station)
-        robot = station.robot(self.robot, key)
-        if not robot.floats or robot.feet is None:
-            raise InvalidParameter(key, f"walk of {robot.name}", "of a robot that stands on feet of its own")
+        robot = self.on_feet(key, station)
         figures = self.figures(robot)
         feet = [foot for group in figures.groups for foot in group]
         for foot in feet:
