@@ -119,7 +119,7 @@ class Body:
             self.over = round_  # of the point over the floor [m]: balls roll about their middles
             self._tips.append(point)
             self._upright.append(RigidTransform(RotationMatrix(turn.T), point))
-            points_of.append(contact.support_points(link))
+            points_of.append(contact.support_points(link) + [0.0, 0.0, round_])
             self.homes.append(home.multiply(point))
         self._points = np.array(points_of)
 
@@ -148,7 +148,7 @@ class Body:
             speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, [self._instance]),
             feet=[link.multiply(upright) for link, upright in zip(links, self._upright, strict=True)],
             trunk=RotationMatrix(Quaternion(base[3:] / np.linalg.norm(base[3:]))).multiply(self._looks),
-            lowest=lowest,
+            lowest=lowest - self.over,
         )
 
     def centre(self, posture: Vector) -> Vector:

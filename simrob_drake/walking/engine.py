@@ -14,6 +14,7 @@ from cmath import exp as turned_by
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.constants import STANDARD_GRAVITY
@@ -25,6 +26,7 @@ from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, withi
 from simrob_drake.walking.stride import Stride, eased
 
 _FIRST_ROUNDS, _SETTLINGS = 10, 12  # of Newton's method, from a posture that may be far away; of the centre of mass
+_LINES = 8  # that tell of a slope before the first step, each by what those before it left
 _TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
 _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
@@ -72,6 +74,7 @@ class Engine:
         homes = [complex(*home[:2]) + 1j * math.copysign(figures.widen, home[1]) for home in body.homes]
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
         self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
+        self._planes = [np.linalg.pinv([_pair(place) for place in about]).T @ (1.0, 1j) for about in self._about]
         self._turns = figures.fastest.turn_deg > 0
         self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag)
 
@@ -100,14 +103,33 @@ class Engine:
         omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
         trunk = seen.trunk.matrix()
         up, heading = trunk[2], math.atan2(trunk[1, 0], trunk[0, 0])
-        normal = sum(place.rotation().matrix()[:, 2] for place in places)
-        slope = 0j if self.body.over else -turn * complex(*normal[:2]) / max(normal[2], 0.5)
+        slope = self._sloping(stride, places, turn)
         told = self._figures.feedback
         if forces is not None and told is not None and told.touch is not None:
             touches = min(forces[foot] for foot in there) > told.touch
         else:
-            touches = bool(seen.lowest[there].min() < seen.lowest[here].min() + _TOUCHES)
+            stands = float(seen.lowest[here].mean())
+            swung = [turn * (complex(*seen.feet[foot].translation()[:2]) - origin) for foot in there]
+            over = [seen.lowest[foot] - stands - _rise(stride.slope, at) for foot, at in zip(there, swung, strict=True)]
+            touches = bool(min(over) < _TOUCHES)
         return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches)
+
+    def _sloping(self, stride: Stride, places: Sequence[RigidTransform], turn: complex) -> complex:
+        """Return the slope under feet that stand: that of their soles; where they are balls, along their line alone."""
+        if not self.body.over:
+            normal = sum(place.rotation().matrix()[:, 2] for place in places)
+            return -turn * complex(*normal[:2]) / max(normal[2], 0.5)
+        about, plane = self._about[int(stride.standing)], self._planes[int(stride.standing)]
+        off = [place.translation()[2] - _rise(stride.slope, at) for place, at in zip(places, about, strict=True)]
+        return stride.slope + complex(plane @ off)
+
+    def slope(self, seen: Seen) -> complex:
+        """Return the slope under all feet of a robot that stands, each group telling of it in turn."""
+        stride = Stride(standing=0.0)
+        for _ in range(_LINES):
+            slope = self.measured(stride, seen).slope
+            stride = stride.changed(slope=slope, standing=1.0 - stride.standing)
+        return slope
 
     def sample(
         self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
@@ -278,7 +300,7 @@ class Engine:
         ):
             for foot, about in zip(self._groups[group], self._about[group], strict=True):
                 place = middle + turned_by(1j * yaw) * about
-                up = body.over + height + ahead * place.real + left * place.imag
+                up = body.over + height + _rise(stride.slope, place)
                 turn = ground.multiply(RotationMatrix.MakeZRotation(yaw))
                 feet[foot] = RigidTransform(turn, [*_pair(place), up])
         return body.posture(near, root, feet, rounds)
@@ -311,6 +333,11 @@ def _beyond(error: complex, told: Feedback | None, times: float = 1.0) -> comple
 def _clipped(place: complex, most: tuple[float, float]) -> complex:
     ahead, left = most
     return complex(within(place.real, ahead), within(place.imag, left))
+
+
+def _rise(slope: complex, place: complex) -> float:
+    """Return how much higher a place is on a slope than its origin [m]."""
+    return (slope.conjugate() * place).real
 
 
 def _pair(place: complex) -> tuple[float, float]:

@@ -279,9 +279,9 @@ class WalkingLoop(SampledBlock):
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
-        engine, begun = self.engine, Stride()
-        seen = engine.measured(begun, engine.body.seen(*(read[name] for name in _READ)))
-        stride, posture = engine.standing(self.start, seen.slope)
+        engine = self.engine
+        seen = engine.body.seen(*(read[name] for name in _READ))
+        stride, posture = engine.standing(self.start, engine.slope(seen))
         far = np.abs(posture - read["position"]).max()
         return {
             "target": read["position"] if far > _SAME else posture,
