@@ -46,7 +46,8 @@ class Measured:
         lean, pitch: of the trunk, to the right and ahead [rad].
         heading: where the trunk looks in the world [rad].
         slope: of the soles that stand, ahead and to the left [1].
-        touches: whether the swinging foot touches.
+        touches: whether the swinging foot touches, or both feet of a pair.
+        down: which feet of a pair that swings feel the ground.
     """
 
     com: complex
@@ -56,6 +57,7 @@ class Measured:
     heading: float
     slope: complex
     touches: bool
+    down: tuple[bool, ...] = ()
 
 
 class Engine:
@@ -76,7 +78,8 @@ class Engine:
         self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
         self._planes = [np.linalg.pinv([_pair(place) for place in about]).T @ (1.0, 1j) for about in self._about]
         self._turns = figures.fastest.turn_deg > 0
-        self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag)
+        self._rolls = 1.0 + body.over / (figures.height - body.over)
+        self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag, self._rolls)
 
     def standing(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:
         """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
@@ -99,20 +102,26 @@ class Engine:
         else:
             ahead = sum(complex(*place.rotation().matrix()[:2, 0]) for place in places)
         turn = ahead.conjugate() / abs(ahead)
-        com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2])
-        omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
+        com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2]) / self._rolls
+        omega = self._omega(max(seen.com[2] - seen.lowest.min(), 0.05))
         trunk = seen.trunk.matrix()
         up, heading = trunk[2], math.atan2(trunk[1, 0], trunk[0, 0])
         slope = self._sloping(stride, places, turn)
         told = self._figures.feedback
         if forces is not None and told is not None and told.touch is not None:
-            touches = min(forces[foot] for foot in there) > told.touch
+            down = tuple(forces[foot] > told.touch for foot in there)
+            touches = all(down)
         else:
+            down = ()
             stands = float(seen.lowest[here].mean())
             swung = [turn * (complex(*seen.feet[foot].translation()[:2]) - origin) for foot in there]
             over = [seen.lowest[foot] - stands - _rise(stride.slope, at) for foot, at in zip(there, swung, strict=True)]
             touches = bool(min(over) < _TOUCHES)
-        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches)
+        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches, down)
+
+    def _omega(self, height: float) -> float:
+        """Return that of the pendulum [1/s]: its point comes after it where feet are balls, and it falls slower."""
+        return math.sqrt(STANDARD_GRAVITY / (height * self._rolls))
 
     def _sloping(self, stride: Stride, places: Sequence[RigidTransform], turn: complex) -> complex:
         """Return the slope under feet that stand: that of their soles; where they are balls, along their line alone."""
@@ -120,8 +129,9 @@ class Engine:
             normal = sum(place.rotation().matrix()[:, 2] for place in places)
             return -turn * complex(*normal[:2]) / max(normal[2], 0.5)
         about, plane = self._about[int(stride.standing)], self._planes[int(stride.standing)]
-        off = [place.translation()[2] - _rise(stride.slope, at) for place, at in zip(places, about, strict=True)]
-        return stride.slope + complex(plane @ off)
+        known = stride.slope + stride.tilt
+        off = [place.translation()[2] - _rise(known, at) for place, at in zip(places, about, strict=True)]
+        return known + complex(plane @ off)
 
     def slope(self, seen: Seen) -> complex:
         """Return the slope under all feet of a robot that stands, each group telling of it in turn."""
@@ -136,13 +146,15 @@ class Engine:
     ) -> tuple[Stride, Vector]:
         """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
         centre = self.body.centre(posture)
-        omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
+        omega = self._omega(self._figures.height + centre[2])
         told = self._figures.feedback if measured is not None else None
         if measured is not None:
             measured = replace(measured, com=measured.com - stride.sag, xi=measured.xi - stride.sag)
         stride, xi = self._planned(stride, command, omega, told, measured)
-        stride, lift = self._swung(stride)
+        before, (stride, lift) = stride, self._swung(stride)
         if told is not None and measured is not None:
+            if stride.share > told.early:
+                stride = self._found(before, stride, measured.down)
             stride = self._followed(stride, told, measured, xi)
         com = stride.com + (1.0 - math.exp(-omega * self._period)) * (xi - stride.com)
         stride = stride.changed(com=com)
@@ -158,6 +170,7 @@ class Engine:
         pitch = returns * (stride.pitch + follows * (measured.pitch - stride.pitch))
         com = stride.com + self._part(told.follow) * (measured.com - stride.com)
         rise = stride.rise - self._part(told.level) * stride.rise
+        tilt = stride.tilt + self._part(told.level) * (measured.slope - stride.slope - stride.tilt)
         if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
             counter = stride.counter - told.upright * self._period * complex(measured.lean, measured.pitch)
             stride = stride.changed(
@@ -165,7 +178,7 @@ class Engine:
                 sag=_clipped(stride.sag + self._part(told.learns) * (measured.com - stride.com), _SAG),
                 counter=_clipped(counter, _COUNTER),
             )
-        return stride.changed(com=com, lean=lean, pitch=pitch, rise=rise)
+        return stride.changed(com=com, lean=lean, pitch=pitch, rise=rise, tilt=tilt)
 
     # Where the divergent component and the feet go
 
@@ -244,8 +257,26 @@ class Engine:
         way = eased(min(after / stride.ends, 1.0))
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
         height = stride.height * (1.0 - part)
-        lift = self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
-        return stride.changed(foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height), lift
+        tilt = stride.foot_tilt * (1.0 - part)
+        stride = stride.changed(foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height, foot_tilt=tilt)
+        return stride, self._lift(share)
+
+    def _lift(self, share: float) -> float:
+        return self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
+
+    def _found(self, before: Stride, stride: Stride, down: Sequence[bool]) -> Stride:
+        """Return the stride with the feet that feel the ground as high as before, while others come down."""
+        about = self._about[1 - int(stride.standing)]
+        sunk = before.height + self._lift(before.share) - stride.height - self._lift(stride.share)
+        tilt = before.foot_tilt - stride.foot_tilt
+        return self._raised(stride, [(sunk + _rise(tilt, at)) * each for at, each in zip(about, down, strict=False)])
+
+    def _raised(self, stride: Stride, ways: Sequence[float]) -> Stride:
+        """Return the stride with each foot that swings raised by a way of its own [m]; none where none are told."""
+        if not any(ways):
+            return stride
+        tilt = stride.foot_tilt + complex(self._planes[1 - int(stride.standing)] @ ways)
+        return stride.changed(height=stride.height + sum(ways) / len(ways), foot_tilt=tilt)
 
     def _later(
         self,
@@ -257,19 +288,22 @@ class Engine:
         lift: float,
     ) -> Stride:
         """Return the stride at the next sample, perhaps on the other foot."""
-        stride = stride.changed(time=stride.time + self._period)
         if not stride.steps:
             return stride
+        stride = stride.changed(time=stride.time + self._period)
         touches = told is not None and measured is not None and measured.touches and stride.share > told.early
         if stride.time < stride.ends - 1e-9 and not touches:
             return stride
         if told is not None and not touches and stride.waits < told.late:
-            lower = stride.height - told.search * self._period
-            return stride.changed(waits=stride.waits + self._period, height=lower)
+            down = measured.down if measured is not None else ()
+            lower = told.search * self._period
+            ways = [each * lower - lower for each in down] or [-lower] * len(self._about[1 - int(stride.standing)])
+            return self._raised(stride.changed(waits=stride.waits + self._period), ways)
         error = _beyond(measured.xi - xi, told) if measured is not None else 0j
         off = abs(stride.foot - self.steps.beside(1 - int(stride.standing)))
         if told is not None and abs(error) <= told.hurry:
             way = self.steps.planned(1 - int(stride.standing), stride.command).place - stride.foot
+            way += (stride.time - stride.nominal) / self._rolls * stride.speed
             trim = stride.trim + told.cruise / self._figures.step_time * way
             stride = stride.changed(trim=_clipped(trim, _TRIM))
         stride = stride.changed(height=stride.height + lift).on_the_other_foot()
@@ -294,13 +328,13 @@ class Engine:
         ground = RotationMatrix.MakeYRotation(-math.atan(ahead)).multiply(RotationMatrix.MakeXRotation(math.atan(left)))
         feet = [RigidTransform()] * len(body.homes)
         here, there = self._both(stride)
-        for group, middle, yaw, height in (
-            (here, 0j, 0.0, 0.0),
-            (there, stride.foot, stride.foot_yaw, stride.height + lift),
+        for group, middle, yaw, height, tilt in (
+            (here, 0j, 0.0, 0.0, stride.tilt),
+            (there, stride.foot, stride.foot_yaw, stride.height + lift, stride.foot_tilt),
         ):
             for foot, about in zip(self._groups[group], self._about[group], strict=True):
                 place = middle + turned_by(1j * yaw) * about
-                up = body.over + height + _rise(stride.slope, place)
+                up = body.over + height + _rise(stride.slope, place) + _rise(tilt, about)
                 turn = ground.multiply(RotationMatrix.MakeZRotation(yaw))
                 feet[foot] = RigidTransform(turn, [*_pair(place), up])
         return body.posture(near, root, feet, rounds)

@@ -45,9 +45,15 @@ class Landing:
 class Steps:
     """Footsteps of a robot whose feet, one or a group, stand and swing in turn: 0 the right ones, 1 the left ones."""
 
-    def __init__(self, figures: WalkingFigures, half: float) -> None:
-        """Prepare; the middles of the two groups are ``half`` to the side of the robot's [m]."""
-        self._half, self._time = half, figures.step_time
+    def __init__(self, figures: WalkingFigures, half: float, rolls: float = 1.0) -> None:
+        """Prepare.
+
+        Args:
+            figures: of the walk.
+            half: how far the middles of the two groups are to the side of the robot's [m].
+            rolls: how much further than its legs go a robot gets because its feet roll meanwhile.
+        """
+        self._half, self._time, self._pace = half, figures.step_time, figures.step_time / rolls
         self.transfer = figures.double_support * figures.step_time
         self._inward, self._ahead = figures.zmp_inward, figures.zmp_ahead
         self._reach, self._feedback = figures.reach, figures.feedback
@@ -66,8 +72,8 @@ class Steps:
 
     def planned(self, swinging: int, command: Command) -> Landing:
         """Return where a foot lands by a command: about the middle of the robot, which goes and turns."""
-        yaw, out = command.turn * self._time, 0.5 * self.beside(swinging)
-        return Landing(self._time, command.speed * self._time + out + turned_by(1j * yaw) * out, yaw)
+        yaw, out = command.turn * self._pace, 0.5 * self.beside(swinging)
+        return Landing(self._time, command.speed * self._pace + out + turned_by(1j * yaw) * out, yaw)
 
     def start_of(self, standing: int, command: Command, omega: float, before: complex, ahead: int = _AHEAD) -> complex:
         """Return the divergent component at the start of a planned step, and of those after it.

@@ -35,6 +35,7 @@ class Stride:
         height: of the ground under the other foot over that under the foot that stands [m].
         rise: of the root, over its usual height there [m].
         slope: of the ground, ahead and to the left [1].
+        tilt, foot_tilt: of the line between the feet of a pair over that: of those that stand, and that swing [1].
         speed, turn: that the steps follow [m/s, rad/s].
         course: where the trunk shall look in the world [rad].
         aside: turn that brings it back there, added to the command's [rad/s].
@@ -65,6 +66,8 @@ class Stride:
     height: float = 0.0
     rise: float = 0.0
     slope: complex = 0j
+    tilt: complex = 0j
+    foot_tilt: complex = 0j
     speed: complex = 0j
     turn: float = 0.0
     course: float = 0.0
@@ -111,6 +114,8 @@ class Stride:
             rise=self.rise - self.height,
             sag=self.sag.conjugate(),
             slope=self.slope * turn,
+            tilt=self.foot_tilt * turn,
+            foot_tilt=self.tilt * turn,
             trim=self.trim * turn,
             waits=0.0,
         )
