@@ -48,6 +48,7 @@ class Measured:
         slope: of the soles that stand, ahead and to the left [1].
         touches: whether the swinging foot touches, or both feet of a pair.
         down: which feet of a pair that swings feel the ground.
+        hangs: which of those that stand do not.
     """
 
     com: complex
@@ -58,6 +59,7 @@ class Measured:
     slope: complex
     touches: bool
     down: tuple[bool, ...] = ()
+    hangs: tuple[bool, ...] = ()
 
 
 class Engine:
@@ -110,14 +112,15 @@ class Engine:
         told = self._figures.feedback
         if forces is not None and told is not None and told.touch is not None:
             down = tuple(forces[foot] > told.touch for foot in there)
+            hangs = tuple(forces[foot] < told.touch for foot in here)
             touches = all(down)
         else:
-            down = ()
+            down = hangs = ()
             stands = float(seen.lowest[here].mean())
             swung = [turn * (complex(*seen.feet[foot].translation()[:2]) - origin) for foot in there]
             over = [seen.lowest[foot] - stands - _rise(stride.slope, at) for foot, at in zip(there, swung, strict=True)]
             touches = bool(min(over) < _TOUCHES)
-        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches, down)
+        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches, down, hangs)
 
     def _omega(self, height: float) -> float:
         """Return that of the pendulum [1/s]: its point comes after it where feet are balls, and it falls slower."""
@@ -155,6 +158,7 @@ class Engine:
         if told is not None and measured is not None:
             if stride.share > told.early:
                 stride = self._found(before, stride, measured.down)
+            stride = self._lowered(stride, told, measured.hangs)
             stride = self._followed(stride, told, measured, xi)
         com = stride.com + (1.0 - math.exp(-omega * self._period)) * (xi - stride.com)
         stride = stride.changed(com=com)
@@ -271,6 +275,15 @@ class Engine:
         tilt = before.foot_tilt - stride.foot_tilt
         return self._raised(stride, [(sunk + _rise(tilt, at)) * each for at, each in zip(about, down, strict=False)])
 
+    def _lowered(self, stride: Stride, told: Feedback, hangs: Sequence[bool]) -> Stride:
+        """Return the stride with the feet that should stand and feel nothing further down, if late ones are sought."""
+        if not (any(hangs) and told.late and stride.steps and stride.time > stride.transfer):
+            return stride
+        ways = [each * told.search * self._period for each in hangs]
+        tilt = stride.tilt - complex(self._planes[int(stride.standing)] @ ways)
+        mean = sum(ways) / len(ways)
+        return stride.changed(tilt=tilt, height=stride.height + mean, rise=stride.rise + mean)
+
     def _raised(self, stride: Stride, ways: Sequence[float]) -> Stride:
         """Return the stride with each foot that swings raised by a way of its own [m]; none where none are told."""
         if not any(ways):
@@ -339,10 +352,13 @@ class Engine:
                 feet[foot] = RigidTransform(turn, [*_pair(place), up])
         return body.posture(near, root, feet, rounds)
 
-    def coming_down(self, stride: Stride) -> Sequence[int]:
-        """Return the feet that may touch."""
-        told = self._figures.feedback
-        return self._groups[1 - int(stride.standing)] if told is not None and stride.share > told.early else ()
+    def felt(self, stride: Stride) -> Sequence[int]:
+        """Return the feet whose forces count: those that may touch, and those that stand while late ones are sought."""
+        told, (here, there) = self._figures.feedback, self._both(stride)
+        if told is None:
+            return ()
+        down = self._groups[there] if stride.share > told.early else ()
+        return (*down, *(self._groups[here] if told.late else ()))
 
     def _both(self, stride: Stride) -> tuple[int, int]:
         """Return the places of the feet that stand and of those that swing."""

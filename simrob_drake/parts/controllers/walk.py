@@ -271,11 +271,11 @@ class WalkingLoop(SampledBlock):
         return command
 
     def _forces(self, stride: Stride, read: Named) -> list[float] | None:
-        """Return the forces on the feet that come down, for reading them takes time; None where none are told."""
+        """Return the vertical forces on the feet where they count, for reading them takes time; None: none are told."""
         if not self._feet:
             return None
-        down = self.engine.coming_down(stride)
-        return [math.hypot(*read[foot].tolist()) if place in down else 0.0 for place, foot in enumerate(self._feet)]
+        felt = self.engine.felt(stride)
+        return [abs(float(read[foot][2])) if place in felt else 0.0 for place, foot in enumerate(self._feet)]
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
