@@ -174,7 +174,7 @@ class Engine:
         pitch = returns * (stride.pitch + follows * (measured.pitch - stride.pitch))
         com = stride.com + self._part(told.follow) * (measured.com - stride.com)
         rise = stride.rise - self._part(told.level) * stride.rise
-        tilt = stride.tilt + self._part(told.level) * (measured.slope - stride.slope - stride.tilt)
+        tilt = stride.tilt + self._part(told.even) * (measured.slope - stride.slope - stride.tilt)
         if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
             counter = stride.counter - told.upright * self._period * complex(measured.lean, measured.pitch)
             stride = stride.changed(
@@ -254,14 +254,14 @@ class Engine:
         if not stride.steps or after <= stride.transfer or length <= 0:
             return stride, 0.0
         share = max(min((after - stride.transfer) / length, 1.0), stride.share)
-        before, now = eased(stride.share), eased(share)
-        part = min((now - before) / max(1.0 - before, 1e-3), 1.0)
+        part = _gone(stride.share, share)
         foot = stride.foot + part * (stride.landing - stride.foot)
         yaw = stride.foot_yaw + part * (stride.landing_yaw - stride.foot_yaw)
         way = eased(min(after / stride.ends, 1.0))
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
-        height = stride.height * (1.0 - part)
-        tilt = stride.foot_tilt * (1.0 - part)
+        early = max(self._figures.feedback.early, 0.1) if self._figures.feedback is not None else 1.0
+        stays = 1.0 - _gone(stride.share / early, share / early)  # before the ground may be felt, and then no more
+        height, tilt = stride.height * stays, stride.foot_tilt * stays
         stride = stride.changed(foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height, foot_tilt=tilt)
         return stride, self._lift(share)
 
@@ -270,10 +270,8 @@ class Engine:
 
     def _found(self, before: Stride, stride: Stride, down: Sequence[bool]) -> Stride:
         """Return the stride with the feet that feel the ground as high as before, while others come down."""
-        about = self._about[1 - int(stride.standing)]
-        sunk = before.height + self._lift(before.share) - stride.height - self._lift(stride.share)
-        tilt = before.foot_tilt - stride.foot_tilt
-        return self._raised(stride, [(sunk + _rise(tilt, at)) * each for at, each in zip(about, down, strict=False)])
+        sunk = self._lift(before.share) - self._lift(stride.share)
+        return self._raised(stride, [sunk * each for each in down])
 
     def _lowered(self, stride: Stride, told: Feedback, hangs: Sequence[bool]) -> Stride:
         """Return the stride with the feet that should stand and feel nothing further down, if late ones are sought."""
@@ -367,6 +365,12 @@ class Engine:
     def _part(self, rate: float) -> float:
         """Return by how much a value that goes at a rate [1/s] comes nearer in a sample."""
         return 1.0 - math.exp(-rate * self._period)
+
+
+def _gone(before: float, now: float) -> float:
+    """Return how much of what is left of a way from rest to rest is done between two shares of its time."""
+    left = 1.0 - eased(min(before, 1.0))
+    return min((eased(min(now, 1.0)) - 1.0 + left) / max(left, 1e-3), 1.0)
 
 
 def _beyond(error: complex, told: Feedback | None, times: float = 1.0) -> complex:

@@ -88,6 +88,8 @@ class Feedback(Strict):
     """How fast it goes on downward meanwhile [m/s]."""
     level: NotNegative = 5.0
     """How fast the root comes to its height over a foot that stands higher or lower than the last [1/s]."""
+    even: NotNegative = 5.0
+    """How fast the trunk of a quadruped comes level over two feet of which one stands higher [1/s]."""
     ground: NotNegative = 1.0
     """How fast the slope that feet are laid on comes to that of the foot that stands [1/s]; 0 on a level floor."""
     touch: Positive | None = None
