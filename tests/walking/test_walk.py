@@ -34,7 +34,7 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     engine, body = loop.engine, loop.engine.body
     posture = engine.standing(loop.start)[1]
     base = np.array([0, 0, 1.0, 1, 0, 0, 0])
-    seen = body.seen(posture, np.zeros(len(posture)), base, np.zeros(6))
+    seen = body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
     apart = seen.feet[0].inverse() @ seen.feet[1]
     assert apart.translation() == pytest.approx([0, engine.steps.beside(1).imag, 0], abs=2e-6)
     assert apart.rotation().IsNearlyIdentity(2e-6)
@@ -47,7 +47,7 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     wanted[0] = RigidTransform([0.03, 0, 0.02]) @ wanted[0]
     root = RigidTransform([0, 0, float(1.0 - seen.feet[0].translation()[2])])
     found = body.posture(posture, root, wanted, 30)
-    there = body.seen(found, np.zeros(len(found)), base, np.zeros(6)).feet
+    there = body.seen(np.concatenate([found, 0 * found, base, np.zeros(6)])).feet
     step = body.facing @ (there[0].translation() - there[1].translation())
     assert step[[0, 2]] == pytest.approx([0.03, 0.02], abs=1e-5)
     assert builder is not None
