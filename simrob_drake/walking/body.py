@@ -19,7 +19,8 @@ from simrob_drake.robots.feet import FootContact
 
 _ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 1, 3, 5], 3: [3, 4, 5]}
 """Which of [roll, pitch, yaw, ahead, left, up] of its foot a leg of so many joints is asked for."""
-_SKEW = [7, 2, 3], [5, 6, 1]  # entries of a small rotation, a row after the other, that tell about what
+_ABOUT = np.zeros((9, 3))  # from the entries of a small rotation, a row after the other, to what it turns about
+_ABOUT[[7, 2, 3], [0, 1, 2]], _ABOUT[[5, 6, 1], [0, 1, 2]] = 0.5, -0.5
 _DAMPING = 1e-5  # of a leg that is nearly straight [m², rad²]
 _LEAST_KNEE = 0.05  # so that a leg never bends the other way [rad]
 _LARGEST = 0.3  # change of a joint in a sample [rad]
@@ -151,33 +152,39 @@ class Body:
             lowest=[_lowest(foot, corners) for foot, corners in zip(feet, self._corners, strict=True)],
         )
 
-    def centre(self, posture: Vector) -> Vector:
-        """Return where the centre of mass is from the root in a posture (n,), upright and ahead, shape (3,) [m]."""
-        self._put(posture)
+    def take(self, posture: Vector) -> None:
+        """Take a posture (n,), upright and ahead: that which :meth:`centre` and :meth:`reached` are about."""
+        self._posture = posture
+        self._positions[self._axes.position_places] = self._axes.signs * posture
+        self._plant.SetPositions(self._asked, self._positions)
+
+    def centre(self) -> Vector:
+        """Return where the centre of mass is from the root, shape (3,) [m]."""
         com = self._plant.CalcCenterOfMassPositionInWorld(self._asked, [self._instance])
         return np.asarray(self._from_com.multiply(com))
 
-    def posture(self, near: Vector, root: RigidTransform, feet: Sequence[RigidTransform], rounds: int = 1) -> Vector:
-        """Return the posture (n,) in which the soles are where they shall be, by Newton's method from one near it.
+    def reached(self, root: RigidTransform, feet: Sequence[RigidTransform], rounds: int = 1) -> Vector:
+        """Return the posture (n,) in which the soles are where they shall be, by Newton's method from the one taken.
 
         Args:
-            near: where to begin; one round is enough for a reference that goes on from the last sample's [rad].
             root: pose of the root, turned from upright and ahead.
             feet: poses of the soles' middles.
-            rounds: steps of the method.
+            rounds: steps of the method; one is enough for a reference that goes on from the last sample's.
         """
-        plant, context, posture = self._plant, self._asked, near.copy()
+        plant, context, posture = self._plant, self._asked, self._posture
         frame, links = plant.get_frame(self._root), [plant.get_frame(index) for index in self._feet]
         seen = root.multiply(self._ahead).inverse()
         wanted = np.array([seen.multiply(foot).GetAsMatrix34() for foot in feet])
         rates, there = np.empty((len(links), 6, plant.num_velocities())), np.empty((len(links), 3, 4))
-        for _ in range(rounds):
-            self._put(posture)
+        for done in range(rounds):
+            if done:
+                self.take(posture)
             for number, link in enumerate(links):
                 there[number] = link.CalcPose(context, frame).multiply(self._upright[number]).GetAsMatrix34()
                 rates[number] = plant.CalcJacobianSpatialVelocity(
                     context, JacobianWrtVariable.kV, link, self._tips[number], frame, frame
                 )
+            posture = posture.copy()
             posture[self._legs] += self._step(rates, there, wanted)
             posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
@@ -187,9 +194,9 @@ class Body:
 
         The Jacobians (legs, 6, nv) are in the root's axes, as the poses are.
         """
-        turn = (wanted[:, :, :3] @ there[:, :, :3].transpose(0, 2, 1)).reshape(-1, 9)
+        turn = wanted[:, :, :3] @ there[:, :, :3].transpose(0, 2, 1)
         errors = np.empty((len(turn), 1, 6))
-        errors[:, 0, :3] = 0.5 * (turn[:, _SKEW[0]] - turn[:, _SKEW[1]])
+        errors[:, 0, :3] = turn.reshape(-1, 9) @ _ABOUT
         errors[:, 0, 3:] = wanted[:, :, 3] - there[:, :, 3]
         own = rates[self._which, :, self._columns]
         if self._rows is not None:
@@ -197,10 +204,6 @@ class Body:
         square = own @ own.transpose(0, 2, 1) + self._damping
         step = np.linalg.solve(square, own @ errors.transpose(0, 2, 1))[..., 0] * self._senses
         return np.asarray(np.minimum(np.maximum(step, -_LARGEST), _LARGEST))
-
-    def _put(self, posture: Vector) -> None:
-        self._positions[self._axes.position_places] = self._axes.signs * posture
-        self._plant.SetPositions(self._asked, self._positions)
 
 
 def _lowest(foot: RigidTransform, corners: Sequence[Sequence[float]]) -> float:

@@ -81,7 +81,8 @@ class Engine:
         middle = self.steps.middle(1, foot)
         stride = Stride(foot=foot, landing=foot, com=middle, zmp=middle, zmp_from=middle, slope=slope)
         for _ in range(_SETTLINGS):
-            posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
+            self.body.take(posture)
+            posture = self._posture(stride, self.body.centre(), 0.0, _FIRST_ROUNDS)
         return stride, posture
 
     def measured(self, stride: Stride, seen: Seen, forces: Sequence[float] | None = None) -> Measured:
@@ -118,7 +119,8 @@ class Engine:
         self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
     ) -> tuple[Stride, Vector]:
         """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
-        centre = self.body.centre(posture)
+        self.body.take(posture)
+        centre = self.body.centre()
         omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
         told = self._figures.feedback if measured is not None else None
         if measured is not None:
@@ -129,7 +131,7 @@ class Engine:
             stride = self._followed(stride, told, measured, xi)
         com = stride.com + (1.0 - math.exp(-omega * self._period)) * (xi - stride.com)
         stride = stride.changed(com=com)
-        posture = self._posture(stride, posture, centre, lift)
+        posture = self._posture(stride, centre, lift)
         return self._later(stride, command, told, measured, xi, lift), posture
 
     def _followed(self, stride: Stride, told: Feedback, measured: Measured, xi: complex) -> Stride:
@@ -264,8 +266,8 @@ class Engine:
 
     # Postures
 
-    def _posture(self, stride: Stride, near: Vector, centre: Vector, lift: float, rounds: int = 1) -> Vector:
-        """Return the posture (n,) of a stride whose foot is ``lift`` high, from one near it, with its ``centre``."""
+    def _posture(self, stride: Stride, centre: Vector, lift: float, rounds: int = 1) -> Vector:
+        """Return the posture (n,) of a stride whose foot is ``lift`` high, from the one that the body took."""
         figures, body = self._figures, self.body
         pitch = math.radians(figures.pitch_deg) + stride.pitch + stride.counter.imag
         rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(RotationMatrix.MakeYRotation(pitch))
@@ -286,7 +288,7 @@ class Engine:
         put(here, ground, self._about[here], 0.0)
         moved = (stride.foot + turned * about for about in self._about[1 - here])
         put(1 - here, swings, moved, stride.height + lift)
-        return body.posture(near, root, [feet[foot] for foot in range(len(feet))], rounds)
+        return body.reached(root, [feet[foot] for foot in range(len(feet))], rounds)
 
     def coming_down(self, stride: Stride) -> Sequence[int]:
         """Return the feet that may touch."""

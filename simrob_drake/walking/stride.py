@@ -76,7 +76,9 @@ class Stride:
     def changed(self, **changes: Any) -> Stride:
         """Return it with some of its values changed: as ``dataclasses.replace``, in a tenth of the time."""
         other = object.__new__(Stride)
-        other.__dict__.update(self.__dict__, **changes)
+        values = other.__dict__
+        values |= self.__dict__
+        values |= changes
         return other
 
     @property

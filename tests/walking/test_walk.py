@@ -46,7 +46,8 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     wanted = [RigidTransform(body.facing @ (foot.translation() * [1, 1, 0])) for foot in seen.feet]
     wanted[0] = RigidTransform([0.03, 0, 0.02]) @ wanted[0]
     root = RigidTransform([0, 0, float(1.0 - seen.feet[0].translation()[2])])
-    found = body.posture(posture, root, wanted, 30)
+    body.take(posture)
+    found = body.reached(root, wanted, 30)
     there = body.seen(np.concatenate([found, 0 * found, base, np.zeros(6)])).feet
     step = body.facing @ (there[0].translation() - there[1].translation())
     assert step[[0, 2]] == pytest.approx([0.03, 0.02], abs=1e-5)
