@@ -1,6 +1,7 @@
 """ZJUDancer walks an eight, 2 m long, by where its base is.
 
-``python examples/zjudancer_eight.py [LENGTH [ROBOT]]`` [m] takes another length, and roid1 or yobotics. The path is made of waypoints under ``controllers.walk.path``; how far the robot gets from it is printed.
+``python examples/zjudancer_eight.py [LENGTH [ROBOT]]`` [m] takes another length, and roid1 or yobotics. The path is
+made of waypoints under ``controllers.walk.path``; how far the robot gets from it is printed.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ def waypoints(length: float = 2.0) -> Waypoints:
 
 
 def run(length: float = 2.0, robot: str = "zjudancer") -> tuple[SimulationResult, float]:
-    """Walk round it once with a robot that has a walk of its own; return the run, and how far the base was from the path at most [m]."""
+    """Walk round it once; return the run, and how far the base was from the path at most [m]."""
     way = waypoints(length)
     path = Path(way.corners, way.rounding)
     walk = {"controllers.walk.commands": [], "controllers.walk.path": way.model_dump()}

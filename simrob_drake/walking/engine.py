@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from cmath import exp as turned_by
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,7 @@ _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
 _TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
 _STILL = 2.0  # times what is let be of a walk is let be of a robot that stands
+_DOUBTED = 0.1  # part of what is learnt else, while steps answer an error
 _COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
 _SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
 _ASIDE = 0.3  # most of a turn back [rad/s]
@@ -78,7 +79,7 @@ class Engine:
         homes = [complex(*home[:2]) + 1j * math.copysign(figures.widen, home[1]) for home in body.homes]
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
         self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
-        self._planes = [np.linalg.pinv([_pair(place) for place in about]).T @ (1.0, 1j) for about in self._about]
+        self._planes = [_planes(about) for about in self._about]
         self._turns = figures.fastest.turn_deg > 0
         self._rolls = 1.0 + body.over / (figures.height - body.over)
         self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag, self._rolls)
@@ -89,25 +90,27 @@ class Engine:
         middle = self.steps.middle(1, foot)
         stride = Stride(foot=foot, landing=foot, com=middle, zmp=middle, zmp_from=middle, slope=slope)
         for _ in range(_SETTLINGS):
-            posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
+            self.body.take(posture)
+            posture = self._posture(stride, self.body.centre(), 0.0, _FIRST_ROUNDS)
         return stride, posture
 
     def measured(self, stride: Stride, seen: Seen, forces: Sequence[float] | None = None) -> Measured:
         """Return what the robot does, from the foot that stands; ``forces`` on its feet, if they are known [N]."""
         here, there = (self._groups[place] for place in self._both(stride))
-        places = [seen.feet[foot] for foot in here]
-        points = [complex(*place.translation()[:2]) for place in places]
+        places = [seen.feet[foot].GetAsMatrix34().tolist() for foot in here]
+        points = [complex(x[3], y[3]) for x, y, _ in places]
         origin = sum(points) / len(points)
-        about = self._about[int(stride.standing)]
         if len(places) > 1:  # balls roll and turn with their legs; the line between them does not
-            ahead = sum((point - origin) * place.conjugate() for point, place in zip(points, about, strict=True))
+            about = zip(points, self._about[int(stride.standing)], strict=True)
+            ahead = sum((point - origin) * place.conjugate() for point, place in about)
         else:
-            ahead = sum(complex(*place.rotation().matrix()[:2, 0]) for place in places)
+            ahead = sum(complex(x[0], y[0]) for x, y, _ in places)
         turn = ahead.conjugate() / abs(ahead)
-        com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2]) / self._rolls
-        omega = self._omega(max(seen.com[2] - seen.lowest.min(), 0.05))
-        trunk = seen.trunk.matrix()
-        up, heading = trunk[2], math.atan2(trunk[1, 0], trunk[0, 0])
+        (x, y, z), (vx, vy, _) = seen.com.tolist(), seen.speed.tolist()
+        com, speed = turn * (complex(x, y) - origin), turn * complex(vx, vy) / self._rolls
+        omega = self._omega(max(z - min(seen.lowest), 0.05))
+        forward, sideways, up = seen.trunk.matrix().tolist()
+        heading = math.atan2(sideways[0], forward[0])
         slope = self._sloping(stride, places, turn)
         told = self._figures.feedback
         if forces is not None and told is not None and told.touch is not None:
@@ -116,25 +119,25 @@ class Engine:
             touches = all(down)
         else:
             down = hangs = ()
-            stands = float(seen.lowest[here].mean())
-            swung = [turn * (complex(*seen.feet[foot].translation()[:2]) - origin) for foot in there]
-            over = [seen.lowest[foot] - stands - _rise(stride.slope, at) for foot, at in zip(there, swung, strict=True)]
-            touches = bool(min(over) < _TOUCHES)
-        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches, down, hangs)
+            lowest = seen.lowest
+            stands = sum(lowest[foot] for foot in here) / len(here)
+            swung = (complex(*seen.feet[foot].translation()[:2].tolist()) - origin for foot in there)
+            over = (lowest[foot] - _rise(stride.slope, turn * at) for foot, at in zip(there, swung, strict=True))
+            touches = min(over) < stands + _TOUCHES
+        return Measured(com, com + speed / omega, up[1], -up[0], heading, slope, touches, down, hangs)
 
     def _omega(self, height: float) -> float:
         """Return that of the pendulum [1/s]: its point comes after it where feet are balls, and it falls slower."""
         return math.sqrt(STANDARD_GRAVITY / (height * self._rolls))
 
-    def _sloping(self, stride: Stride, places: Sequence[RigidTransform], turn: complex) -> complex:
+    def _sloping(self, stride: Stride, places: Sequence[Sequence[Sequence[float]]], turn: complex) -> complex:
         """Return the slope under feet that stand: that of their soles; where they are balls, along their line alone."""
         if not self.body.over:
-            normal = sum(place.rotation().matrix()[:, 2] for place in places)
-            return -turn * complex(*normal[:2]) / max(normal[2], 0.5)
-        about, plane = self._about[int(stride.standing)], self._planes[int(stride.standing)]
-        known = stride.slope + stride.tilt
-        off = [place.translation()[2] - _rise(known, at) for place, at in zip(places, about, strict=True)]
-        return known + complex(plane @ off)
+            tilted = sum(complex(x[2], y[2]) for x, y, _ in places)
+            return -turn * tilted / max(sum(z[2] for _, _, z in places), 0.5)
+        standing, known = int(stride.standing), stride.slope + stride.tilt
+        feet = zip(self._about[standing], places, strict=True)
+        return known + _sloped(self._planes[standing], [z[3] - _rise(known, at) for at, (_, _, z) in feet])
 
     def slope(self, seen: Seen) -> complex:
         """Return the slope under all feet of a robot that stands, each group telling of it in turn."""
@@ -148,7 +151,8 @@ class Engine:
         self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
     ) -> tuple[Stride, Vector]:
         """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
-        centre = self.body.centre(posture)
+        self.body.take(posture)
+        centre = self.body.centre()
         omega = self._omega(self._figures.height + centre[2])
         told = self._figures.feedback if measured is not None else None
         if measured is not None:
@@ -162,26 +166,27 @@ class Engine:
             stride = self._followed(stride, told, measured, xi)
         com = stride.com + (1.0 - math.exp(-omega * self._period)) * (xi - stride.com)
         stride = stride.changed(com=com)
-        posture = self._posture(stride, posture, centre, lift)
+        posture = self._posture(stride, centre, lift)
         return self._later(stride, command, told, measured, xi, lift), posture
 
     def _followed(self, stride: Stride, told: Feedback, measured: Measured, xi: complex) -> Stride:
         """Return the stride with its references nearer to what is measured, and what lasts of the difference learnt."""
         if not stride.steps or self.steps.transfer < stride.transfer > stride.time:
-            return stride  # it stands on both feet, and stiff: they hold it
+            grounded = stride.slope + self._part(told.ground) * (measured.slope - stride.slope)
+            return stride.changed(slope=grounded)  # it stands on both feet, and stiff: they hold it
         follows, returns = self._part(told.lean_follow), 1.0 - self._part(told.lean_return)
         lean = returns * (stride.lean + follows * (measured.lean - stride.lean))
         pitch = returns * (stride.pitch + follows * (measured.pitch - stride.pitch))
         com = stride.com + self._part(told.follow) * (measured.com - stride.com)
         rise = stride.rise - self._part(told.level) * stride.rise
         tilt = stride.tilt + self._part(told.even) * (measured.slope - stride.slope - stride.tilt)
-        if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
-            counter = stride.counter - told.upright * self._period * complex(measured.lean, measured.pitch)
-            stride = stride.changed(
-                slope=stride.slope + self._part(told.ground) * (measured.slope - stride.slope),
-                sag=_clipped(stride.sag + self._part(told.learns) * (measured.com - stride.com), _SAG),
-                counter=_clipped(counter, _COUNTER),
-            )
+        calm = _DOUBTED if _beyond(measured.xi - xi, told) else 1.0  # who is pushed stands on the edges of its soles
+        counter = stride.counter - calm * told.upright * self._period * complex(measured.lean, measured.pitch)
+        stride = stride.changed(
+            slope=stride.slope + self._part(calm * told.ground) * (measured.slope - stride.slope),
+            sag=_clipped(stride.sag + self._part(calm * told.learns) * (measured.com - stride.com), _SAG),
+            counter=_clipped(counter, _COUNTER),
+        )
         return stride.changed(com=com, lean=lean, pitch=pitch, rise=rise, tilt=tilt)
 
     # Where the divergent component and the feet go
@@ -266,7 +271,7 @@ class Engine:
         return stride, self._lift(share)
 
     def _lift(self, share: float) -> float:
-        return self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
+        return float(self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises)
 
     def _found(self, before: Stride, stride: Stride, down: Sequence[bool]) -> Stride:
         """Return the stride with the feet that feel the ground as high as before, while others come down."""
@@ -278,7 +283,7 @@ class Engine:
         if not (any(hangs) and told.late and stride.steps and stride.time > stride.transfer):
             return stride
         ways = [each * told.search * self._period for each in hangs]
-        tilt = stride.tilt - complex(self._planes[int(stride.standing)] @ ways)
+        tilt = stride.tilt - _sloped(self._planes[int(stride.standing)], ways)
         mean = sum(ways) / len(ways)
         return stride.changed(tilt=tilt, height=stride.height + mean, rise=stride.rise + mean)
 
@@ -286,7 +291,7 @@ class Engine:
         """Return the stride with each foot that swings raised by a way of its own [m]; none where none are told."""
         if not any(ways):
             return stride
-        tilt = stride.foot_tilt + complex(self._planes[1 - int(stride.standing)] @ ways)
+        tilt = stride.foot_tilt + _sloped(self._planes[1 - int(stride.standing)], ways)
         return stride.changed(height=stride.height + sum(ways) / len(ways), foot_tilt=tilt)
 
     def _later(
@@ -326,29 +331,29 @@ class Engine:
 
     # Postures
 
-    def _posture(self, stride: Stride, near: Vector, centre: Vector, lift: float, rounds: int = 1) -> Vector:
-        """Return the posture (n,) of a stride whose foot is ``lift`` high, from one near it, with its ``centre``."""
+    def _posture(self, stride: Stride, centre: Vector, lift: float, rounds: int = 1) -> Vector:
+        """Return the posture (n,) of a stride whose foot is ``lift`` high, from the one that the body took."""
         figures, body = self._figures, self.body
-        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
-            RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch + stride.counter.imag)
-        )
+        pitch = math.radians(figures.pitch_deg) + stride.pitch + stride.counter.imag
+        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(RotationMatrix.MakeYRotation(pitch))
         rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean + stride.counter.real))
-        centre = rotation.multiply(centre)
-        root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height + stride.rise])
+        x, y, _ = rotation.multiply(centre).tolist()
+        root = RigidTransform(rotation, [stride.com.real - x, stride.com.imag - y, figures.height + stride.rise])
         ahead, left = _pair(stride.slope)
         ground = RotationMatrix.MakeYRotation(-math.atan(ahead)).multiply(RotationMatrix.MakeXRotation(math.atan(left)))
-        feet = [RigidTransform()] * len(body.homes)
-        here, there = self._both(stride)
-        for group, middle, yaw, height, tilt in (
-            (here, 0j, 0.0, 0.0, stride.tilt),
-            (there, stride.foot, stride.foot_yaw, stride.height + lift, stride.foot_tilt),
-        ):
-            for foot, about in zip(self._groups[group], self._about[group], strict=True):
-                place = middle + turned_by(1j * yaw) * about
+        swings = ground.multiply(RotationMatrix.MakeZRotation(stride.foot_yaw))
+        turned, here = turned_by(1j * stride.foot_yaw), int(stride.standing)
+        feet: dict[int, RigidTransform] = {}
+
+        def put(group: int, turn: RotationMatrix, places: Iterable[complex], height: float, tilt: complex) -> None:
+            for foot, place, about in zip(self._groups[group], places, self._about[group], strict=True):
                 up = body.over + height + _rise(stride.slope, place) + _rise(tilt, about)
-                turn = ground.multiply(RotationMatrix.MakeZRotation(yaw))
-                feet[foot] = RigidTransform(turn, [*_pair(place), up])
-        return body.posture(near, root, feet, rounds)
+                feet[foot] = RigidTransform(turn, [place.real, place.imag, up])
+
+        put(here, ground, self._about[here], 0.0, stride.tilt)
+        moved = (stride.foot + turned * about for about in self._about[1 - here])
+        put(1 - here, swings, moved, stride.height + lift, stride.foot_tilt)
+        return body.reached(root, [feet[foot] for foot in range(len(feet))], rounds)
 
     def felt(self, stride: Stride) -> Sequence[int]:
         """Return the feet whose forces count: those that may touch, and those that stand while late ones are sought."""
@@ -392,6 +397,17 @@ def _clipped(place: complex, most: tuple[float, float]) -> complex:
 def _rise(slope: complex, place: complex) -> float:
     """Return how much higher a place is on a slope than its origin [m]."""
     return (slope.conjugate() * place).real
+
+
+def _planes(places: Sequence[complex]) -> list[complex]:
+    """Return what each of some places counts for the slope of the plane, or the line, through them [1/m]."""
+    ahead, left = np.linalg.pinv([_pair(place) for place in places]).tolist()
+    return [complex(*parts) for parts in zip(ahead, left, strict=True)]
+
+
+def _sloped(plane: Sequence[complex], ways: Sequence[float]) -> complex:
+    """Return the slope of a plane or line through feet that are raised by so much [m]."""
+    return sum((part * way for part, way in zip(plane, ways, strict=True)), 0j)
 
 
 def _pair(place: complex) -> tuple[float, float]:
