@@ -12,22 +12,23 @@ from __future__ import annotations
 import math
 from cmath import exp as turned_by
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
 from simrob_drake.walking.body import Body, Seen
 from simrob_drake.walking.figures import Feedback, WalkingFigures
+from simrob_drake.walking.measured import Measured, planes, sloped, uphill
 from simrob_drake.walking.pendulum import weights
 from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, within
-from simrob_drake.walking.stride import Stride, eased
+from simrob_drake.walking.stride import Stride, eased, gone
 
 _FIRST_ROUNDS, _SETTLINGS = 10, 12  # of Newton's method, from a posture that may be far away; of the centre of mass
 _LINES = 8  # that tell of a slope before the first step, each by what those before it left
 _TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
+_SQUARE = 0.02  # the turn back at most with which it ends: a turn that was commanded is gone to its end [rad/s]
 _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
 _TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
@@ -36,31 +37,6 @@ _DOUBTED = 0.1  # part of what is learnt else, while steps answer an error
 _COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
 _SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
 _ASIDE = 0.3  # most of a turn back [rad/s]
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What a robot does, seen from the foot that stands.
-
-    Attributes:
-        com, xi: centre of mass and divergent component [m].
-        lean, pitch: of the trunk, to the right and ahead [rad].
-        heading: where the trunk looks in the world [rad].
-        slope: of the soles that stand, ahead and to the left [1].
-        touches: whether the swinging foot touches, or both feet of a pair.
-        down: which feet of a pair that swings feel the ground.
-        hangs: which of those that stand do not.
-    """
-
-    com: complex
-    xi: complex
-    lean: float
-    pitch: float
-    heading: float
-    slope: complex
-    touches: bool
-    down: tuple[bool, ...] = ()
-    hangs: tuple[bool, ...] = ()
 
 
 class Engine:
@@ -79,7 +55,7 @@ class Engine:
         homes = [complex(*home[:2]) + 1j * math.copysign(figures.widen, home[1]) for home in body.homes]
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
         self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
-        self._planes = [_planes(about) for about in self._about]
+        self._planes = [planes(about) for about in self._about]
         self._turns = figures.fastest.turn_deg > 0
         self._rolls = 1.0 + body.over / (figures.height - body.over)
         self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag, self._rolls)
@@ -122,7 +98,7 @@ class Engine:
             lowest = seen.lowest
             stands = sum(lowest[foot] for foot in here) / len(here)
             swung = (complex(*seen.feet[foot].translation()[:2].tolist()) - origin for foot in there)
-            over = (lowest[foot] - _rise(stride.slope, turn * at) for foot, at in zip(there, swung, strict=True))
+            over = (lowest[foot] - uphill(stride.slope, turn * at) for foot, at in zip(there, swung, strict=True))
             touches = min(over) < stands + _TOUCHES
         return Measured(com, com + speed / omega, up[1], -up[0], heading, slope, touches, down, hangs)
 
@@ -137,7 +113,7 @@ class Engine:
             return -turn * tilted / max(sum(z[2] for _, _, z in places), 0.5)
         standing, known = int(stride.standing), stride.slope + stride.tilt
         feet = zip(self._about[standing], places, strict=True)
-        return known + _sloped(self._planes[standing], [z[3] - _rise(known, at) for at, (_, _, z) in feet])
+        return known + sloped(self._planes[standing], [z[3] - uphill(known, at) for at, (_, _, z) in feet])
 
     def slope(self, seen: Seen) -> complex:
         """Return the slope under all feet of a robot that stands, each group telling of it in turn."""
@@ -207,7 +183,7 @@ class Engine:
         if told is not None and measured is not None and self._turns:
             off = math.remainder(stride.course - measured.heading, math.tau)
             stride = stride.changed(
-                aside=within(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period
+                aside=within(told.holds * off, _ASIDE), course=stride.course + command.turn * self._period
             )
         standing = int(stride.standing)
         rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.trimmed)
@@ -259,13 +235,13 @@ class Engine:
         if not stride.steps or after <= stride.transfer or length <= 0:
             return stride, 0.0
         share = max(min((after - stride.transfer) / length, 1.0), stride.share)
-        part = _gone(stride.share, share)
+        part = gone(stride.share, share)
         foot = stride.foot + part * (stride.landing - stride.foot)
         yaw = stride.foot_yaw + part * (stride.landing_yaw - stride.foot_yaw)
         way = eased(min(after / stride.ends, 1.0))
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
         early = max(self._figures.feedback.early, 0.1) if self._figures.feedback is not None else 1.0
-        stays = 1.0 - _gone(stride.share / early, share / early)  # before the ground may be felt, and then no more
+        stays = 1.0 - gone(stride.share / early, share / early)  # before the ground may be felt, and then no more
         height, tilt = stride.height * stays, stride.foot_tilt * stays
         stride = stride.changed(foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height, foot_tilt=tilt)
         return stride, self._lift(share)
@@ -283,7 +259,7 @@ class Engine:
         if not (any(hangs) and told.late and stride.steps and stride.time > stride.transfer):
             return stride
         ways = [each * told.search * self._period for each in hangs]
-        tilt = stride.tilt - _sloped(self._planes[int(stride.standing)], ways)
+        tilt = stride.tilt - sloped(self._planes[int(stride.standing)], ways)
         mean = sum(ways) / len(ways)
         return stride.changed(tilt=tilt, height=stride.height + mean, rise=stride.rise + mean)
 
@@ -291,7 +267,7 @@ class Engine:
         """Return the stride with each foot that swings raised by a way of its own [m]; none where none are told."""
         if not any(ways):
             return stride
-        tilt = stride.foot_tilt + _sloped(self._planes[1 - int(stride.standing)], ways)
+        tilt = stride.foot_tilt + sloped(self._planes[1 - int(stride.standing)], ways)
         return stride.changed(height=stride.height + sum(ways) / len(ways), foot_tilt=tilt)
 
     def _later(
@@ -324,7 +300,8 @@ class Engine:
             stride = stride.changed(trim=_clipped(trim, _TRIM))
         stride = stride.changed(height=stride.height + lift).on_the_other_foot()
         hurries = told is not None and abs(error) > told.hurry
-        if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
+        ends = max(off / _TOGETHER, abs(stride.aside) / _SQUARE) <= 1.0 and not hurries
+        if ends and not (command.moves or stride.command.moves):
             middle = self.steps.middle(int(stride.standing), stride.foot)
             return stride.changed(steps=0.0, zmp=middle, zmp_from=middle)
         return self._next(stride, command, hurries=hurries)
@@ -347,7 +324,7 @@ class Engine:
 
         def put(group: int, turn: RotationMatrix, places: Iterable[complex], height: float, tilt: complex) -> None:
             for foot, place, about in zip(self._groups[group], places, self._about[group], strict=True):
-                up = body.over + height + _rise(stride.slope, place) + _rise(tilt, about)
+                up = body.over + height + uphill(stride.slope, place) + uphill(tilt, about)
                 feet[foot] = RigidTransform(turn, [place.real, place.imag, up])
 
         put(here, ground, self._about[here], 0.0, stride.tilt)
@@ -372,12 +349,6 @@ class Engine:
         return 1.0 - math.exp(-rate * self._period)
 
 
-def _gone(before: float, now: float) -> float:
-    """Return how much of what is left of a way from rest to rest is done between two shares of its time."""
-    left = 1.0 - eased(min(before, 1.0))
-    return min((eased(min(now, 1.0)) - 1.0 + left) / max(left, 1e-3), 1.0)
-
-
 def _beyond(error: complex, told: Feedback | None, times: float = 1.0) -> complex:
     """Return an error of the divergent component without some times of what is let be."""
     if told is None:
@@ -392,22 +363,6 @@ def _beyond(error: complex, told: Feedback | None, times: float = 1.0) -> comple
 def _clipped(place: complex, most: tuple[float, float]) -> complex:
     ahead, left = most
     return complex(within(place.real, ahead), within(place.imag, left))
-
-
-def _rise(slope: complex, place: complex) -> float:
-    """Return how much higher a place is on a slope than its origin [m]."""
-    return (slope.conjugate() * place).real
-
-
-def _planes(places: Sequence[complex]) -> list[complex]:
-    """Return what each of some places counts for the slope of the plane, or the line, through them [1/m]."""
-    ahead, left = np.linalg.pinv([_pair(place) for place in places]).tolist()
-    return [complex(*parts) for parts in zip(ahead, left, strict=True)]
-
-
-def _sloped(plane: Sequence[complex], ways: Sequence[float]) -> complex:
-    """Return the slope of a plane or line through feet that are raised by so much [m]."""
-    return sum((part * way for part, way in zip(plane, ways, strict=True)), 0j)
 
 
 def _pair(place: complex) -> tuple[float, float]:

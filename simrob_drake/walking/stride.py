@@ -147,6 +147,12 @@ def eased(share: float) -> float:
     return share**3 * (10.0 + share * (6.0 * share - 15.0))
 
 
+def gone(before: float, now: float) -> float:
+    """Return how much of what is left of a way from rest to rest is done between two shares of its time."""
+    left = 1.0 - eased(min(before, 1.0))
+    return min((eased(min(now, 1.0)) - 1.0 + left) / max(left, 1e-3), 1.0)
+
+
 _NAMES = [field.name for field in fields(Stride)]
 _PLACES = [isinstance(field.default, complex) for field in fields(Stride)]
 _VALUES = attrgetter(*_NAMES)

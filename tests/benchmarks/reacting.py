@@ -45,6 +45,12 @@ def tasks(robot: str) -> dict[str, dict[str, Any]]:
             "floor.heading_deg": facing + 180,
             "duration": 20,
         },
+        "across": {
+            COMMANDS: ahead(0.6 * speed),
+            "floor.incline_deg": 6,
+            "floor.heading_deg": facing + 90,
+            "duration": 20,
+        },
         "steps": {COMMANDS: ahead(0.6 * speed), "floor.terrain": STEPS, **uneven, "duration": 20},
     }
 
