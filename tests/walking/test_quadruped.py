@@ -1,6 +1,7 @@
 """The walking engine on four legs: a trot of diagonal pairs that answers pushes."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,11 @@ def test_two_pairs_tell_a_slope_and_each_the_part_along_its_line(loop: WalkingLo
         told = loop.engine.measured(Stride(standing=standing), tilted).slope
         assert (told * line.conjugate()).real == pytest.approx((slope * line.conjugate()).real, abs=1e-3)
         assert (told * line.conjugate()).imag == pytest.approx(0.0, abs=1e-12)
+        over = [0.0 if foot in loop.engine._groups[standing] else 0.005 for foot in range(4)]  # of feet that swing [m]
+        raised = replace(tilted, lowest=[sum(pair) for pair in zip(tilted.lowest, over, strict=True)])
+        known = Stride(standing=standing, slope=slope)
+        assert loop.engine.measured(known, tilted).touches
+        assert not loop.engine.measured(known, raised).touches
 
 
 def test_a_foot_that_feels_the_ground_stays_while_the_other_one_comes_down(loop: WalkingLoop) -> None:

@@ -148,7 +148,7 @@ class WalkingLoop(SampledBlock):
     """Ask a robot's axes for the next posture of a walk.
 
     Ports:
-        in  by the name of each foot whose force is read: that (3) [N];
+        in  by the name of each foot whose force is read: that (3), the last part upward [N];
             ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
             ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s]; perhaps ``command`` (3), as below, or
             not a number.
