@@ -1,5 +1,6 @@
 """A block that looks around once a sample: what it remembers, by name, is discrete state; outputs are parts of it."""
 
+import math
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from itertools import pairwise
@@ -158,7 +159,7 @@ class SampledBlock(Block):
                 kept[self._kept[name]] = value
         for name, (waiting, told) in self._late.items():
             now = np.atleast_1d(changed[name] if name in changed else memory[name])
-            line = context.get_discrete_state(waiting).value().reshape(self._delay, len(now))
-            line = np.tile(now, (self._delay, 1)) if np.isinf(line).any() else line  # the first sample
-            discrete.set_value(waiting, np.vstack([line[1:], now]).ravel())
-            discrete.set_value(told, line[0])
+            line = context.get_discrete_state(waiting).value()
+            line = np.tile(now, self._delay) if math.isinf(line[-1]) else line  # the first sample
+            discrete.set_value(waiting, np.concatenate([line[len(now) :], now]))
+            discrete.set_value(told, line[: len(now)])

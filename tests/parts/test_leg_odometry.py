@@ -11,6 +11,7 @@ from pydrake.math import RotationMatrix
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
+from simrob_drake.parts.sensors.imu import InertialUnit
 from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, Soles
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.quadruped import trot
@@ -236,6 +237,15 @@ def test_a_loop_reads_it_and_a_run_goes_on_with_it():
         np.testing.assert_allclose(later[name][:-1], whole[name][1:], atol=1e-9, rtol=0)
     del whole, first, second, later
     assert alive() == before  # it goes with its run
+
+
+def test_sensors_that_nothing_reads_go_through_a_run_once(monkeypatch):
+    """The odometry asks for what the IMU told a sample ago, the table for what it tells: both of the same samples."""
+    seen, sample = [], InertialUnit.sample
+    monkeypatch.setattr(InertialUnit, "sample", lambda *given: seen.append(given) or sample(*given))
+    result = simulate(load_station("zjudancer_dynamic", STANDING), duration=0.1, progress=False)
+    assert len(seen) == 21
+    assert np.ptp(result["base_pose.odometry.x"]) > 0
 
 
 def test_it_stands_in_the_picture_of_a_station_on_a_slope():
