@@ -125,7 +125,11 @@ def different_commands():
     return [case for shown, case in blocks.items() if shown != "[]"]
 
 
-SHORTER = {"run": ["--duration", "0.1", "--no-recording"], "walk": ["--no-recording"]}
+SHORTER = {
+    "run": ["--duration", "0.1", "--no-recording"],
+    "walk": ["--no-recording"],
+    "pushes": ["--phases", "1", "--seeds", "1"],
+}
 
 
 @pytest.mark.parametrize("block", different_commands())

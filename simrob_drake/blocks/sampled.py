@@ -102,6 +102,8 @@ class SampledBlock(Block):
                 waiting = self.DeclareDiscreteState(np.full(delay * len(value), np.inf))
                 self._late[name] = waiting, self.DeclareDiscreteState(value)
             self.DeclareStateOutputPort(name, self._late[name][1] if delay else told)
+        self.outputs = {name: int(self._late[name][1] if delay else told) for name, told in self._told.items()}
+        """The discrete group of its own that each output hands on, by the output's name."""
         ends = np.cumsum([0, *map(len, values.values())]).tolist()
         self._kept = {name: slice(*part) for name, part in zip(values, pairwise(ends), strict=True)}
         self._group = self.DeclareDiscreteState(np.concatenate([[], *values.values()]))  # one, for each takes time

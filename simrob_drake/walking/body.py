@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
+import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, JacobianWrtVariable, ModelInstanceIndex
+from pydrake.multibody.tree import Frame, JacobianWrtVariable, ModelInstanceIndex, RigidBody
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
@@ -19,7 +19,8 @@ from simrob_drake.robots.feet import FootContact
 
 _ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 1, 3, 5], 3: [3, 4, 5]}
 """Which of [roll, pitch, yaw, ahead, left, up] of its foot a leg of so many joints is asked for."""
-_SKEW = [2, 0, 1], [1, 2, 0]  # entries of a small rotation that tell about what
+_ABOUT = np.zeros((9, 3))  # from the entries of a small rotation, a row after the other, to what it turns about
+_ABOUT[[7, 2, 3], [0, 1, 2]], _ABOUT[[5, 6, 1], [0, 1, 2]] = 0.5, -0.5
 _DAMPING = 1e-5  # of a leg that is nearly straight [m², rad²]
 _LEAST_KNEE = 0.05  # so that a leg never bends the other way [rad]
 _LARGEST = 0.3  # change of a joint in a sample [rad]
@@ -33,14 +34,14 @@ class Seen:
         com, speed: its centre of mass and the velocity of that, shape (3,) [m, m/s].
         feet: poses of the soles' middles, turned from flat and ahead.
         trunk: how the root is turned from upright and ahead.
-        lowest: height of each foot's lowest point, shape (feet,) [m].
+        lowest: height of each foot's lowest point [m].
     """
 
     com: Vector
     speed: Vector
     feet: Sequence[RigidTransform]
     trunk: RotationMatrix
-    lowest: Vector
+    lowest: Sequence[float]
 
 
 class Body:
@@ -85,29 +86,37 @@ class Body:
         self._plant, self._instance, self._axes = weakref.proxy(plant), instance, axes
         self._root, self._feet = root.index(), [foot.index() for foot in feet]
         self._seen, self._asked = plant.CreateDefaultContext(), plant.CreateDefaultContext()  # set anew each time
-        self._positions, self._velocities = plant.GetPositions(self._seen), np.zeros(plant.num_velocities())
-        body = root.body()
-        self._place, self._motion = body.floating_positions_start(), body.floating_velocities_start_in_v()
+        self._state, self._positions = plant.GetPositionsAndVelocities(self._seen), plant.GetPositions(self._asked)
         self.facing = RotationMatrix.MakeZRotation(-facing)  # of a root that looks along x
-        self._looks = self.facing.inverse()
+        self._ahead = RigidTransform(self.facing)
+        self._from_com = self._ahead.multiply(root.CalcPoseInWorld(self._asked).inverse())
+        self._places, self._signs = self._read(root.body())
         self._legs = np.array([list(leg) for leg in legs])
-        self._which, self._diagonal = np.arange(len(legs))[:, np.newaxis], np.arange(self._legs.shape[1])
-        self._columns, self._senses = axes.velocity_places[self._legs], axes.signs[self._legs][:, np.newaxis]
-        rows = _ROWS[
-            self._legs.shape[1]
-        ]  # such legs keep their soles flat and the way ahead: as seen in that direction
+        self._which, joints = np.arange(len(legs))[:, np.newaxis], self._legs.shape[1]
+        self._columns, self._senses = axes.velocity_places[self._legs], axes.signs[self._legs]
+        # legs of fewer joints keep their soles flat and the way ahead: as seen in that direction
         turn = np.kron(np.eye(2), self.facing.matrix())
-        self._seen_ahead = None if len(rows) == 6 else turn[rows]
+        self._rows = None if joints == len(turn) else turn[_ROWS[joints]].T
+        self._damping = _DAMPING * np.eye(joints)
         self._lower, self._upper = limits[0].copy(), limits[1]
         self._lower[list(knees)] = np.maximum(self._lower[list(knees)], _LEAST_KNEE)
         self._soles(contact, [foot.name() for foot in feet])
+
+    def _read(self, root: RigidBody) -> tuple[npt.NDArray[np.intp], Vector]:
+        """Return where in the plant's state the values lie that are read, in their order, and their signs."""
+        axes, ahead = self._axes, self._plant.num_positions()
+        pose, motion = root.floating_positions_start(), ahead + root.floating_velocities_start_in_v()
+        free = [*range(pose + 4, pose + 7), *range(pose, pose + 4), *range(motion + 3, motion + 6)]  # Drake turns first
+        places = [axes.position_places, ahead + axes.velocity_places, free, range(motion, motion + 3)]
+        return np.concatenate([*places]).astype(np.intp), np.concatenate([axes.signs, axes.signs, np.ones(13)])
 
     def _soles(self, contact: FootContact, links: Sequence[str]) -> None:
         """Find the middles of the soles, and which way they look, from the robot with all axes at zero."""
         plant, context = self._plant, self._asked
         plant.SetPositions(context, self._axes.spread_positions(0.0, plant.GetPositions(context)))
         root = plant.get_frame(self._root)
-        self._tips, self._upright, points_of, self.homes, self.over = [], [], list[Vector](), list[Vector](), 0.0
+        self._tips, self._upright, self.homes, self.over = list[Vector](), list[RigidTransform](), list[Vector](), 0.0
+        self._corners = list[list[list[float]]]()
         for link, index in zip(links, self._feet, strict=True):
             home = RigidTransform(self.facing) @ plant.get_frame(index).CalcPose(context, root)
             turn = home.rotation().matrix()
@@ -117,91 +126,87 @@ class Body:
             round_ = contact.radius if link in contact.points and np.ptp(points[:, :2]) < 1e-9 else 0.0
             point = turn.T @ np.array([middle[0], middle[1], under + round_])
             self.over = round_  # of the point over the floor [m]: balls roll about their middles
+            upright = RigidTransform(RotationMatrix(turn.T), point)
             self._tips.append(point)
-            self._upright.append(RigidTransform(RotationMatrix(turn.T), point))
-            points_of.append(contact.support_points(link))
+            self._upright.append(upright)
+            self._corners.append(upright.inverse().multiply(contact.support_points(link).T).T.tolist())
             self.homes.append(home.multiply(point))
-        self._points = np.array(points_of)
 
-    def seen(self, position: Vector, velocity: Vector, base: Vector, motion: Vector) -> Seen:
+    def seen(self, read: Vector) -> Seen:
         """Return what the robot does.
 
         Args:
-            position: of the axes, shape (n,) [rad].
-            velocity: likewise [rad/s].
-            base: pose of the root link, x y z qw qx qy qz.
-            motion: its velocity, then its angular velocity, in the world, shape (6,) [m/s, rad/s].
+            read: one after another, shape (2n + 13,): position (n) and velocity (n) of the axes [rad, rad/s]; pose (7)
+                of the root link, x y z [m] qw qx qy qz; its velocity, linear and angular, in the world [m/s, rad/s].
         """
-        plant, context, axes, free = self._plant, self._seen, self._axes, self._place
-        self._positions[free : free + 4], self._positions[free + 4 : free + 7] = base[3:], base[:3]
-        self._positions[axes.position_places] = axes.signs * position
-        self._velocities[self._motion : self._motion + 3] = motion[3:]
-        self._velocities[self._motion + 3 : self._motion + 6] = motion[:3]
-        self._velocities[axes.velocity_places] = axes.signs * velocity
-        plant.SetPositions(context, self._positions)
-        plant.SetVelocities(context, self._velocities)
-        links = [plant.get_frame(index).CalcPoseInWorld(context) for index in self._feet]
-        poses = np.array([link.GetAsMatrix4()[2] for link in links])
-        lowest = (self._points @ poses[:, :3, np.newaxis]).min(axis=(1, 2)) + poses[:, 3]
+        plant, context, state = self._plant, self._seen, self._state
+        state[self._places] = self._signs * read
+        plant.SetPositionsAndVelocities(context, state)
+        links = zip(self._feet, self._upright, strict=True)
+        feet = [plant.get_frame(index).CalcPoseInWorld(context).multiply(upright) for index, upright in links]
         return Seen(
             com=plant.CalcCenterOfMassPositionInWorld(context, [self._instance]),
             speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, [self._instance]),
-            feet=[link.multiply(upright) for link, upright in zip(links, self._upright, strict=True)],
-            trunk=RotationMatrix(Quaternion(base[3:] / np.linalg.norm(base[3:]))).multiply(self._looks),
-            lowest=lowest,
+            feet=feet,
+            trunk=plant.get_frame(self._root).CalcPoseInWorld(context).rotation().multiply(self.facing.inverse()),
+            lowest=[_lowest(foot, corners) for foot, corners in zip(feet, self._corners, strict=True)],
         )
 
-    def centre(self, posture: Vector) -> Vector:
-        """Return where the centre of mass is from the root in a posture (n,), upright and ahead, shape (3,) [m]."""
-        plant, context = self._plant, self._asked
-        self._put(posture)
-        com = plant.CalcCenterOfMassPositionInWorld(context, [self._instance])
-        root: RigidTransform = plant.get_frame(self._root).CalcPoseInWorld(context)
-        return np.asarray(self.facing.multiply(root.inverse().multiply(com)))
+    def take(self, posture: Vector) -> None:
+        """Take a posture (n,), upright and ahead: that which :meth:`centre` and :meth:`reached` are about."""
+        self._posture = posture
+        self._positions[self._axes.position_places] = self._axes.signs * posture
+        self._plant.SetPositions(self._asked, self._positions)
 
-    def posture(self, near: Vector, root: RigidTransform, feet: Sequence[RigidTransform], rounds: int = 1) -> Vector:
-        """Return the posture (n,) in which the soles are where they shall be, by Newton's method from one near it.
+    def centre(self) -> Vector:
+        """Return where the centre of mass is from the root, shape (3,) [m]."""
+        com = self._plant.CalcCenterOfMassPositionInWorld(self._asked, [self._instance])
+        return np.asarray(self._from_com.multiply(com))
+
+    def reached(self, root: RigidTransform, feet: Sequence[RigidTransform], rounds: int = 1) -> Vector:
+        """Return the posture (n,) in which the soles are where they shall be, by Newton's method from the one taken.
 
         Args:
-            near: where to begin; one round is enough for a reference that goes on from the last sample's [rad].
             root: pose of the root, turned from upright and ahead.
             feet: poses of the soles' middles.
-            rounds: steps of the method.
+            rounds: steps of the method; one is enough for a reference that goes on from the last sample's.
         """
-        plant, context, posture = self._plant, self._asked, near.copy()
+        plant, context, posture = self._plant, self._asked, self._posture
         frame, links = plant.get_frame(self._root), [plant.get_frame(index) for index in self._feet]
-        seen = root.multiply(RigidTransform(self.facing)).inverse()
-        wanted = np.array([seen.multiply(foot).GetAsMatrix4() for foot in feet])
-        rates, there = np.empty((len(links), 6, plant.num_velocities())), np.empty((len(links), 4, 4))
-        for _ in range(rounds):
-            self._put(posture)
+        seen = root.multiply(self._ahead).inverse()
+        wanted = np.array([seen.multiply(foot).GetAsMatrix34() for foot in feet])
+        rates, there = np.empty((len(links), 6, plant.num_velocities())), np.empty((len(links), 3, 4))
+        for done in range(rounds):
+            if done:
+                self.take(posture)
             for number, link in enumerate(links):
-                there[number] = link.CalcPose(context, frame).multiply(self._upright[number]).GetAsMatrix4()
+                there[number] = link.CalcPose(context, frame).multiply(self._upright[number]).GetAsMatrix34()
                 rates[number] = plant.CalcJacobianSpatialVelocity(
                     context, JacobianWrtVariable.kV, link, self._tips[number], frame, frame
                 )
+            posture = posture.copy()
             posture[self._legs] += self._step(rates, there, wanted)
             posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
 
     def _step(self, rates: Vector, there: Vector, wanted: Vector) -> Vector:
-        """Return a damped step of the legs' joints (legs, k) from poses of the feet towards others, (legs, 4, 4) each.
+        """Return a damped step of the legs' joints (legs, k) from poses of the feet towards others, (legs, 3, 4) each.
 
         The Jacobians (legs, 6, nv) are in the root's axes, as the poses are.
         """
-        turn = wanted[:, :3, :3] @ there[:, :3, :3].transpose(0, 2, 1)
-        errors = np.empty((len(turn), 6, 1))
-        errors[:, :3, 0] = 0.5 * (turn[:, _SKEW[0], _SKEW[1]] - turn[:, _SKEW[1], _SKEW[0]])
-        errors[:, 3:, 0] = wanted[:, :3, 3] - there[:, :3, 3]
-        own = rates[self._which, :, self._columns].transpose(0, 2, 1) * self._senses
-        if self._seen_ahead is not None:
-            own, errors = self._seen_ahead @ own, self._seen_ahead @ errors
-        across = own.transpose(0, 2, 1)
-        square = across @ own
-        square[:, self._diagonal, self._diagonal] += _DAMPING
-        step = np.linalg.solve(square, across @ errors)[..., 0]
-        return np.minimum(np.maximum(step, -_LARGEST), _LARGEST)
+        turn = wanted[:, :, :3] @ there[:, :, :3].transpose(0, 2, 1)
+        errors = np.empty((len(turn), 1, 6))
+        errors[:, 0, :3] = turn.reshape(-1, 9) @ _ABOUT
+        errors[:, 0, 3:] = wanted[:, :, 3] - there[:, :, 3]
+        own = rates[self._which, :, self._columns]
+        if self._rows is not None:
+            own, errors = own @ self._rows, errors @ self._rows
+        square = own @ own.transpose(0, 2, 1) + self._damping
+        step = np.linalg.solve(square, own @ errors.transpose(0, 2, 1))[..., 0] * self._senses
+        return np.asarray(np.minimum(np.maximum(step, -_LARGEST), _LARGEST))
 
-    def _put(self, posture: Vector) -> None:
-        positions = self._axes.spread_positions(posture, self._plant.GetPositions(self._asked))
-        self._plant.SetPositions(self._asked, positions)
+
+def _lowest(foot: RigidTransform, corners: Sequence[Sequence[float]]) -> float:
+    """Return how high the lowest of some points of a foot is [m]."""
+    a, b, c, over = foot.GetAsMatrix34()[2].tolist()
+    return float(over + min(a * x + b * y + c * z for x, y, z in corners))

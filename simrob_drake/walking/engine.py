@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from cmath import exp as turned_by
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from pydrake.math import RigidTransform, RotationMatrix
@@ -81,39 +81,46 @@ class Engine:
         middle = self.steps.middle(1, foot)
         stride = Stride(foot=foot, landing=foot, com=middle, zmp=middle, zmp_from=middle, slope=slope)
         for _ in range(_SETTLINGS):
-            posture = self._posture(stride, posture, self.body.centre(posture), 0.0, _FIRST_ROUNDS)
+            self.body.take(posture)
+            posture = self._posture(stride, self.body.centre(), 0.0, _FIRST_ROUNDS)
         return stride, posture
 
     def measured(self, stride: Stride, seen: Seen, forces: Sequence[float] | None = None) -> Measured:
         """Return what the robot does, from the foot that stands; ``forces`` on its feet, if they are known [N]."""
         here, there = (self._groups[place] for place in self._both(stride))
-        places = [seen.feet[foot] for foot in here]
-        points = [complex(*place.translation()[:2]) for place in places]
+        places = [seen.feet[foot].GetAsMatrix34().tolist() for foot in here]
+        points = [complex(x[3], y[3]) for x, y, _ in places]
         origin = sum(points) / len(points)
-        about = self._about[int(stride.standing)]
         if len(places) > 1:  # balls roll and turn with their legs; the line between them does not
-            ahead = sum((point - origin) * place.conjugate() for point, place in zip(points, about, strict=True))
+            about = zip(points, self._about[int(stride.standing)], strict=True)
+            ahead = sum((point - origin) * place.conjugate() for point, place in about)
         else:
-            ahead = sum(complex(*place.rotation().matrix()[:2, 0]) for place in places)
+            ahead = sum(complex(x[0], y[0]) for x, y, _ in places)
         turn = ahead.conjugate() / abs(ahead)
-        com, speed = turn * (complex(*seen.com[:2]) - origin), turn * complex(*seen.speed[:2])
-        omega = math.sqrt(STANDARD_GRAVITY / max(seen.com[2] - seen.lowest.min(), 0.05))
-        trunk = seen.trunk.matrix()
-        up, heading = trunk[2], math.atan2(trunk[1, 0], trunk[0, 0])
-        normal = sum(place.rotation().matrix()[:, 2] for place in places)
-        slope = 0j if self.body.over else -turn * complex(*normal[:2]) / max(normal[2], 0.5)
+        (x, y, z), (vx, vy, _) = seen.com.tolist(), seen.speed.tolist()
+        com, speed = turn * (complex(x, y) - origin), turn * complex(vx, vy)
+        omega = math.sqrt(STANDARD_GRAVITY / max(z - min(seen.lowest), 0.05))
+        forward, sideways, up = seen.trunk.matrix().tolist()
+        heading = math.atan2(sideways[0], forward[0])
+        if self.body.over:
+            slope = 0j
+        else:
+            tilted = sum(complex(x[2], y[2]) for x, y, _ in places)
+            slope = -turn * tilted / max(sum(z[2] for _, _, z in places), 0.5)
         told = self._figures.feedback
         if forces is not None and told is not None and told.touch is not None:
             touches = min(forces[foot] for foot in there) > told.touch
         else:
-            touches = bool(seen.lowest[there].min() < seen.lowest[here].min() + _TOUCHES)
-        return Measured(com, com + speed / omega, float(up[1]), float(-up[0]), heading, slope, touches)
+            lowest = seen.lowest
+            touches = min(lowest[foot] for foot in there) < min(lowest[foot] for foot in here) + _TOUCHES
+        return Measured(com, com + speed / omega, up[1], -up[0], heading, slope, touches)
 
     def sample(
         self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
     ) -> tuple[Stride, Vector]:
         """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
-        centre = self.body.centre(posture)
+        self.body.take(posture)
+        centre = self.body.centre()
         omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
         told = self._figures.feedback if measured is not None else None
         if measured is not None:
@@ -124,7 +131,7 @@ class Engine:
             stride = self._followed(stride, told, measured, xi)
         com = stride.com + (1.0 - math.exp(-omega * self._period)) * (xi - stride.com)
         stride = stride.changed(com=com)
-        posture = self._posture(stride, posture, centre, lift)
+        posture = self._posture(stride, centre, lift)
         return self._later(stride, command, told, measured, xi, lift), posture
 
     def _followed(self, stride: Stride, told: Feedback, measured: Measured, xi: complex) -> Stride:
@@ -259,29 +266,29 @@ class Engine:
 
     # Postures
 
-    def _posture(self, stride: Stride, near: Vector, centre: Vector, lift: float, rounds: int = 1) -> Vector:
-        """Return the posture (n,) of a stride whose foot is ``lift`` high, from one near it, with its ``centre``."""
+    def _posture(self, stride: Stride, centre: Vector, lift: float, rounds: int = 1) -> Vector:
+        """Return the posture (n,) of a stride whose foot is ``lift`` high, from the one that the body took."""
         figures, body = self._figures, self.body
-        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(
-            RotationMatrix.MakeYRotation(math.radians(figures.pitch_deg) + stride.pitch + stride.counter.imag)
-        )
+        pitch = math.radians(figures.pitch_deg) + stride.pitch + stride.counter.imag
+        rotation = RotationMatrix.MakeZRotation(stride.heading).multiply(RotationMatrix.MakeYRotation(pitch))
         rotation = rotation.multiply(RotationMatrix.MakeXRotation(stride.lean + stride.counter.real))
-        centre = rotation.multiply(centre)
-        root = RigidTransform(rotation, [*_pair(stride.com - complex(*centre[:2])), figures.height + stride.rise])
+        x, y, _ = rotation.multiply(centre).tolist()
+        root = RigidTransform(rotation, [stride.com.real - x, stride.com.imag - y, figures.height + stride.rise])
         ahead, left = _pair(stride.slope)
         ground = RotationMatrix.MakeYRotation(-math.atan(ahead)).multiply(RotationMatrix.MakeXRotation(math.atan(left)))
-        feet = [RigidTransform()] * len(body.homes)
-        here, there = self._both(stride)
-        for group, middle, yaw, height in (
-            (here, 0j, 0.0, 0.0),
-            (there, stride.foot, stride.foot_yaw, stride.height + lift),
-        ):
-            for foot, about in zip(self._groups[group], self._about[group], strict=True):
-                place = middle + turned_by(1j * yaw) * about
+        swings = ground.multiply(RotationMatrix.MakeZRotation(stride.foot_yaw))
+        turned, here = turned_by(1j * stride.foot_yaw), int(stride.standing)
+        feet: dict[int, RigidTransform] = {}
+
+        def put(group: int, turn: RotationMatrix, places: Iterable[complex], height: float) -> None:
+            for foot, place in zip(self._groups[group], places, strict=True):
                 up = body.over + height + ahead * place.real + left * place.imag
-                turn = ground.multiply(RotationMatrix.MakeZRotation(yaw))
-                feet[foot] = RigidTransform(turn, [*_pair(place), up])
-        return body.posture(near, root, feet, rounds)
+                feet[foot] = RigidTransform(turn, [place.real, place.imag, up])
+
+        put(here, ground, self._about[here], 0.0)
+        moved = (stride.foot + turned * about for about in self._about[1 - here])
+        put(1 - here, swings, moved, stride.height + lift)
+        return body.reached(root, [feet[foot] for foot in range(len(feet))], rounds)
 
     def coming_down(self, stride: Stride) -> Sequence[int]:
         """Return the feet that may touch."""

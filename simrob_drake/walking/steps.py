@@ -5,9 +5,10 @@ from __future__ import annotations
 from cmath import exp as turned_by
 from dataclasses import dataclass
 from math import ceil, radians
+from typing import NamedTuple
 
 from simrob_drake.walking.figures import Feedback, WalkingFigures
-from simrob_drake.walking.pendulum import Weights, weights
+from simrob_drake.walking.pendulum import weights
 
 _AHEAD = 3  # steps that are looked ahead: what comes later counts for a hundredth
 _GRID = 0.02  # between the times of landing that are compared [s]
@@ -33,8 +34,7 @@ class Command:
         return Command(self.speed + step, self.turn + within(more, radians(turn)))
 
 
-@dataclass(frozen=True)
-class Landing:
+class Landing(NamedTuple):
     """How a step ends: when [s], where [m] and turned by how much [rad], from the foot that stands."""
 
     time: float
@@ -79,14 +79,16 @@ class Steps:
             before: where the zero-moment point comes from.
             ahead: how many steps more are looked at; then the robot rests.
         """
-        start, rest, end = self._weights(omega)
-        here, landing = self.rest_point(standing), self.planned(1 - standing, command)
-        turn = turned_by(1j * landing.yaw)
-        if ahead:
-            then = self.start_of(1 - standing, command, omega, (here - landing.place) / turn, ahead - 1)
-        else:
-            then = 0.5 * ((here - landing.place) / turn + self.rest_point(1 - standing))
-        return start * before + rest * here + end * (landing.place + turn * then)
+        start, rest, end = weights(omega, self._time, self.transfer)
+        turn = turned_by(1j * command.turn * self._time)
+        here = self.rest_point(standing), self.rest_point(1 - standing)  # in this step, in the next, and so on in turn
+        lands = self.planned(1 - standing, command).place, self.planned(standing, command).place
+        came = [(place - landed) / turn for place, landed in zip(here, lands, strict=True)]  # seen from the next foot
+        found = 0.5 * (came[ahead % 2] + here[1 - ahead % 2])
+        for step in range(ahead, -1, -1):  # from rest backwards
+            own = step % 2
+            found = start * (came[1 - own] if step else before) + rest * here[own] + end * (lands[own] + turn * found)
+        return found
 
     def after(self, standing: int, command: Command, omega: float) -> tuple[float, complex]:
         """Return what the divergent component must be when the swinging foot lands at u: (1 - a) u + b, as a and b.
@@ -94,13 +96,9 @@ class Steps:
         a counts the zero-moment point from which the next step begins, that of the foot which stands now.
         """
         swinging, here = 1 - standing, self.rest_point(standing)
-        landing = self.planned(swinging, command)
-        turn = turned_by(1j * landing.yaw)
-        start = self._weights(omega).start
+        turn = turned_by(1j * command.turn * self._time)
+        start = weights(omega, self._time, self.transfer).start
         return start, turn * self.start_of(swinging, command, omega, 0j) + start * here
-
-    def _weights(self, omega: float) -> Weights:
-        return weights(omega, self._time, self.transfer)
 
     def adjusted(
         self, swinging: int, planned: Landing, xi: Divergent, foot: complex, after: tuple[float, complex]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cmath import exp as turned_by
 from dataclasses import dataclass, fields
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -75,7 +76,9 @@ class Stride:
     def changed(self, **changes: Any) -> Stride:
         """Return it with some of its values changed: as ``dataclasses.replace``, in a tenth of the time."""
         other = object.__new__(Stride)
-        other.__dict__.update(self.__dict__, **changes)
+        values = other.__dict__
+        values |= self.__dict__
+        values |= changes
         return other
 
     @property
@@ -121,15 +124,17 @@ class Stride:
 
     def numbers(self) -> Vector:
         """Return it as numbers, shape (:data:`NUMBERS`,)."""
-        return np.array([complex(getattr(self, name)) for name in _NAMES]).view(float)
+        return np.array(_VALUES(self), dtype=complex).view(float)
 
     @classmethod
     def of(cls, numbers: Vector) -> Stride:
         """Return what numbers (:data:`NUMBERS`,) tell."""
         values: list[complex] = numbers.copy().view(complex).tolist()
-        named = zip(_NAMES, values, strict=True)
-        told: dict[str, Any] = {name: value if name in _PLACES else value.real for name, value in named}
-        return cls(**told)
+        stride: Stride = object.__new__(cls)
+        stride.__dict__.update(
+            (name, value if place else value.real) for name, place, value in zip(_NAMES, _PLACES, values, strict=True)
+        )
+        return stride
 
 
 def eased(share: float) -> float:
@@ -138,6 +143,7 @@ def eased(share: float) -> float:
 
 
 _NAMES = [field.name for field in fields(Stride)]
-_PLACES = {field.name for field in fields(Stride) if isinstance(field.default, complex)}
+_PLACES = [isinstance(field.default, complex) for field in fields(Stride)]
+_VALUES = attrgetter(*_NAMES)
 NUMBERS = 2 * len(_NAMES)
 """How many numbers tell a stride."""

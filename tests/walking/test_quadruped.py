@@ -25,7 +25,9 @@ def measured(loop: WalkingLoop, posture: np.ndarray, yaw: float, forces: list[fl
     """Return what the engine makes of a robot that is turned by a yaw, somewhere, its left pair standing."""
     base = np.array([0.7, -0.4, 0.3, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
     motion = np.array([0.5 * math.cos(yaw), 0.5 * math.sin(yaw), 0.0, 0.0, 0.0, 0.0])
-    return loop.engine.measured(Stride(), loop.engine.body.seen(posture, 0 * posture, base, motion), forces)
+    return loop.engine.measured(
+        Stride(), loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, motion])), forces
+    )
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +45,7 @@ def test_the_line_between_the_feet_of_a_pair_tells_its_heading(loop: WalkingLoop
     assert turned.com == pytest.approx(level.com, abs=1e-12)
     assert turned.xi == pytest.approx(level.xi, abs=1e-12)
     assert turned.heading - level.heading == pytest.approx(0.8)
-    seen = loop.engine.body.seen(posture, 0 * posture, np.array([0, 0, 0.3, 1, 0, 0, 0.0]), np.zeros(6))
+    seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, [0, 0, 0.3, 1, 0, 0, 0], np.zeros(6)]))
     front, rear = (np.array(seen.feet[foot].translation()[:2]) for foot in (2, 3))  # of the left pair
     flat = complex(*(front - rear))
     place = complex(*(seen.com[:2] - (front + rear) / 2)) / flat * abs(flat)

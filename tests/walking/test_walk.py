@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
@@ -34,7 +34,7 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     engine, body = loop.engine, loop.engine.body
     posture = engine.standing(loop.start)[1]
     base = np.array([0, 0, 1.0, 1, 0, 0, 0])
-    seen = body.seen(posture, np.zeros(len(posture)), base, np.zeros(6))
+    seen = body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
     apart = seen.feet[0].inverse() @ seen.feet[1]
     assert apart.translation() == pytest.approx([0, engine.steps.beside(1).imag, 0], abs=2e-6)
     assert apart.rotation().IsNearlyIdentity(2e-6)
@@ -46,8 +46,9 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     wanted = [RigidTransform(body.facing @ (foot.translation() * [1, 1, 0])) for foot in seen.feet]
     wanted[0] = RigidTransform([0.03, 0, 0.02]) @ wanted[0]
     root = RigidTransform([0, 0, float(1.0 - seen.feet[0].translation()[2])])
-    found = body.posture(posture, root, wanted, 30)
-    there = body.seen(found, np.zeros(len(found)), base, np.zeros(6)).feet
+    body.take(posture)
+    found = body.reached(root, wanted, 30)
+    there = body.seen(np.concatenate([found, 0 * found, base, np.zeros(6)])).feet
     step = body.facing @ (there[0].translation() - there[1].translation())
     assert step[[0, 2]] == pytest.approx([0.03, 0.02], abs=1e-5)
     assert builder is not None
@@ -115,19 +116,15 @@ class TestWhatLasts:
         assert self.walked(heading=0.1).aside < 0 < self.walked(heading=-0.1).aside
 
 
-def test_it_finds_a_slope_that_it_was_not_told_of() -> None:
-    """Blind, it leans with the ground; else the soles lie on that and the trunk stays upright."""
-    settings = {
-        "floor.incline_deg": 6,
-        "floor.heading_deg": 90,
-        "controllers.walk.commands": [{"time": 0.5, "ahead": 0.15}],
-    }
-    leans = []
-    for gait in ({}, {"feedback": None}):
-        run = simulate(load_station("zjudancer_walking", {**settings, "controllers.walk.gait": gait}), duration=5.0)
-        upright = 1 - 2 * (run["base.qx"] ** 2 + run["base.qy"] ** 2)
-        leans.append(float(np.rad2deg(np.arccos(upright[run.times > 4.0])).mean()))
-    assert leans[0] < 0.7 * leans[1]
+def test_soles_tell_the_slope_under_them() -> None:
+    builder, loop = loop_of("zjudancer_walking", {})
+    posture = loop.engine.standing(loop.start)[1]
+    turn = RotationMatrix.MakeYRotation(-np.arctan(0.1)) @ RotationMatrix.MakeXRotation(0.05)
+    turn = RotationMatrix.MakeZRotation(0.7) @ turn @ RotationMatrix.MakeZRotation(-np.pi / 2)  # it looks along y
+    base = [0, 0, 0.5, *turn.ToQuaternion().wxyz()]
+    seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
+    assert loop.engine.measured(Stride(), seen).slope == pytest.approx(0.1 + 0.05j, abs=1e-3)
+    assert builder is not None
 
 
 def ahead(result: Any, facing: tuple[float, float]) -> float:

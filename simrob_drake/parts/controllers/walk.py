@@ -223,8 +223,8 @@ class WalkingLoop(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next posture."""
-        values = [read[name] for name in _READ]
-        blind = 0.0 if math.isfinite(sum(value @ value for value in values)) else 1.0
+        seen = np.concatenate([read[name] for name in _READ])
+        blind = 0.0 if math.isfinite(seen.sum()) else 1.0
         told: dict[str, Vector | float] = {} if memory["blind"][0] == blind else {"blind": blind}
         if not read[TIME][0]:  # what a hand asked for in another run is past
             told["hand"] = np.zeros(4)
@@ -234,7 +234,7 @@ class WalkingLoop(SampledBlock):
             return {**told, **self._readied(memory)}
         stride, posture, engine = Stride.of(memory["stride"]), memory["posture"], self.engine
         command = self._commanded(memory, read, told)
-        measured = None if blind else engine.measured(stride, engine.body.seen(*values), self._forces(stride, read))
+        measured = None if blind else engine.measured(stride, engine.body.seen(seen), self._forces(stride, read))
         after, target = engine.sample(stride, posture, command, measured)
         if measured is not None:
             told["capture"] = np.array([measured.xi.real, measured.xi.imag])
@@ -280,7 +280,7 @@ class WalkingLoop(SampledBlock):
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
         engine, begun = self.engine, Stride()
-        seen = engine.measured(begun, engine.body.seen(*(read[name] for name in _READ)))
+        seen = engine.measured(begun, engine.body.seen(np.concatenate([read[name] for name in _READ])))
         stride, posture = engine.standing(self.start, seen.slope)
         far = np.abs(posture - read["position"]).max()
         return {

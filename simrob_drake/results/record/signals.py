@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
+from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site
 from simrob_drake.results.record.history import History, PlantSlice, plant_slice
@@ -45,6 +46,7 @@ class Sampler:
         self._context = diagram.CreateDefaultContext()
         self._plant_slice = plant_slice(diagram, self._plant, self._context)
         self._of_state = {site.outputs[name]: how for name, how in site.of_state.items()}
+        self._recorded = _recorded(diagram, self._context)
         self.history = history
 
     @property
@@ -76,6 +78,7 @@ class Sampler:
         linear = [port for port in ports if port == state_port or port in self._of_state]
         if linear and where is not None:  # the state was recorded
             known[state_port] = states.continuous[:, where.positions.start : where.velocities.stop]
+        known |= {port: states.discrete[self._recorded[port]] for port in ports if port in self._recorded}
         wanted = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
         known |= self._evaluated([port for port in wanted if port not in known], states)
         known |= {port: self._of_state[port].of(known[state_port]) for port in linear if port != state_port}
@@ -140,6 +143,18 @@ class Sampler:
             plant.SetPositions(context, state[where.positions])
             rates[row] = plant.MapVelocityToQDot(context, state[where.velocities])
         return rates
+
+
+def _recorded(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
+    """Return which discrete group of a diagram each output is that hands on what a block remembers."""
+    found, groups = dict[OutputPort, int](), 0
+    for system in diagram.GetSystems():
+        own = _recorded(system, root) if isinstance(system, Diagram) else {}
+        if isinstance(system, SampledBlock):
+            own = {system.GetOutputPort(name): group for name, group in system.outputs.items()}
+        found |= {port: groups + group for port, group in own.items()}
+        groups += system.GetMyContextFromRoot(root).num_discrete_state_groups()
+    return found
 
 
 def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
