@@ -33,7 +33,8 @@ LOADS = {"zjudancer": 0.7, "roid1": 0.2, "humanoid": 0.3, "yobotics": 1.4}  # kg
 FELLS = {"zjudancer": 50.0, "roid1": 22.0}  # N, for 0.1 s: surely
 COMMANDS, GAIT, PATH = "controllers.walk.commands", "controllers.walk.gait", "controllers.walk.path"
 STEPS = {"kind": "steps", "height": 0.01, "size": 0.1, "length": 3}
-FAR, BESIDE, TURNED = 0.8, 0.15, (90.0, 10.0)  # of the way; from the path [m]; turned, and how far off that [deg]
+FAR, FARTHEST = 0.5, 0.8  # of the way: at least, and in a long walk
+BESIDE, TURNED = 0.15, (90.0, 10.0)  # from the path [m]; turned, and how far off that [deg]
 
 
 def ahead(speed: float) -> list[dict[str, float]]:
@@ -76,8 +77,8 @@ class Walked:
     """How a robot walked.
 
     Attributes:
-        holds: whether it did to the end what was asked for: 0.8 of the way ahead, the turn within 10°, or the whole
-            path within 0.15 m.
+        holds: whether it did to the end what was asked for: half of the way ahead (0.8 of a long one), the turn
+            within 10°, or the whole path within 0.15 m.
         figures: in words.
     """
 
@@ -85,22 +86,27 @@ class Walked:
     figures: str
 
     @classmethod
-    def of(cls, robot: str, name: str, result: SimulationResult, seconds: float) -> "Walked":
+    def of(cls, task: "Task", result: SimulationResult, seconds: float) -> "Walked":
         """Look at a run that took some time of a processor [s]."""
+        robot, name = task.robot, task.name
         told, settings = locomotion(result), tasks(robot)[name]
         yaw, place, duration = np.rad2deg(told.yaw), result.pose("base")[::20, :2] @ [1, 1j], settings["duration"]
         way = float(np.abs(np.diff(place[::5])).sum())
-        words = [result.message, f"{told.ahead:.2f} m ahead", f"{told.drift:.2f} m aside", f"way {way:.1f} m"]
+        words = ["as thought" if task.seed is None else f"draw {task.seed}", result.message]
+        words += [f"{told.ahead:.2f} m ahead", f"{told.drift:.2f} m aside", f"way {way:.1f} m"]
         if name == "turn":
             fits = abs(yaw - TURNED[0]) <= TURNED[1]
         elif name == "eight":
             curve = curve_of(eight(robot))
             off = float(np.abs(place[:, np.newaxis] - curve).min(axis=1).max())
             words.append(f"{off:.3f} m beside the path")
-            fits = off <= BESIDE and abs(place[-1] - curve[-1]) < BESIDE and way > FAR * np.abs(np.diff(curve)).sum()
+            fits = (
+                off <= BESIDE and abs(place[-1] - curve[-1]) < BESIDE and way > FARTHEST * np.abs(np.diff(curve)).sum()
+            )
         else:
             (command,) = settings[COMMANDS]
-            fits = told.ahead >= FAR * command["ahead"] * (duration - command["time"])
+            far = FARTHEST if name == "long" else FAR
+            fits = told.ahead >= far * command["ahead"] * (duration - command["time"])
         words += [f"turned {yaw:.0f} deg", f"tilt {np.rad2deg(told.tilt):.1f} deg"]
         words.append(f"{result.times[-1] / seconds:.1f} x real time")
         return cls(bool(fits) and result.ending == "completed", " | ".join(words))
@@ -128,7 +134,7 @@ class Task:
             config = load_station(f"{self.robot}_walking", {**settings, **drawn(config, self.seed)})
         began = process_time()
         result = simulate(config, progress=False)
-        return Walked.of(self.robot, self.name, result, process_time() - began)
+        return Walked.of(self, result, process_time() - began)
 
     def fallen(self) -> Outcome:
         """Walk, and be pushed as the walk mostly does not withstand; with or without guards, as the name says."""
@@ -170,7 +176,7 @@ def walks(pool: Processes, robot: str, name: str, seeds: int, changes: Mapping[s
     asked = [Task(robot, name, seed, changes) for seed in range(seeds)] or [Task(robot, name, None, changes)]
     holds = 0
     for told in pool.outcomes(Task.walked, asked, died):
-        print(robot, name, told.figures, "" if told.holds else "| fails", flush=True)
+        print(robot, name, told.figures + ("" if told.holds else " | fails"), flush=True)
         holds += told.holds
     print(f"{robot} {name}: {holds} of {len(asked)} hold", flush=True)
 
