@@ -98,11 +98,10 @@ class Walked:
             fits = abs(yaw - TURNED[0]) <= TURNED[1]
         elif name == "eight":
             curve = curve_of(eight(robot))
+            whole = way > FARTHEST * np.abs(np.diff(curve)).sum() and abs(place[-1] - curve[-1]) < BESIDE
             off = float(np.abs(place[:, np.newaxis] - curve).min(axis=1).max())
             words.append(f"{off:.3f} m beside the path")
-            fits = (
-                off <= BESIDE and abs(place[-1] - curve[-1]) < BESIDE and way > FARTHEST * np.abs(np.diff(curve)).sum()
-            )
+            fits = whole and off <= BESIDE
         else:
             (command,) = settings[COMMANDS]
             far = FARTHEST if name == "long" else FAR
