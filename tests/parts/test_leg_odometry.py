@@ -2,6 +2,7 @@
 
 import gc
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.teach import loops
+from simrob_drake.yaml_files import read_yaml
 
 PERIOD, GRAVITY = 0.005, np.array([0.0, 0.0, -9.80665])
 NAMES = "base_pose", "base_velocity", "bias", "lowest", "places", "shares"
@@ -246,6 +248,17 @@ def test_sensors_that_nothing_reads_go_through_a_run_once(monkeypatch):
     result = simulate(load_station("zjudancer_dynamic", STANDING), duration=0.1, progress=False)
     assert len(seen) == 21
     assert np.ptp(result["base_pose.odometry.x"]) > 0
+
+
+@pytest.mark.parametrize("robot", ["zjudancer", "roid1", "humanoid", "yobotics"])
+def test_a_walk_goes_on_the_sensors_of_the_example_alone(robot):
+    """What it has the robot do comes of what they tell: not quite of the true state."""
+    told = read_yaml(Path(__file__).parents[2] / "examples" / "loops" / "on_sensors.yaml")
+    ends = [simulate(load_station(f"{robot}_walking", changes), duration=0.1, progress=False) for changes in ({}, told)]
+    assert {name for name in ends[1].names if ".odometry." in name}
+    assert not ends[1]["walk.blind"].any()
+    asked = [name for name in ends[0].names if name.startswith(("walk.capture", "walk.target"))]
+    assert 1e-6 < max(np.abs(ends[1][name] - ends[0][name]).max() for name in asked) < 0.02
 
 
 def test_it_stands_in_the_picture_of_a_station_on_a_slope():
