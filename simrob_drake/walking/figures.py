@@ -94,9 +94,9 @@ class Feedback(Strict):
     ground: NotNegative = 1.0
     """How fast the slope that feet are laid on comes to that of the foot that stands [1/s]; 0 on a level floor."""
     touch: Positive | None = None
-    """Upward force on a foot from which it touches [N], where `reads` names sensors of the feet, in the world's axes; by
-    their heights without. A foot of a pair that feels it waits for the other one, and one that stands and does not is
-    sought downward if `late` is."""
+    """Upward force on a foot from which it touches [N], where `reads` names sensors of the feet, in the world's axes;
+    by their heights without. A foot of a pair that feels it waits for the other one; one that should stand and does
+    not goes on downward, if late ones do."""
 
 
 class WalkingFigures(Strict):
@@ -147,7 +147,8 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
 
     Args:
         model: the robot, which has a file `walking.yaml` beside its `robot.yaml`.
-        changes: figures in place of its own; a section of theirs, such as ``feedback``, changes what it names.
+        changes: figures in place of its own; a section of theirs, such as ``feedback``, changes what it names, of a
+            list such as ``edge`` the places that it names, from 0 on.
 
     Raises:
         InvalidParameter: a robot without such a file.
@@ -156,8 +157,14 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
     file = model.folder / WALKING_FILE
     if not file.is_file():
         raise InvalidParameter(f"robot {model.name}", "one that has no walk", f"one with a file {WALKING_FILE}")
-    own = dict(read_yaml(file))
-    for key, value in (changes or {}).items():
-        whole = isinstance(value, Mapping) and isinstance(own.get(key), Mapping)
-        own[key] = {**own[key], **value} if whole else value
-    return validated(WalkingFigures, own, file)
+    return validated(WalkingFigures, _changed(read_yaml(file), changes or {}), file)
+
+
+def _changed(own: Any, change: Any) -> Any:
+    """Return a figure, a section or a list of them, changed."""
+    if not isinstance(change, Mapping):
+        return change
+    if isinstance(own, list) and {*change} <= {*map(str, range(len(own)))}:
+        return [_changed(value, change.get(str(place), value)) for place, value in enumerate(own)]
+    known = own if isinstance(own, Mapping) else {}
+    return {**known, **{key: _changed(known.get(key), value) for key, value in change.items()}}
