@@ -42,6 +42,7 @@ pictures: $(READY)  ## renew the block pictures beside the stations, the schemas
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
 	$(BIN)/simrob walk roid1_dynamic --steps 20 --out runs/docs --force
 	cp runs/docs/film_strip.png docs/roid1_walk.png
+	-$(BIN)/python -m docs.teach_pictures  # which needs a browser
 
 hooks: $(READY)  ## let git run ruff and mypy before each commit
 	$(BIN)/pre-commit install

@@ -16,7 +16,7 @@ class TooLarge(NotRead):
     """A file with more bytes than are read."""
 
 
-def content_of(file: Path, largest: int = LARGEST_TEXT) -> bytes:
+def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
     """Return the bytes of a file. Devices and pipes, which may have no end, are not waited for.
 
     Raises:
@@ -48,7 +48,7 @@ def _at_once(file: str, flags: int) -> int:
     raise NotRead("it is a folder" if stat.S_ISDIR(kind) else "it is no regular file")
 
 
-def text_of(file: Path, largest: int = LARGEST_TEXT) -> str:
+def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
     """Return the text of a file in UTF-8, its lines ended by a line feed each; a byte order mark is left out.
 
     Raises:

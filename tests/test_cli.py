@@ -12,7 +12,9 @@ import pytest
 from simrob_drake import Dynamics, Workcell
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
+from simrob_drake.cli.given import given_station
 from simrob_drake.cli.tables import _pose_differences
+from simrob_drake.errors import SimrobError
 from simrob_drake.robots.catalog import load_robot
 
 
@@ -169,6 +171,19 @@ def test_check_says_that_a_robot_starts_below_the_floor(capsys):
     assert run_command(["check", "humanoid_dynamic", "--set", "robot.base=[0,0,0.3,0,0,0]"]) == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "warning base the feet's lowest point is 146.00 mm below the floor at the start" in lines
+
+
+def test_settings_may_stand_in_files(tmp_path):
+    (tmp_path / "stiff.yaml").write_text("servo: {kp: 1234}\nduration: 2\n")
+    (tmp_path / "damped.yaml").write_text("servo: {kd: 56}\n")
+    config = given_station("irb120_dynamic", ["stiff.yaml", "damped.yaml", "servo.torque_limit=78"])
+    assert (config.servo.kp, config.servo.kd, config.servo.torque_limit, config.duration) == (1234, 56, 78, 2)
+    with pytest.raises(SimrobError, match=r"--set servo\.kp=1 is given beside --set servo\.kp; it must be left out"):
+        given_station("irb120_dynamic", ["stiff.yaml", "servo.kp=1"])
+    with pytest.raises(SimrobError, match=r"--set stiff\.yaml is given beside --duration"):
+        given_station("irb120_dynamic", ["stiff.yaml"], duration=1)
+    with pytest.raises(SimrobError, match=r"no\.yaml: cannot be read"):
+        given_station("irb120_dynamic", ["no.yaml"])
 
 
 MISTAKES = {

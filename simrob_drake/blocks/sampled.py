@@ -1,5 +1,6 @@
 """A block that looks around once a sample: what it remembers, by name, is discrete state; outputs are parts of it."""
 
+import math
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from itertools import pairwise
@@ -27,16 +28,19 @@ class RunEnds(Exception):
 
 
 class _Remembered(dict[str, Vector]):
-    """What a block remembers by name, looked at when it is needed: looking is most of what a sample costs."""
+    """What a block remembers by name, looked at when it is needed: looking is most of what a sample costs.
+
+    All are copies, which a block may keep: a view would hold on to a context that is Drake's, and is gone with the run.
+    """
 
     def __init__(self, values: DiscreteValues, told: Mapping[str, int], group: int, kept: Mapping[str, slice]) -> None:
         self._values, self._told, self._group, self._kept = values, told, group, kept
 
     def __missing__(self, name: str) -> Vector:
         if name in self._told:
-            known: dict[str, Vector] = {name: self._values.value(self._told[name])}
+            known: dict[str, Vector] = {name: self._values.value(self._told[name]).copy()}
         else:
-            whole = self._values.value(self._group)
+            whole = self._values.value(self._group).copy()
             known = {name: whole[part] for name, part in self._kept.items()}
         self.update(known)
         return known[name]
@@ -52,7 +56,7 @@ class _Read(dict[str, Vector]):
         if name == TIME:
             value: Vector = np.array([self._context.get_time()])
         else:
-            value = self._block.EvalVectorInput(self._context, self._inputs[name]).value()
+            value = self._block.EvalVectorInput(self._context, self._inputs[name]).value().copy()
         self[name] = value
         return value
 
@@ -160,7 +164,7 @@ class SampledBlock(Block):
                 kept[self._kept[name]] = value
         for name, (waiting, told) in self._late.items():
             now = np.atleast_1d(changed[name] if name in changed else memory[name])
-            line = context.get_discrete_state(waiting).value().reshape(self._delay, len(now))
-            line = np.tile(now, (self._delay, 1)) if np.isinf(line).any() else line  # the first sample
-            discrete.set_value(waiting, np.vstack([line[1:], now]).ravel())
-            discrete.set_value(told, line[0])
+            line = context.get_discrete_state(waiting).value()
+            line = np.tile(now, self._delay) if math.isinf(line[-1]) else line  # the first sample
+            discrete.set_value(waiting, np.concatenate([line[len(now) :], now]))
+            discrete.set_value(told, line[: len(now)])

@@ -1,6 +1,6 @@
 """What the arguments and options of a command ask for, and those that would do nothing."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +8,8 @@ from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
-from simrob_drake.yaml_files import parse_yaml, read_yaml
+from simrob_drake.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
 
-YAML_SUFFIXES = (".yaml", ".yml")
 _PROGRAM_KEYS = {"moves", "references"}
 ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml")
 
@@ -22,7 +21,7 @@ def given_station(
 
     Args:
         station: a name or a file.
-        settings: texts of the form ``key.path=value``.
+        settings: texts of the form ``key.path=value``, or YAML files.
         allow_code: whether it may name code that is run.
         options: values of the options that mean a key of the station and are called like it; None if not given.
 
@@ -31,12 +30,39 @@ def given_station(
     """
     overrides = {key: value for key, value in options.items() if value is not None}
     called = {key: f"--{key}" for key in overrides}
-    for key, text in texts_by_key(settings, "--set"):
-        if key in overrides:
-            raise InvalidParameter(f"--set {key}={text}", f"given beside {called[key]}", "left out, or the only one")
-        overrides[key] = parse_yaml(text, f"--set {key}={text}")
-        called[key] = f"--set {key}"
-    return load_station(station, overrides, called=called, allow_code=allow_code)
+    changed = changes_of(settings, "--set", beside=called)
+    called |= {key: f"--set {key}" for key in changed}
+    return load_station(station, {**overrides, **changed}, called=called, allow_code=allow_code)
+
+
+def changes_of(given: list[str] | None, option: str, *, beside: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Return changes of a station by their dotted keys.
+
+    Args:
+        given: texts of the form ``key.path=value``, and YAML files with sections of a station.
+        option: that they are given as.
+        beside: what else is given, by the keys that it means.
+
+    Raises:
+        SimrobError: given in another form, twice, or a file that cannot be read.
+    """
+    found, called = dict[str, Any](), dict(beside or {})
+    for one in given or []:
+        for key, value in _told(one, option):
+            if key in called:
+                raise InvalidParameter(f"{option} {one}", f"given beside {called[key]}", "left out, or the only one")
+            found[key], called[key] = value, f"{option} {key}"
+    return found
+
+
+def _told(one: str, option: str) -> Iterator[tuple[str, Any]]:
+    if "=" in one or Path(one).suffix.lower() not in YAML_SUFFIXES:
+        for key, text in texts_by_key([one], option):
+            yield key, parse_yaml(text, f"{option} {one}")
+        return
+    for name, section in read_yaml(Path(one)).items():
+        entries = section.items() if isinstance(section, Mapping) else ()
+        yield from ((f"{name}.{key}", value) for key, value in entries) if entries else [(name, section)]
 
 
 def texts_by_key(given: list[str] | None, option: str) -> Iterator[tuple[str, str]]:

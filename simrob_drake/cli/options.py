@@ -16,7 +16,11 @@ from simrob_drake.yaml_files import validated
 StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY.PATH=VALUE", help="Change a key of the station; may be given several times."),
+    typer.Option(
+        "--set",
+        metavar="KEY.PATH=VALUE|FILE",
+        help="Change a key of the station, or all that a YAML file has; may be given several times.",
+    ),
 ]
 AllowCode = Annotated[bool, typer.Option("--allow-code", help="Run the Python code that the station's file names.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]

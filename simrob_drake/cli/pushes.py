@@ -10,11 +10,11 @@ import typer
 from rich.table import Table
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.given import refuse, texts_by_key
+from simrob_drake.cli.given import changes_of, refuse
 from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers
 from simrob_drake.cli.screen import console
 from simrob_drake.results.files import default_folder
-from simrob_drake.yaml_files import parse_yaml, validated
+from simrob_drake.yaml_files import validated
 
 _SIDES = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
 
@@ -80,8 +80,8 @@ def pushes(
         refuse("given with --vary", **of_burdens)
     given = {
         "station": str(Path(station).resolve()) if Path(station).is_file() else station,
-        "overrides": _changes(set_, "--set"),
-        "beside": _changes(beside, "--beside"),
+        "overrides": changes_of(set_, "--set"),
+        "beside": changes_of(beside, "--beside"),
         "seeds": seeds,
         "close": close,
         "at": at,
@@ -97,10 +97,6 @@ def pushes(
     console.print(_table(asked.summary(rows)))
     console.print(f"table {folder / f'{asked.name}.csv'}", soft_wrap=True, highlight=False)
     return ExitCode.DONE
-
-
-def _changes(given: list[str] | None, option: str) -> dict[str, Any]:
-    return {key: parse_yaml(text, f"{option} {key}") for key, text in texts_by_key(given, option)}
 
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {

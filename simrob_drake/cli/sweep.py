@@ -12,13 +12,12 @@ import typer
 from rich.table import Table
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.given import refuse, texts_by_key
+from simrob_drake.cli.given import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Scheduler, Settings, Workers
 from simrob_drake.cli.saving import prepared_folder, saved
 from simrob_drake.cli.screen import console
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.files import default_folder
-from simrob_drake.yaml_files import parse_yaml
 
 if TYPE_CHECKING:
     from simrob_drake.tuning.rollout import Row
@@ -71,9 +70,7 @@ def sweep(
         asked = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
             vary=dict(texts_by_key(vary, "--vary")),
-            overrides=beside(
-                {key: parse_yaml(text, f"--set {key}") for key, text in texts_by_key(set_, "--set")}, Path.cwd()
-            ),
+            overrides=beside(changes_of(set_, "--set"), Path.cwd()),
             seeds=seeds,
         )
         folder = out or default_folder(f"{Path(station).stem}-sweep")

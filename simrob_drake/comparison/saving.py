@@ -10,6 +10,7 @@ import numpy as np
 
 from simrob_drake.comparison.account import Account, Difference, Quantity, apart, together
 from simrob_drake.folders import filled_at_once
+from simrob_drake.given import path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,13 +22,15 @@ _SMALLEST = 1e-4
 _HEADINGS = ("engine", "quantity", "unit", "largest", "at", "error", "within")
 
 
-def save_comparison(accounts: list[Account], found: list[Difference], folder: Path, *, force: bool = False) -> None:
+def save_comparison(
+    accounts: list[Account], found: list[Difference], folder: Path | str, *, force: bool = False
+) -> None:
     """Write ``engines.csv`` and ``engines.png``.
 
     Raises:
         OutputError: the folder cannot be written, or is there and not to be replaced.
     """
-    with filled_at_once(folder, marker=NUMBERS, force=force) as work:
+    with filled_at_once(path(folder, "folder"), marker=NUMBERS, force=force) as work:
         with (work / NUMBERS).open("w", encoding="utf-8", newline="") as file:
             rows = csv.writer(file, lineterminator="\n")
             rows.writerow(_HEADINGS)

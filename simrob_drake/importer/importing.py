@@ -12,6 +12,7 @@ import yaml
 
 from simrob_drake.errors import OutputError
 from simrob_drake.folders import filled_at_once
+from simrob_drake.given import path
 from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import MANIFEST, package_root
@@ -53,8 +54,8 @@ class ImportedRobot:
 
 
 def import_robot(
-    source: Path,
-    folder: Path,
+    source: Path | str,
+    folder: Path | str,
     options: ImportOptions | None = None,
     *,
     force: bool = False,
@@ -75,7 +76,7 @@ def import_robot(
         InvalidModel: a defect that can't be repaired; nothing is written.
         OutputError: the folder cannot be written, exists, or lies within the source.
     """
-    source = source.resolve()
+    source, folder = path(source, "source").resolve(), path(folder, "folder")
     if apart and source.exists():
         _check_apart(source, folder)
     report = ImportReport(source)
@@ -84,15 +85,16 @@ def import_robot(
     return ImportedRobot(load_robot_from_urdf(folder / file), report)
 
 
-def examine_robot(source: Path, options: ImportOptions | None = None) -> ImportedRobot:
+def examine_robot(source: Path | str, options: ImportOptions | None = None) -> ImportedRobot:
     """Do all that an import does, but leave nothing behind; the model's files are gone, its figures are there.
 
     Raises:
         InvalidModel: a defect that can't be repaired.
     """
-    report = ImportReport(source.resolve())
+    source = path(source, "source").resolve()
+    report = ImportReport(source)
     with tempfile.TemporaryDirectory(prefix="simrob-") as work:
-        file = _write(source.resolve(), Path(work), options or ImportOptions(), report, isolated=True)
+        file = _write(source, Path(work), options or ImportOptions(), report, isolated=True)
         model = load_robot_from_urdf(Path(work) / file)
         model.element  # noqa: B018  # read while the file is there
     return ImportedRobot(model, report)

@@ -10,6 +10,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.extras import needed
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
+from simrob_drake.given import path
 
 _OPSET = 17
 _IR = 8
@@ -17,7 +18,7 @@ _IR = 8
 
 
 def write_network(
-    file: Path, layers: Sequence[tuple[Vector, Vector]], *, activation: str = "Tanh", last: str = "Identity"
+    file: Path | str, layers: Sequence[tuple[Vector, Vector]], *, activation: str = "Tanh", last: str = "Identity"
 ) -> Path:
     r"""Write a network of full layers, :math:`x_{l+1} = \sigma(W_l x_l + b_l)`.
 
@@ -30,6 +31,7 @@ def write_network(
     Raises:
         InvalidParameter: layers that do not fit together.
     """
+    file = path(file, "file")
     with needed("writing ONNX", "rl"):
         from onnx import TensorProto, checker, helper, numpy_helper
     for number, (weights, biases) in enumerate(layers):

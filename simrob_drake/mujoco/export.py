@@ -10,6 +10,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.folders import filled_at_once, replaced_at_once, writing
+from simrob_drake.given import path
 from simrob_drake.mujoco.model import STEP
 from simrob_drake.mujoco.runner import MujocoRunner, Wanted
 from simrob_drake.stations.config import StationConfig
@@ -18,7 +19,7 @@ CONTROLS = "controls.csv"
 """The file beside an MJCF file that holds a row of controls for each step."""
 
 
-def save_mjcf(config: StationConfig, file: Path, *, step: float = STEP, force: bool = False) -> list[Path]:
+def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, force: bool = False) -> list[Path]:
     """Write a station as MJCF, and return what was written.
 
     Beside ``station.xml`` a folder ``station_mjcf`` holds the meshes, and the controls over the station's duration: a
@@ -35,6 +36,7 @@ def save_mjcf(config: StationConfig, file: Path, *, step: float = STEP, force: b
         InvalidParameter: a station that MJCF cannot say, or another ending.
         OutputError: the file is there, or the disk does not take it.
     """
+    file = path(file, "file")
     if file.suffix != ".xml":
         raise InvalidParameter("--mjcf", str(file), "a file that ends in .xml")
     if file.exists() and not force:

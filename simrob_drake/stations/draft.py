@@ -10,6 +10,7 @@ from pydrake.geometry import Role
 
 from simrob_drake.blocks.distance_sensor import lowest_points, shape_corners
 from simrob_drake.frames import Vector
+from simrob_drake.given import path
 from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
@@ -28,7 +29,7 @@ _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1
 _ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e-3}
 
 
-def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: Path | None = None) -> str:
+def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, folder: Path | str | None = None) -> str:
     """Return the YAML text of a first station for a URDF, raw or imported; its file will be in a folder.
 
     A robot with a fixed base moves all joints a little way under joint torque, in continuous time if that was tried
@@ -39,13 +40,14 @@ def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: P
     Raises:
         InvalidModel: the robot cannot be imported.
     """
-    robot = robot_from_file(urdf, options)
+    file, home = path(urdf, "urdf"), None if folder is None else path(folder, "folder")
+    robot = robot_from_file(file, options)
     kinematic = bool(robot.links_without_inertia)
     floating = robot.base == "floating" and not kinematic
     content: dict[str, Any] = {
         "description": f"{robot.name}: first station",
         "mode": "kinematic" if kinematic else "dynamic",
-        "robot": _robot(robot, urdf.resolve(), options, folder),
+        "robot": _robot(robot, file.resolve(), options, home),
     }
     if not kinematic:
         content["servo"] = _servo(robot, "implicit" if floating else "per_joint")
@@ -59,12 +61,12 @@ def draft_station(urdf: Path, options: ImportOptions | None = None, *, folder: P
     if not kinematic:
         content["solver"] = _ON_FEET if floating else _ARM
     content["duration"] = 3.0
-    creeps = not kinematic and not floating and not gets_through(_config(content, urdf))
+    creeps = not kinematic and not floating and not gets_through(_config(content, file))
     if creeps:
         content["solver"] = _DISCRETE
         content["servo"]["realization"] = "implicit"
     return (
-        _header(robot, urdf, kinematic)
+        _header(robot, file, kinematic)
         + _CREEPS * creeps
         + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     )

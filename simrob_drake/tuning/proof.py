@@ -8,6 +8,7 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidConfig
 from simrob_drake.folders import written_at_once
+from simrob_drake.given import path
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.doubts import Change, doubts
 from simrob_drake.tuning.proof_page import page
@@ -89,14 +90,14 @@ class ProofFolder:
         cases: all of its runs.
     """
 
-    def __init__(self, folder: Path, proof: Proof, *, force: bool = False) -> None:
+    def __init__(self, folder: Path | str, proof: Proof, *, force: bool = False) -> None:
         """Begin a proof in a new folder, or go on with the same one.
 
         Raises:
             SimrobError: a station that cannot be, or has changed since; a folder that holds something else.
         """
-        self.folder, self.proof, self.cases = folder, proof, proof.cases()
-        journal.take(folder, PROVE, proof, self.cases[0].scene().digest, force=force)
+        self.folder, self.proof, self.cases = path(folder, "folder"), proof, proof.cases()
+        journal.take(self.folder, PROVE, proof, self.cases[0].scene().digest, force=force)
 
     def run(
         self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from simrob_drake.errors import SimrobError
 from simrob_drake.quantities import Positive
+from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.yaml_files import Strict
@@ -43,6 +44,7 @@ class Case:
             :mod:`simrob_drake.tuning.scene`.
         shown: what the table tells of the case, by column.
         seed: the seed of its noise.
+        drawn: whether it is of that seed's robot and floor, too: of its posture, masses and friction.
         allow_code: whether the station may name Python code.
         margin: what is asked beside the run, if anything; the run itself is then without that push.
     """
@@ -52,6 +54,7 @@ class Case:
     overrides: Mapping[str, Any]
     shown: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
+    drawn: bool = False
     allow_code: bool = False
     margin: Margin | None = None
 
@@ -61,7 +64,11 @@ class Case:
         Raises:
             SimrobError: what cannot be.
         """
-        return Scene.of(self.station, self.overrides, allow_code=self.allow_code)
+        scene = Scene.of(self.station, self.overrides, allow_code=self.allow_code)
+        if not self.drawn:
+            return scene
+        changes = {**drawn(scene.config, self.seed), **self.overrides}
+        return Scene.of(self.station, changes, allow_code=self.allow_code)
 
     def row(self, ended: str, message: str, **figures: Any) -> Row:
         """Return the case and its end as a row."""

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from simrob_drake.errors import InvalidConfig, one_of
 from simrob_drake.frames import Vector
+from simrob_drake.given import path
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.stations.load import load_station
 from simrob_drake.tuning.measures import UNITS
@@ -73,6 +74,8 @@ class Conditions(Strict):
     """Changes of the station, such as other loads, moves and pushes."""
     seeds: list[int] = Field(default=[0], min_length=1)
     """Of all that is random in it."""
+    drawn: bool = False
+    """Whether each seed is another robot on another floor, too: joints 0.5° beside, other masses, other friction."""
 
 
 class Study(Strict):
@@ -106,13 +109,14 @@ class Study(Strict):
     """Conditions that the search never sees."""
 
     @classmethod
-    def read(cls, file: Path) -> Self:
+    def read(cls, file: Path | str) -> Self:
         """Return the study that a file holds.
 
         Raises:
             InvalidConfig: it is none.
             SimrobError: a station, a key or a measure that there is not.
         """
+        file = path(file, "file")
         study = validated(cls, read_yaml(file), file)
         own = file.parent / study.station
         if own.is_file():
@@ -168,12 +172,16 @@ class Study(Strict):
     def cases(self, figures: Figures, conditions: Conditions, first: int = 1) -> list[Case]:
         """Return the runs that tell what figures cost, numbered from ``first``."""
         runs = [(case, seed) for case in conditions.cases for seed in conditions.seeds]
-        return [self._case(number, figures, case, seed) for number, (case, seed) in enumerate(runs, start=first)]
+        return [
+            self._case(number, figures, case, seed, drawn=conditions.drawn)
+            for number, (case, seed) in enumerate(runs, start=first)
+        ]
 
-    def _case(self, number: int, figures: Figures, case: Mapping[str, Any], seed: int) -> Case:
+    def _case(self, number: int, figures: Figures, case: Mapping[str, Any], seed: int, *, drawn: bool) -> Case:
         changed = {**self.overrides, **case}
         streams = _streams(self.station, json.dumps(of_station(changed), sort_keys=True), seed)
-        return Case(number, self.station, {**changed, **streams, **figures}, figures, seed, margin=self.margin)
+        overrides = {**changed, **streams, **figures}
+        return Case(number, self.station, overrides, figures, seed, drawn=drawn, margin=self.margin)
 
     def judged(self, row: Row) -> tuple[Vector, float]:
         """Return what a run costs, shape (aims,), and by which part it breaks limits, which is in these, too."""

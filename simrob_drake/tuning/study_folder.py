@@ -14,6 +14,7 @@ from simrob_drake.errors import InvalidConfig
 from simrob_drake.extras import needed
 from simrob_drake.folders import alone_in, writing, written_at_once
 from simrob_drake.frames import Vector
+from simrob_drake.given import path
 from simrob_drake.progress import progress_bar
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.engines import Engine, engine
@@ -37,7 +38,7 @@ class StudyFolder:
         trials: the figures that were tried, and what each cost, in order.
     """
 
-    def __init__(self, folder: Path, study: Study, *, force: bool = False) -> None:
+    def __init__(self, folder: Path | str, study: Study, *, force: bool = False) -> None:
         """Begin a study in a new folder, or go on with the same one.
 
         Raises:
@@ -45,6 +46,7 @@ class StudyFolder:
             OutputError: the folder holds something else, or cannot be written.
             InvalidConfig: its station has changed since it began.
         """
+        folder = path(folder, "folder")
         self.folder, self.study = folder, study
         study.check(folder / STUDY)
         digest = study.cases(study.start, study.search)[0].scene().digest
@@ -60,13 +62,14 @@ class StudyFolder:
         self._asked = 0
 
     @classmethod
-    def there(cls, folder: Path) -> "StudyFolder":
+    def there(cls, folder: Path | str) -> "StudyFolder":
         """Return the study that stands in a folder.
 
         Raises:
             InvalidConfig: there is none, it is damaged, or its station has changed since.
         """
-        return cls(folder, validated(Study, journal.asked_of(folder, STUDY), folder / STUDY))
+        place = path(folder, "folder")
+        return cls(place, validated(Study, journal.asked_of(place, STUDY), place / STUDY))
 
     @property
     def best(self) -> tuple[Figures, Vector]:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from simrob_drake.given import path
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.rollout import Row, killed, rollout
 from simrob_drake.tuning.sweep import Sweep
@@ -21,7 +22,7 @@ class SweepFolder:
         cases: all of its runs.
     """
 
-    def __init__(self, folder: Path, sweep: Sweep, *, force: bool = False, allow_code: bool = False) -> None:
+    def __init__(self, folder: Path | str, sweep: Sweep, *, force: bool = False, allow_code: bool = False) -> None:
         """Begin a sweep in a new folder, or go on with the same one.
 
         Args:
@@ -35,18 +36,19 @@ class SweepFolder:
             OutputError: the folder holds something else, or cannot be written.
             InvalidConfig: its station has changed since it began.
         """
-        self.folder, self.sweep = folder, sweep
+        self.folder, self.sweep = path(folder, "folder"), sweep
         self.cases = sweep.cases(allow_code=allow_code)
-        journal.take(folder, SWEEP, sweep, self.cases[0].scene().digest, force=force)
+        journal.take(self.folder, SWEEP, sweep, self.cases[0].scene().digest, force=force)
 
     @classmethod
-    def there(cls, folder: Path, *, allow_code: bool = False) -> "SweepFolder":
+    def there(cls, folder: Path | str, *, allow_code: bool = False) -> "SweepFolder":
         """Return the sweep that stands in a folder.
 
         Raises:
             InvalidConfig: there is none, it is damaged, or its station has changed since.
         """
-        return cls(folder, validated(Sweep, journal.asked_of(folder, SWEEP), folder / SWEEP), allow_code=allow_code)
+        place = path(folder, "folder")
+        return cls(place, validated(Sweep, journal.asked_of(place, SWEEP), place / SWEEP), allow_code=allow_code)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
         """Make the runs that are not done yet, write the table and the plots of all, and return the rows.

@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from simrob_drake.folders import written_at_once
+from simrob_drake.given import path
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.push_map import PushMap
 from simrob_drake.tuning.push_picture import save_push_picture
@@ -18,7 +19,7 @@ from simrob_drake.yaml_files import validated
 class WalkingFolder:
     """Trials of a robot that walks, in a folder."""
 
-    def __init__(self, folder: Path, asked: Walking, *, force: bool = False, allow_code: bool = False) -> None:
+    def __init__(self, folder: Path | str, asked: Walking, *, force: bool = False, allow_code: bool = False) -> None:
         """Begin trials in a new folder, or go on with the same ones.
 
         Args:
@@ -32,10 +33,10 @@ class WalkingFolder:
             OutputError: the folder holds something else, or cannot be written.
             InvalidConfig: the station has changed since they began.
         """
-        self.folder, self._asked = folder, asked
+        self.folder, self._asked = path(folder, "folder"), asked
         digest = asked.check(allow_code=allow_code)
         self._trials = asked.trials(allow_code=allow_code)
-        journal.take(folder, f"{asked.name}.yaml", asked, digest, force=force)
+        journal.take(self.folder, f"{asked.name}.yaml", asked, digest, force=force)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
         """Make the trials that are not made yet, write table, summary and picture, and return the rows of the table.
@@ -56,7 +57,7 @@ class WalkingFolder:
 
 
 def push_map(
-    station: str, folder: Path | None = None, *, workers: int | None = None, progress: bool = True, **asked: Any
+    station: str, folder: Path | str | None = None, *, workers: int | None = None, progress: bool = True, **asked: Any
 ) -> list[Row]:
     """Push a robot that walks, and return a row for each direction, moment, draw and set of settings.
 

@@ -31,6 +31,7 @@ _TOUCHES = 0.001  # over the lowest foot [m]
 _TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
 _STILL = 2.0  # times what is let be of a walk is let be of a robot that stands
 _BRACED, _OVER = 0.2, 0.5  # how long an error must be over [s], and below which part of what braces a robot it is
+_DOUBTED = 0.1  # part of what is learnt else, while steps answer an error
 _COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
 _SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
 _ASIDE = 0.3  # most of a turn back [rad/s]
@@ -137,20 +138,23 @@ class Engine:
 
     def _followed(self, stride: Stride, told: Feedback, measured: Measured, xi: complex) -> Stride:
         """Return the stride with its references nearer to what is measured, and what lasts of the difference learnt."""
+        if stride.braced > 0:
+            return stride  # its soles tilt on a floor that does not
         if not stride.steps or self.steps.transfer < stride.transfer > stride.time:
-            return stride  # it stands on both feet, and stiff: they hold it
+            grounded = stride.slope + self._part(told.ground) * (measured.slope - stride.slope)
+            return stride.changed(slope=grounded)  # it stands on both feet, and stiff: they hold it
         follows, returns = self._part(told.lean_follow), 1.0 - self._part(told.lean_return)
         lean = returns * (stride.lean + follows * (measured.lean - stride.lean))
         pitch = returns * (stride.pitch + follows * (measured.pitch - stride.pitch))
         com = stride.com + self._part(told.follow) * (measured.com - stride.com)
         rise = stride.rise - self._part(told.level) * stride.rise
-        if not _beyond(measured.xi - xi, told):  # a robot that is pushed stands on the edges of its soles
-            counter = stride.counter - told.upright * self._period * complex(measured.lean, measured.pitch)
-            stride = stride.changed(
-                slope=stride.slope + self._part(told.ground) * (measured.slope - stride.slope),
-                sag=_clipped(stride.sag + self._part(told.learns) * (measured.com - stride.com), _SAG),
-                counter=_clipped(counter, _COUNTER),
-            )
+        calm = _DOUBTED if _beyond(measured.xi - xi, told) else 1.0  # who is pushed stands on the edges of its soles
+        counter = stride.counter - calm * told.upright * self._period * complex(measured.lean, measured.pitch)
+        stride = stride.changed(
+            slope=stride.slope + self._part(calm * told.ground) * (measured.slope - stride.slope),
+            sag=_clipped(stride.sag + self._part(calm * told.learns) * (measured.com - stride.com), _SAG),
+            counter=_clipped(counter, _COUNTER),
+        )
         return stride.changed(com=com, lean=lean, pitch=pitch, rise=rise)
 
     # Where the divergent component and the feet go

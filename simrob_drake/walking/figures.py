@@ -145,7 +145,8 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
 
     Args:
         model: the robot, which has a file `walking.yaml` beside its `robot.yaml`.
-        changes: figures in place of its own; a section of theirs, such as ``feedback``, changes what it names.
+        changes: figures in place of its own; a section of theirs, such as ``feedback``, changes what it names, of a
+            list such as ``edge`` the places that it names, from 0 on.
 
     Raises:
         InvalidParameter: a robot without such a file.
@@ -154,8 +155,14 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
     file = model.folder / WALKING_FILE
     if not file.is_file():
         raise InvalidParameter(f"robot {model.name}", "one that has no walk", f"one with a file {WALKING_FILE}")
-    own = dict(read_yaml(file))
-    for key, value in (changes or {}).items():
-        whole = isinstance(value, Mapping) and isinstance(own.get(key), Mapping)
-        own[key] = {**own[key], **value} if whole else value
-    return validated(WalkingFigures, own, file)
+    return validated(WalkingFigures, _changed(read_yaml(file), changes or {}), file)
+
+
+def _changed(own: Any, change: Any) -> Any:
+    """Return a figure, a section or a list of them, changed."""
+    if not isinstance(change, Mapping):
+        return change
+    if isinstance(own, list) and {*change} <= {*map(str, range(len(own)))}:
+        return [_changed(value, change.get(str(place), value)) for place, value in enumerate(own)]
+    known = own if isinstance(own, Mapping) else {}
+    return {**known, **{key: _changed(known.get(key), value) for key, value in change.items()}}

@@ -2,6 +2,7 @@
 
 import gc
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from pydrake.math import RotationMatrix
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
+from simrob_drake.parts.sensors.imu import InertialUnit
 from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, Soles
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.quadruped import trot
@@ -18,6 +20,7 @@ from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.teach import loops
+from simrob_drake.yaml_files import read_yaml
 
 PERIOD, GRAVITY = 0.005, np.array([0.0, 0.0, -9.80665])
 NAMES = "base_pose", "base_velocity", "bias", "lowest", "places", "shares"
@@ -236,6 +239,26 @@ def test_a_loop_reads_it_and_a_run_goes_on_with_it():
         np.testing.assert_allclose(later[name][:-1], whole[name][1:], atol=1e-9, rtol=0)
     del whole, first, second, later
     assert alive() == before  # it goes with its run
+
+
+def test_sensors_that_nothing_reads_go_through_a_run_once(monkeypatch):
+    """The odometry asks for what the IMU told a sample ago, the table for what it tells: both of the same samples."""
+    seen, sample = [], InertialUnit.sample
+    monkeypatch.setattr(InertialUnit, "sample", lambda *given: seen.append(given) or sample(*given))
+    result = simulate(load_station("zjudancer_dynamic", STANDING), duration=0.1, progress=False)
+    assert len(seen) == 21
+    assert np.ptp(result["base_pose.odometry.x"]) > 0
+
+
+@pytest.mark.parametrize("robot", ["zjudancer", "roid1", "humanoid", "yobotics"])
+def test_a_walk_goes_on_the_sensors_of_the_example_alone(robot):
+    """What it has the robot do comes of what they tell: not quite of the true state."""
+    told = read_yaml(Path(__file__).parents[2] / "examples" / "loops" / "on_sensors.yaml")
+    ends = [simulate(load_station(f"{robot}_walking", changes), duration=0.1, progress=False) for changes in ({}, told)]
+    assert {name for name in ends[1].names if ".odometry." in name}
+    assert not ends[1]["walk.blind"].any()
+    asked = [name for name in ends[0].names if name.startswith(("walk.capture", "walk.target"))]
+    assert 1e-6 < max(np.abs(ends[1][name] - ends[0][name]).max() for name in asked) < 0.02
 
 
 def test_it_stands_in_the_picture_of_a_station_on_a_slope():

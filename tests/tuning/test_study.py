@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from importlib.util import find_spec
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -18,10 +19,14 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.folders import alone_in
 from simrob_drake.paths import diagrams_root
+from simrob_drake.robots.catalog import load_robot
+from simrob_drake.stations.resolve import resolve
+from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Method, Range, Study
 from simrob_drake.tuning.study_folder import PROOF, TRIALS, StudyFolder
+from simrob_drake.walking.figures import load_walking
 
 PENDULUM = {
     "station": "double_pendulum",
@@ -127,6 +132,34 @@ def test_a_study_that_cannot_be_is_told_before_any_run(changed, told, tmp_path):
     file.write_text(yaml.safe_dump({**PENDULUM, **changed}))
     with pytest.raises(SimrobError, match=told):
         Study.read(file)
+
+
+STUDIES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("file", STUDIES, ids=lambda file: file.stem)
+def test_the_studies_of_the_project_can_be(file):
+    study = Study.read(str(file))
+    assert study.cases(study.start, study.search)
+
+
+EDGE = "controllers.walk.gait.feedback.edge"
+
+
+def test_seeds_may_draw_robots_and_floors_and_places_of_a_list_may_vary():
+    changed = {"cost": {"tilt": 1}, "search": {"seeds": [1, 2], "drawn": True}, "overrides": {}, "proof": {}}
+    vary = {f"{EDGE}.1": {"low": 0, "high": 0.02}}
+    study = Study(**{**PENDULUM, **changed, "station": "roid1_walking", "vary": vary})
+    thought = load_station("roid1_walking")
+    for case in study.cases({f"{EDGE}.1": 0.004}, study.search):
+        config = case.scene().config
+        told = drawn(thought, case.seed)
+        assert config.robots["robot"].mass_factors == told["robot.mass_factors"]
+        assert config.contact.friction.static == told["contact.friction"]["static"]
+        figures = config.controllers["walk"].figures(resolve(config).robots["robot"])
+        assert figures.feedback.edge == (load_walking(load_robot("roid1")).feedback.edge[0], 0.004)
+    with pytest.raises(SimrobError, match=r"feedback.edge"):
+        load_station("roid1_walking", {f"{EDGE}.2": 0.004})
 
 
 class TestFolder:

@@ -86,27 +86,25 @@ def rounded(values: Vector, resolution: Vector) -> Vector:
 def _after_the_run(
     recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute], output: str
 ) -> Vector:
-    """Return an output of a block as :func:`replayed` gives it; the block goes through the run once."""
-    key = (block, times.tobytes())
-    if key not in recorded.memo:
-        recorded.memo[key] = replayed(recorded, times, block=block, inputs=inputs)
-    return np.asarray(recorded.memo[key][output])
+    """Return an output of a block at the last sample before each of the times (m,) [s], shape (m, size)."""
+    if block not in recorded.memo:
+        recorded.memo[block] = replayed(recorded, block=block, inputs=inputs)
+    period, rows = recorded.memo[block]
+    return np.asarray(rows[output][np.clip((times / period + 1e-9).astype(int), 0, len(rows[output]) - 1)])
 
 
 def replayed(
-    recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
-) -> dict[str, Vector]:
+    recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
+) -> tuple[float, dict[str, Vector]]:
     """Let a sampled block go through a run that is over, as it would have while stepping.
 
     The block is part of no diagram.
 
     Returns:
-        each output at the last sample before each of the times (m,) [s], shape (m, size).
+        the time between samples [s], and each output at each sample, shape (k, size).
     """
-    attribute = block.GetUniquePeriodicDiscreteUpdateAttribute()
-    period = attribute.period_sec()
+    period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
     ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
-    held = np.clip((times / period + 1e-9).astype(int), 0, len(ticks) - 1)
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
     values = dict(zip(ports, recorded.sample(list(ports.values()), ticks), strict=True))
     before = np.maximum(ticks - period, 0.0)  # while stepping, sensors that sample together see each other's last
@@ -114,14 +112,12 @@ def replayed(
     context = block.CreateDefaultContext()
     outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
     rows = {port.get_name(): np.empty((len(ticks), port.size())) for port in outputs}
-    wanted = set(held.tolist())
     for tick, time in enumerate(ticks):
         context.SetTime(time)
         for name, row in values.items():
             block.GetInputPort(name).FixValue(context, row[tick])
         update = block.EvalUniquePeriodicDiscreteUpdate(context)
         context.get_mutable_discrete_state().SetFrom(update)
-        if tick in wanted:
-            for port in outputs:
-                rows[port.get_name()][tick] = port.Eval(context)
-    return {name: row[held] for name, row in rows.items()}
+        for port in outputs:
+            rows[port.get_name()][tick] = port.Eval(context)
+    return period, rows

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.folders import replaced_at_once, writing
+from simrob_drake.given import path
 from simrob_drake.simulink.fmi.unit import SteppedStation
 from simrob_drake.simulink.writing.names import plain
 from simrob_drake.stations.config import StationConfig
@@ -56,7 +57,7 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
     return config.model_copy(update={"solver": solver, "servo": servo, "robots": robots})
 
 
-def write_fmu(config: StationConfig, target: Path, *, force: bool = False) -> Path:
+def write_fmu(config: StationConfig, target: Path | str, *, force: bool = False) -> Path:
     """Write a station as an FMI 2.0 co-simulation unit.
 
     Where the unit runs, this package must be importable by the Python it finds there, and robots and pieces that the
@@ -77,6 +78,7 @@ def write_fmu(config: StationConfig, target: Path, *, force: bool = False) -> Pa
         raise InvalidParameter(
             "simrob fmu", "without pythonfmu", "installed with the extra fmi: simrob-drake[fmi]"
         ) from problem
+    target = path(target, "target")
     if target.suffix != ".fmu":
         raise InvalidParameter("--out", str(target), "a file that ends in .fmu")
     if target.exists() and not force:
