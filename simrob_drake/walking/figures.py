@@ -98,8 +98,8 @@ class Feedback(Strict):
     """How fast the slope that feet are laid on comes to that of the foot that stands [1/s]; 0 on a level floor."""
     touch: Positive | None = None
     """Upward force on a foot from which it touches [N], where `reads` names sensors of the feet, in the world's axes;
-    by their heights without. A foot of a pair that feels it waits for the other one, and one that stands and does not is
-    sought downward if `late` is."""
+    by their heights without. A foot of a pair that feels it waits for the other one, and one that stands and does not
+    is sought downward if `late` is."""
 
 
 class WalkingFigures(Strict):
