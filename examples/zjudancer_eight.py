@@ -1,6 +1,7 @@
-"""ZJUDancer walks an eight, 2 m long, by where its base is: ``python examples/zjudancer_eight.py [LENGTH]`` [m].
+"""ZJUDancer walks an eight, 2 m long, by where its base is.
 
-The path is made of waypoints under ``controllers.walk.path``; how far the robot gets from it is printed.
+``python examples/zjudancer_eight.py [LENGTH [ROBOT]]`` [m] takes another length, and roid1 or yobotics. The path is
+made of waypoints under ``controllers.walk.path``; how far the robot gets from it is printed.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ def waypoints(length: float = 2.0) -> Waypoints:
     return Waypoints.model_validate({"points": points.tolist(), "laps": 1, "speed": SPEED})
 
 
-def run(length: float = 2.0) -> tuple[SimulationResult, float]:
+def run(length: float = 2.0, robot: str = "zjudancer") -> tuple[SimulationResult, float]:
     """Walk round it once; return the run, and how far the base was from the path at most [m]."""
     way = waypoints(length)
     path = Path(way.corners, way.rounding)
     walk = {"controllers.walk.commands": [], "controllers.walk.path": way.model_dump()}
     duration = ceil(path.length / SPEED + 6.0)
-    result = simulate(load_station("zjudancer_walking", walk), duration=duration, progress=False)
+    result = simulate(load_station(f"{robot}_walking", walk), duration=duration, progress=False)
     curve = np.array([path.at(along).place for along in np.linspace(0.0, path.length, 2000)])
     x, y = result.pose("base")[::10, :2].T
     return result, float(np.abs((x + 1j * y)[:, np.newaxis] - curve).min(axis=1).max())
 
 
-def main(length: str = "2") -> None:
+def main(length: str = "2", robot: str = "zjudancer") -> None:
     """Print how the walk went, and where its files are."""
-    result, off = run(float(length))
+    result, off = run(float(length), robot)
     print(f"{result.message}; at most {off:.3f} m beside the path; files in {result.save()}")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2])
+    main(*sys.argv[1:3])

@@ -129,7 +129,8 @@ class Body:
             upright = RigidTransform(RotationMatrix(turn.T), point)
             self._tips.append(point)
             self._upright.append(upright)
-            self._corners.append(upright.inverse().multiply(contact.support_points(link).T).T.tolist())
+            corners = np.add(contact.support_points(link), (0.0, 0.0, round_))
+            self._corners.append(upright.inverse().multiply(corners.T).T.tolist())
             self.homes.append(home.multiply(point))
 
     def seen(self, read: Vector) -> Seen:
@@ -149,7 +150,7 @@ class Body:
             speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, [self._instance]),
             feet=feet,
             trunk=plant.get_frame(self._root).CalcPoseInWorld(context).rotation().multiply(self.facing.inverse()),
-            lowest=[_lowest(foot, corners) for foot, corners in zip(feet, self._corners, strict=True)],
+            lowest=[_lowest(foot, corners) - self.over for foot, corners in zip(feet, self._corners, strict=True)],
         )
 
     def take(self, posture: Vector) -> None:

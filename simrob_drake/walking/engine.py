@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from cmath import exp as turned_by
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from pydrake.math import RigidTransform, RotationMatrix
 
@@ -20,12 +20,15 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
 from simrob_drake.walking.body import Body, Seen
 from simrob_drake.walking.figures import Feedback, WalkingFigures
+from simrob_drake.walking.measured import Measured, planes, sloped, uphill
 from simrob_drake.walking.pendulum import weights
 from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, within
-from simrob_drake.walking.stride import Stride, eased
+from simrob_drake.walking.stride import Stride, eased, gone
 
 _FIRST_ROUNDS, _SETTLINGS = 10, 12  # of Newton's method, from a posture that may be far away; of the centre of mass
+_LINES = 8  # that tell of a slope before the first step, each by what those before it left
 _TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
+_SQUARE = 0.02  # the turn back at most with which it ends: a turn that was commanded is gone to its end [rad/s]
 _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
 _TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
@@ -35,27 +38,6 @@ _DOUBTED = 0.1  # part of what is learnt else, while steps answer an error
 _COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
 _SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
 _ASIDE = 0.3  # most of a turn back [rad/s]
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What a robot does, seen from the foot that stands.
-
-    Attributes:
-        com, xi: centre of mass and divergent component [m].
-        lean, pitch: of the trunk, to the right and ahead [rad].
-        heading: where the trunk looks in the world [rad].
-        slope: of the soles that stand, ahead and to the left [1].
-        touches: whether the swinging foot touches.
-    """
-
-    com: complex
-    xi: complex
-    lean: float
-    pitch: float
-    heading: float
-    slope: complex
-    touches: bool
 
 
 class Engine:
@@ -74,8 +56,10 @@ class Engine:
         homes = [complex(*home[:2]) + 1j * math.copysign(figures.widen, home[1]) for home in body.homes]
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
         self._about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
+        self._planes = [planes(about) for about in self._about]
         self._turns = figures.fastest.turn_deg > 0
-        self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag)
+        self._rolls = 1.0 + body.over / (figures.height - body.over)
+        self.steps = Steps(figures, 0.5 * (middles[1] - middles[0]).imag, self._rolls)
 
     def standing(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:
         """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
@@ -100,22 +84,45 @@ class Engine:
             ahead = sum(complex(x[0], y[0]) for x, y, _ in places)
         turn = ahead.conjugate() / abs(ahead)
         (x, y, z), (vx, vy, _) = seen.com.tolist(), seen.speed.tolist()
-        com, speed = turn * (complex(x, y) - origin), turn * complex(vx, vy)
-        omega = math.sqrt(STANDARD_GRAVITY / max(z - min(seen.lowest), 0.05))
+        com, speed = turn * (complex(x, y) - origin), turn * complex(vx, vy) / self._rolls
+        omega = self._omega(max(z - min(seen.lowest), 0.05))
         forward, sideways, up = seen.trunk.matrix().tolist()
         heading = math.atan2(sideways[0], forward[0])
-        if self.body.over:
-            slope = 0j
-        else:
-            tilted = sum(complex(x[2], y[2]) for x, y, _ in places)
-            slope = -turn * tilted / max(sum(z[2] for _, _, z in places), 0.5)
+        slope = self._sloping(stride, places, turn)
         told = self._figures.feedback
         if forces is not None and told is not None and told.touch is not None:
-            touches = min(forces[foot] for foot in there) > told.touch
+            down = tuple(forces[foot] > told.touch for foot in there)
+            hangs = tuple(forces[foot] < told.touch for foot in here)
+            touches = all(down)
         else:
+            down = hangs = ()
             lowest = seen.lowest
-            touches = min(lowest[foot] for foot in there) < min(lowest[foot] for foot in here) + _TOUCHES
-        return Measured(com, com + speed / omega, up[1], -up[0], heading, slope, touches)
+            stands = sum(lowest[foot] for foot in here) / len(here)
+            swung = (complex(*seen.feet[foot].translation()[:2].tolist()) - origin for foot in there)
+            over = (lowest[foot] - uphill(stride.slope, turn * at) for foot, at in zip(there, swung, strict=True))
+            touches = min(over) < stands + _TOUCHES
+        return Measured(com, com + speed / omega, up[1], -up[0], heading, slope, touches, down, hangs)
+
+    def _omega(self, height: float) -> float:
+        """Return that of the pendulum [1/s]: its point comes after it where feet are balls, and it falls slower."""
+        return math.sqrt(STANDARD_GRAVITY / (height * self._rolls))
+
+    def _sloping(self, stride: Stride, places: Sequence[Sequence[Sequence[float]]], turn: complex) -> complex:
+        """Return the slope under feet that stand: that of their soles; where they are balls, along their line alone."""
+        if not self.body.over:
+            tilted = sum(complex(x[2], y[2]) for x, y, _ in places)
+            return -turn * tilted / max(sum(z[2] for _, _, z in places), 0.5)
+        standing, known = int(stride.standing), stride.slope + stride.tilt
+        feet = zip(self._about[standing], places, strict=True)
+        return known + sloped(self._planes[standing], [z[3] - uphill(known, at) for at, (_, _, z) in feet])
+
+    def slope(self, seen: Seen) -> complex:
+        """Return the slope under all feet of a robot that stands, each group telling of it in turn."""
+        stride = Stride(standing=0.0)
+        for _ in range(_LINES):
+            slope = self.measured(stride, seen).slope
+            stride = stride.changed(slope=slope, standing=1.0 - stride.standing)
+        return slope
 
     def sample(
         self, stride: Stride, posture: Vector, command: Command, measured: Measured | None
@@ -123,13 +130,16 @@ class Engine:
         """Return where a walk is a sample later, and its posture (n,); without feedback if nothing is measured."""
         self.body.take(posture)
         centre = self.body.centre()
-        omega = math.sqrt(STANDARD_GRAVITY / (self._figures.height + centre[2]))
+        omega = self._omega(self._figures.height + centre[2])
         told = self._figures.feedback if measured is not None else None
         if measured is not None:
             measured = replace(measured, com=measured.com - stride.sag, xi=measured.xi - stride.sag)
         stride, xi = self._planned(stride, command, omega, told, measured)
-        stride, lift = self._swung(stride)
+        before, (stride, lift) = stride, self._swung(stride)
         if told is not None and measured is not None:
+            if stride.share > told.early:
+                stride = self._found(before, stride, measured.down)
+            stride = self._lowered(stride, told, measured.hangs)
             stride = self._followed(stride, told, measured, xi)
         com = stride.com + (1.0 - math.exp(-omega * self._period)) * (xi - stride.com)
         stride = stride.changed(com=com)
@@ -148,6 +158,7 @@ class Engine:
         pitch = returns * (stride.pitch + follows * (measured.pitch - stride.pitch))
         com = stride.com + self._part(told.follow) * (measured.com - stride.com)
         rise = stride.rise - self._part(told.level) * stride.rise
+        tilt = stride.tilt + self._part(told.even) * (measured.slope - stride.slope - stride.tilt)
         calm = _DOUBTED if _beyond(measured.xi - xi, told) else 1.0  # who is pushed stands on the edges of its soles
         counter = stride.counter - calm * told.upright * self._period * complex(measured.lean, measured.pitch)
         stride = stride.changed(
@@ -155,7 +166,7 @@ class Engine:
             sag=_clipped(stride.sag + self._part(calm * told.learns) * (measured.com - stride.com), _SAG),
             counter=_clipped(counter, _COUNTER),
         )
-        return stride.changed(com=com, lean=lean, pitch=pitch, rise=rise)
+        return stride.changed(com=com, lean=lean, pitch=pitch, rise=rise, tilt=tilt)
 
     # Where the divergent component and the feet go
 
@@ -178,7 +189,7 @@ class Engine:
         if told is not None and measured is not None and self._turns:
             off = math.remainder(stride.course - measured.heading, math.tau)
             stride = stride.changed(
-                aside=within(told.holds * off, _ASIDE), course=stride.course + stride.turn * self._period
+                aside=within(told.holds * off, _ASIDE), course=stride.course + command.turn * self._period
             )
         standing = int(stride.standing)
         rest, planned = steps.rest_point(standing), steps.planned(1 - standing, stride.trimmed)
@@ -236,15 +247,40 @@ class Engine:
         if not stride.steps or after <= stride.transfer or length <= 0:
             return stride, 0.0
         share = max(min((after - stride.transfer) / length, 1.0), stride.share)
-        before, now = eased(stride.share), eased(share)
-        part = min((now - before) / max(1.0 - before, 1e-3), 1.0)
+        part = gone(stride.share, share)
         foot = stride.foot + part * (stride.landing - stride.foot)
         yaw = stride.foot_yaw + part * (stride.landing_yaw - stride.foot_yaw)
         way = eased(min(after / stride.ends, 1.0))
         heading = stride.heading_from + way * (stride.landing_yaw - stride.heading_from)
-        height = stride.height * (1.0 - part)
-        lift = self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises
-        return stride.changed(foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height), lift
+        early = max(self._figures.feedback.early, 0.1) if self._figures.feedback is not None else 1.0
+        stays = 1.0 - gone(stride.share / early, share / early)  # before the ground may be felt, and then no more
+        height, tilt = stride.height * stays, stride.foot_tilt * stays
+        stride = stride.changed(foot=foot, foot_yaw=yaw, share=share, heading=heading, height=height, foot_tilt=tilt)
+        return stride, self._lift(share)
+
+    def _lift(self, share: float) -> float:
+        return float(self._figures.lift * (4.0 * share * (1.0 - share)) ** self._figures.rises)
+
+    def _found(self, before: Stride, stride: Stride, down: Sequence[bool]) -> Stride:
+        """Return the stride with the feet that feel the ground as high as before, while others come down."""
+        sunk = self._lift(before.share) - self._lift(stride.share)
+        return self._raised(stride, [sunk * each for each in down])
+
+    def _lowered(self, stride: Stride, told: Feedback, hangs: Sequence[bool]) -> Stride:
+        """Return the stride with the feet that should stand and feel nothing further down, if late ones are sought."""
+        if not (any(hangs) and told.late and stride.steps and stride.time > stride.transfer):
+            return stride
+        ways = [each * told.search * self._period for each in hangs]
+        tilt = stride.tilt - sloped(self._planes[int(stride.standing)], ways)
+        mean = sum(ways) / len(ways)
+        return stride.changed(tilt=tilt, height=stride.height + mean, rise=stride.rise + mean)
+
+    def _raised(self, stride: Stride, ways: Sequence[float]) -> Stride:
+        """Return the stride with each foot that swings raised by a way of its own [m]; none where none are told."""
+        if not any(ways):
+            return stride
+        tilt = stride.foot_tilt + sloped(self._planes[1 - int(stride.standing)], ways)
+        return stride.changed(height=stride.height + sum(ways) / len(ways), foot_tilt=tilt)
 
     def _later(
         self,
@@ -256,24 +292,28 @@ class Engine:
         lift: float,
     ) -> Stride:
         """Return the stride at the next sample, perhaps on the other foot."""
-        stride = stride.changed(time=stride.time + self._period)
         if not stride.steps:
             return stride
+        stride = stride.changed(time=stride.time + self._period)
         touches = told is not None and measured is not None and measured.touches and stride.share > told.early
         if stride.time < stride.ends - 1e-9 and not touches:
             return stride
         if told is not None and not touches and stride.waits < told.late:
-            lower = stride.height - told.search * self._period
-            return stride.changed(waits=stride.waits + self._period, height=lower)
+            down = measured.down if measured is not None else ()
+            lower = told.search * self._period
+            ways = [each * lower - lower for each in down] or [-lower] * len(self._about[1 - int(stride.standing)])
+            return self._raised(stride.changed(waits=stride.waits + self._period), ways)
         error = _beyond(measured.xi - xi, told) if measured is not None else 0j
         off = abs(stride.foot - self.steps.beside(1 - int(stride.standing)))
         if told is not None and abs(error) <= told.hurry:
             way = self.steps.planned(1 - int(stride.standing), stride.command).place - stride.foot
+            way += (stride.time - stride.nominal) / self._rolls * stride.speed
             trim = stride.trim + told.cruise / self._figures.step_time * way
             stride = stride.changed(trim=_clipped(trim, _TRIM))
         stride = stride.changed(height=stride.height + lift).on_the_other_foot()
         hurries = told is not None and abs(error) > told.hurry
-        if not (command.moves or stride.command.moves or hurries or off > _TOGETHER):
+        ends = max(off / _TOGETHER, abs(stride.aside) / _SQUARE) <= 1.0 and not hurries
+        if ends and not (command.moves or stride.command.moves):
             middle = self.steps.middle(int(stride.standing), stride.foot)
             return stride.changed(steps=0.0, zmp=middle, zmp_from=middle)
         return self._next(stride, command, hurries=hurries)
@@ -294,20 +334,23 @@ class Engine:
         turned, here = turned_by(1j * stride.foot_yaw), int(stride.standing)
         feet: dict[int, RigidTransform] = {}
 
-        def put(group: int, turn: RotationMatrix, places: Iterable[complex], height: float) -> None:
-            for foot, place in zip(self._groups[group], places, strict=True):
-                up = body.over + height + ahead * place.real + left * place.imag
+        def put(group: int, turn: RotationMatrix, places: Iterable[complex], height: float, tilt: complex) -> None:
+            for foot, place, about in zip(self._groups[group], places, self._about[group], strict=True):
+                up = body.over + height + uphill(stride.slope, place) + uphill(tilt, about)
                 feet[foot] = RigidTransform(turn, [place.real, place.imag, up])
 
-        put(here, ground, self._about[here], 0.0)
+        put(here, ground, self._about[here], 0.0, stride.tilt)
         moved = (stride.foot + turned * about for about in self._about[1 - here])
-        put(1 - here, swings, moved, stride.height + lift)
+        put(1 - here, swings, moved, stride.height + lift, stride.foot_tilt)
         return body.reached(root, [feet[foot] for foot in range(len(feet))], rounds)
 
-    def coming_down(self, stride: Stride) -> Sequence[int]:
-        """Return the feet that may touch."""
-        told = self._figures.feedback
-        return self._groups[1 - int(stride.standing)] if told is not None and stride.share > told.early else ()
+    def felt(self, stride: Stride) -> Sequence[int]:
+        """Return the feet whose forces count: those that may touch, and those that stand while late ones are sought."""
+        told, (here, there) = self._figures.feedback, self._both(stride)
+        if told is None:
+            return ()
+        down = self._groups[there] if stride.share > told.early else ()
+        return (*down, *(self._groups[here] if told.late else ()))
 
     def _both(self, stride: Stride) -> tuple[int, int]:
         """Return the places of the feet that stand and of those that swing."""

@@ -84,17 +84,22 @@ class Feedback(Strict):
     holds: NotNegative = 1.0
     """How fast the trunk turns back to where the commands have it look [1/s]."""
     early: Share = 0.5
-    """Part of a swing from which a foot that touches ends the step; 1: none does before its time."""
+    """Part of a swing from which a foot that touches ends the step; 1: none does before its time. By then the foot has
+    come to the height of the foot that stands."""
     late: NotNegative = 0.0
     """How long a foot that should have touched is waited for [s]."""
     search: NotNegative = 0.2
     """How fast it goes on downward meanwhile [m/s]."""
     level: NotNegative = 5.0
     """How fast the root comes to its height over a foot that stands higher or lower than the last [1/s]."""
+    even: NotNegative = 5.0
+    """How fast the trunk of a quadruped comes level over two feet of which one stands higher [1/s]."""
     ground: NotNegative = 1.0
     """How fast the slope that feet are laid on comes to that of the foot that stands [1/s]; 0 on a level floor."""
     touch: Positive | None = None
-    """Force on a foot from which it touches [N], where `reads` names sensors of the feet; by their heights without."""
+    """Upward force on a foot from which it touches [N], where `reads` names sensors of the feet, in the world's axes;
+    by their heights without. A foot of a pair that feels it waits for the other one, and one that stands and does not
+    is sought downward if `late` is."""
 
 
 class WalkingFigures(Strict):

@@ -45,9 +45,15 @@ class Landing(NamedTuple):
 class Steps:
     """Footsteps of a robot whose feet, one or a group, stand and swing in turn: 0 the right ones, 1 the left ones."""
 
-    def __init__(self, figures: WalkingFigures, half: float) -> None:
-        """Prepare; the middles of the two groups are ``half`` to the side of the robot's [m]."""
-        self._half, self._time = half, figures.step_time
+    def __init__(self, figures: WalkingFigures, half: float, rolls: float = 1.0) -> None:
+        """Prepare.
+
+        Args:
+            figures: of the walk.
+            half: how far the middles of the two groups are to the side of the robot's [m].
+            rolls: how much further than its legs go a robot gets because its feet roll meanwhile.
+        """
+        self._half, self._time, self._pace = half, figures.step_time, figures.step_time / rolls
         self.transfer = figures.double_support * figures.step_time
         self._inward, self._ahead = figures.zmp_inward, figures.zmp_ahead
         self._reach, self._feedback = figures.reach, figures.feedback
@@ -66,8 +72,8 @@ class Steps:
 
     def planned(self, swinging: int, command: Command) -> Landing:
         """Return where a foot lands by a command: about the middle of the robot, which goes and turns."""
-        yaw, out = command.turn * self._time, 0.5 * self.beside(swinging)
-        return Landing(self._time, command.speed * self._time + out + turned_by(1j * yaw) * out, yaw)
+        yaw, out = command.turn * self._pace, 0.5 * self.beside(swinging)
+        return Landing(self._time, command.speed * self._pace + out + turned_by(1j * yaw) * out, yaw)
 
     def start_of(self, standing: int, command: Command, omega: float, before: complex, ahead: int = _AHEAD) -> complex:
         """Return the divergent component at the start of a planned step, and of those after it.
@@ -80,7 +86,7 @@ class Steps:
             ahead: how many steps more are looked at; then the robot rests.
         """
         start, rest, end = weights(omega, self._time, self.transfer)
-        turn = turned_by(1j * command.turn * self._time)
+        turn = turned_by(1j * command.turn * self._pace)
         here = self.rest_point(standing), self.rest_point(1 - standing)  # in this step, in the next, and so on in turn
         lands = self.planned(1 - standing, command).place, self.planned(standing, command).place
         came = [(place - landed) / turn for place, landed in zip(here, lands, strict=True)]  # seen from the next foot
@@ -96,7 +102,7 @@ class Steps:
         a counts the zero-moment point from which the next step begins, that of the foot which stands now.
         """
         swinging, here = 1 - standing, self.rest_point(standing)
-        turn = turned_by(1j * command.turn * self._time)
+        turn = turned_by(1j * command.turn * self._pace)
         start = weights(omega, self._time, self.transfer).start
         return start, turn * self.start_of(swinging, command, omega, 0j) + start * here
 

@@ -36,6 +36,7 @@ class Stride:
         height: of the ground under the other foot over that under the foot that stands [m].
         rise: of the root, over its usual height there [m].
         slope: of the ground, ahead and to the left [1].
+        tilt, foot_tilt: of the line between the feet of a pair over that: of those that stand, and that swing [1].
         speed, turn: that the steps follow [m/s, rad/s].
         course: where the trunk shall look in the world [rad].
         aside: turn that brings it back there, added to the command's [rad/s].
@@ -67,6 +68,8 @@ class Stride:
     height: float = 0.0
     rise: float = 0.0
     slope: complex = 0j
+    tilt: complex = 0j
+    foot_tilt: complex = 0j
     speed: complex = 0j
     turn: float = 0.0
     course: float = 0.0
@@ -116,6 +119,8 @@ class Stride:
             rise=self.rise - self.height,
             sag=self.sag.conjugate(),
             slope=self.slope * turn,
+            tilt=self.foot_tilt * turn,
+            foot_tilt=self.tilt * turn,
             trim=self.trim * turn,
             waits=0.0,
         )
@@ -142,6 +147,12 @@ class Stride:
 def eased(share: float) -> float:
     """Return how much of a way from rest to rest is done at a share of its time, both 0 to 1."""
     return share**3 * (10.0 + share * (6.0 * share - 15.0))
+
+
+def gone(before: float, now: float) -> float:
+    """Return how much of what is left of a way from rest to rest is done between two shares of its time."""
+    left = 1.0 - eased(min(before, 1.0))
+    return min((eased(min(now, 1.0)) - 1.0 + left) / max(left, 1e-3), 1.0)
 
 
 _NAMES = [field.name for field in fields(Stride)]

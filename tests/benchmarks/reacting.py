@@ -56,6 +56,7 @@ def tasks(robot: str) -> dict[str, dict[str, Any]]:
         "load": {COMMANDS: ahead(speed), "pieces.burden": burden, "duration": 20},
         "up": {**slow, "floor.incline_deg": 6, "floor.heading_deg": facing},
         "down": {**slow, "floor.incline_deg": 6, "floor.heading_deg": facing + 180},
+        "across": {**slow, "floor.incline_deg": 6, "floor.heading_deg": facing + 90},
         "steps": {**slow, "floor.terrain": STEPS, "contact": {"model": "hydroelastic_with_fallback"}},
     }
     if robot in EIGHT:

@@ -26,7 +26,20 @@ def test_numbers_and_back(stride: Stride) -> None:
 
 def test_there_and_back_on_the_other_foot(stride: Stride) -> None:
     back = stride.on_the_other_foot().on_the_other_foot()
-    for name in ("com", "zmp", "foot", "foot_yaw", "heading", "height", "rise", "slope", "sag", "trim"):
+    for name in (
+        "com",
+        "zmp",
+        "foot",
+        "foot_yaw",
+        "heading",
+        "height",
+        "rise",
+        "slope",
+        "tilt",
+        "foot_tilt",
+        "sag",
+        "trim",
+    ):
         assert getattr(back, name) == pytest.approx(getattr(stride, name)), name
     assert stride.on_the_other_foot().standing == 1.0
 

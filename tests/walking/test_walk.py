@@ -14,7 +14,7 @@ from simrob_drake.parts.controllers.walk import WalkingLoop
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.stations.station import add_station
-from simrob_drake.walking.engine import Measured
+from simrob_drake.walking.measured import Measured
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import Stride
 

@@ -148,7 +148,7 @@ class WalkingLoop(SampledBlock):
     """Ask a robot's axes for the next posture of a walk.
 
     Ports:
-        in  by the name of each foot whose force is read: that (3) [N];
+        in  by the name of each foot whose force is read: that (3), the last part upward [N];
             ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
             ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s]; perhaps ``command`` (3), as below, or
             not a number.
@@ -271,17 +271,17 @@ class WalkingLoop(SampledBlock):
         return command
 
     def _forces(self, stride: Stride, read: Named) -> list[float] | None:
-        """Return the forces on the feet that come down, for reading them takes time; None where none are told."""
+        """Return the vertical forces on the feet where they count, for reading them takes time; None: none are told."""
         if not self._feet:
             return None
-        down = self.engine.coming_down(stride)
-        return [math.hypot(*read[foot].tolist()) if place in down else 0.0 for place, foot in enumerate(self._feet)]
+        felt = self.engine.felt(stride)
+        return [abs(float(read[foot][2])) if place in felt else 0.0 for place, foot in enumerate(self._feet)]
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
-        engine, begun = self.engine, Stride()
-        seen = engine.measured(begun, engine.body.seen(np.concatenate([read[name] for name in _READ])))
-        stride, posture = engine.standing(self.start, seen.slope)
+        engine = self.engine
+        seen = engine.body.seen(np.concatenate([read[name] for name in _READ]))
+        stride, posture = engine.standing(self.start, engine.slope(seen))
         far = np.abs(posture - read["position"]).max()
         return {
             "target": read["position"] if far > _SAME else posture,
