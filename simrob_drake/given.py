@@ -92,7 +92,7 @@ def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...]
     return value
 
 
-def path(value: object, name: str) -> Path:
+def as_path(value: object, name: str) -> Path:
     """Return a path.
 
     Raises:

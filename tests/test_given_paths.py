@@ -61,5 +61,5 @@ def test_what_is_no_path_is_told(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     call = ASKED[name] if name in ASKED else GIVEN[name][0]
     for value in (5, ["a.urdf"]):
-        with pytest.raises(InvalidParameter, match=r"^(file|urdf|folder|source|target) is .*; it must be a path"):
+        with pytest.raises(InvalidParameter, match=r"^(file|path|urdf|folder|source|target) is .*; it must be a path"):
             call(value)

@@ -10,7 +10,7 @@ import numpy as np
 
 from simrob_drake.comparison.account import Account, Difference, Quantity, apart, together
 from simrob_drake.folders import filled_at_once
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ def save_comparison(
     Raises:
         OutputError: the folder cannot be written, or is there and not to be replaced.
     """
-    with filled_at_once(path(folder, "folder"), marker=NUMBERS, force=force) as work:
+    with filled_at_once(as_path(folder, "folder"), marker=NUMBERS, force=force) as work:
         with (work / NUMBERS).open("w", encoding="utf-8", newline="") as file:
             rows = csv.writer(file, lineterminator="\n")
             rows.writerow(_HEADINGS)

@@ -19,7 +19,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 
 COLUMNS = ("time", "height")
 _LONGEST_GAP = 5.0  # times the usual interval
@@ -71,7 +71,7 @@ def read_bounces(file: Path | str) -> BounceTrace:
             not rise, or with too few bounces to learn from.
         InvalidParameter: no path.
     """
-    file = path(file, "file")
+    file = as_path(file, "file")
     values, lines = read_columns(file, COLUMNS)
     times, heights = values.T
     if len(times) < _FEWEST_SAMPLES:

@@ -10,7 +10,7 @@ from pathlib import Path
 from simrob_drake.errors import OutputError, SimrobError
 from simrob_drake.files import NotRead, text_of
 from simrob_drake.folders import cache_entry
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.importer.importing import REPORT_FILE, import_robot
 from simrob_drake.importer.meshes.places import mesh_files
 from simrob_drake.importer.options import ImportOptions
@@ -23,23 +23,23 @@ from simrob_drake.yaml_files import read_yaml
 _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
 
 
-def robot_from_file(urdf: Path | str, options: ImportOptions | None = None) -> RobotModel:
+def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> RobotModel:
     """Return the robot of any URDF: read as it is if it is clean, imported once if it is not, or if options are given.
 
     Raises:
         InvalidModel: a defect that no import can repair.
         OutputError: the cache cannot be written.
     """
-    file = path(urdf, "urdf")
+    path = as_path(path, "path")
     if options is None:
         try:
-            robot = load_robot_from_urdf(file)
+            robot = load_robot_from_urdf(path)
             with_absolute_meshes(robot.element, robot.folder)
         except SimrobError:
             pass
         else:
             return robot
-    return _imported_once(file.resolve(), options or ImportOptions())
+    return _imported_once(path.resolve(), options or ImportOptions())
 
 
 def import_summary(robot: RobotModel) -> str:

@@ -12,7 +12,7 @@ import yaml
 
 from simrob_drake.errors import OutputError
 from simrob_drake.folders import filled_at_once
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import MANIFEST, package_root
@@ -76,7 +76,7 @@ def import_robot(
         InvalidModel: a defect that can't be repaired; nothing is written.
         OutputError: the folder cannot be written, exists, or lies within the source.
     """
-    source, folder = path(source, "source").resolve(), path(folder, "folder")
+    source, folder = as_path(source, "source").resolve(), as_path(folder, "folder")
     if apart and source.exists():
         _check_apart(source, folder)
     report = ImportReport(source)
@@ -91,7 +91,7 @@ def examine_robot(source: Path | str, options: ImportOptions | None = None) -> I
     Raises:
         InvalidModel: a defect that can't be repaired.
     """
-    source = path(source, "source").resolve()
+    source = as_path(source, "source").resolve()
     report = ImportReport(source)
     with tempfile.TemporaryDirectory(prefix="simrob-") as work:
         file = _write(source, Path(work), options or ImportOptions(), report, isolated=True)

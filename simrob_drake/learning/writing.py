@@ -10,7 +10,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.extras import needed
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 
 _OPSET = 17
 _IR = 8
@@ -31,7 +31,7 @@ def write_network(
     Raises:
         InvalidParameter: layers that do not fit together.
     """
-    file = path(file, "file")
+    file = as_path(file, "file")
     with needed("writing ONNX", "rl"):
         from onnx import TensorProto, checker, helper, numpy_helper
     for number, (weights, biases) in enumerate(layers):

@@ -10,7 +10,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.folders import filled_at_once, replaced_at_once, writing
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.mujoco.model import STEP
 from simrob_drake.mujoco.runner import MujocoRunner, Wanted
 from simrob_drake.stations.config import StationConfig
@@ -36,7 +36,7 @@ def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, fo
         InvalidParameter: a station that MJCF cannot say, or another ending.
         OutputError: the file is there, or the disk does not take it.
     """
-    file = path(file, "file")
+    file = as_path(file, "file")
     if file.suffix != ".xml":
         raise InvalidParameter("--mjcf", str(file), "a file that ends in .xml")
     if file.exists() and not force:

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, model_validator
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted, shortened
 from simrob_drake.folders import written_at_once
-from simrob_drake.given import instance, path
+from simrob_drake.given import as_path, instance
 from simrob_drake.programs.arm_moves import ARM_KINDS, ArmMove
 from simrob_drake.programs.automatic import Automatic, pace_of
 from simrob_drake.programs.moves import LEG_KINDS, JointMove, LegMove
@@ -132,7 +132,7 @@ class Program(Strict):
         Raises:
             OutputError: it cannot be written; then what was there stays as it was.
         """
-        target = path(file, "file")
+        target = as_path(file, "file")
         written_at_once(target, self.text())
         return target
 
@@ -149,7 +149,7 @@ class Program(Strict):
         Raises:
             InvalidConfig: a file that cannot be read or is damaged; names the file, the move and the key, or the line.
         """
-        source = path(file, "file")
+        source = as_path(file, "file")
         return cls._of(read_yaml(source), source)
 
     @classmethod

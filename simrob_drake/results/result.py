@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter, shortened
-from simrob_drake.given import path, truth
+from simrob_drake.given import as_path, truth
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import RecordedRun
@@ -89,7 +89,7 @@ class SimulationResult(RecordedRun):
 
         See :func:`simrob_drake.results.files.save_result`.
         """
-        target = default_folder(self.config.name) if folder is None else path(folder, "folder")
+        target = default_folder(self.config.name) if folder is None else as_path(folder, "folder")
         kinds = {"force": force, "recording": recording, "video": video}
         kept = {name: truth(value, name) for name, value in kinds.items()}
         return save_result(self, target, frames=frames, plots=plots, **kept)
@@ -108,7 +108,7 @@ class SimulationResult(RecordedRun):
         from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which take long to load
         from simrob_drake.results.animation.recording import save_recording
 
-        target = path(file, "file")
+        target = as_path(file, "file")
         if target.suffix == ".png":
             return save_film_strip(self, target, frames=frames)
         if target.suffix not in (".html", ".mp4"):

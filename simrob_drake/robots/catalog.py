@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.paths import models_root
 from simrob_drake.robots.axis_values import AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
@@ -317,12 +317,12 @@ def load_robot_file(file: Path | str) -> RobotModel:
     Raises:
         InvalidConfig: the file cannot be read or has a wrong entry.
     """
-    file = path(file, "file").resolve()
+    file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
     return validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
 
 
-def load_robot_from_urdf(urdf: Path | str) -> RobotModel:
+def load_robot_from_urdf(path: Path | str) -> RobotModel:
     """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
 
     Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there.
@@ -330,18 +330,18 @@ def load_robot_from_urdf(urdf: Path | str) -> RobotModel:
     Raises:
         InvalidModel: the file cannot be read or has a defect.
     """
-    file = path(urdf, "urdf")
-    described = described_robot(file)
+    path = as_path(path, "path")
+    described = described_robot(path)
     if described is not None:
         return described
-    root = read_urdf(file)
-    check_urdf(root, file)
+    root = read_urdf(path)
+    check_urdf(root, path)
     if not movable_joints(root):
-        raise InvalidParameter("robot.urdf", str(file), "a robot with at least one joint that moves")
+        raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
     robot = RobotModel(
-        name=next(filter(is_file_name, (root.get("name", ""), file.stem)), "robot"),
-        folder=file.resolve().parent,
-        urdf=file.name,
+        name=next(filter(is_file_name, (root.get("name", ""), path.stem)), "robot"),
+        folder=path.resolve().parent,
+        urdf=path.name,
         root=root_link(root),
         axes={joint: Axis(joint=joint) for joint in movable_joints(root)},
         tools={tool: tool for tool in tool_links(root)},
@@ -359,10 +359,10 @@ def _midway(robot: RobotModel) -> dict[str, float]:
     }
 
 
-def described_robot(urdf: Path) -> RobotModel | None:
+def described_robot(path: Path) -> RobotModel | None:
     """Return the robot of the ``robot.yaml`` beside a URDF if it describes this file."""
-    beside = urdf.parent / ROBOT_FILE
+    beside = path.parent / ROBOT_FILE
     if not isfile(beside):
         return None
     described = load_robot_file(beside)
-    return described if described.urdf_path.resolve() == urdf.resolve() else None
+    return described if described.urdf_path.resolve() == path.resolve() else None

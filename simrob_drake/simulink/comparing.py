@@ -14,7 +14,7 @@ from simrob_drake.csv_files import column_names, read_columns
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulink.values.functions import matrix
 from simrob_drake.simulink.values.workspace import given_variables
@@ -74,7 +74,7 @@ def read_log(file: Path | str, names: Mapping[str, str]) -> tuple[Vector, dict[s
         InvalidParameter: a file that cannot be read, or without times that rise.
         UnknownName: a name that the log does not have.
     """
-    file = path(file, "file")
+    file = as_path(file, "file")
     columns = _of_mat(file) if file.suffix.lower() == ".mat" else _of_csv(file)
     clock = next((name for name in TIMES if name in columns), None)
     if clock is None:
@@ -152,7 +152,7 @@ def save_differences(differences: list[Difference], folder: Path | str, *, force
     Raises:
         OutputError: the folder cannot be written, or is there and not to be replaced.
     """
-    with filled_at_once(path(folder, "folder"), marker=NUMBERS, force=force) as work:
+    with filled_at_once(as_path(folder, "folder"), marker=NUMBERS, force=force) as work:
         rows = [f"{found.signal},{found.largest:.9g},{found.at:.9g},{found.rms:.9g}\n" for found in differences]
         (work / NUMBERS).write_text("".join(["signal,largest,at,rms\n", *rows]), encoding="utf-8")
         for found in differences:

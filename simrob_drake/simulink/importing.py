@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.folders import filled_at_once
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.writing.contact_sections import StationFiles
@@ -36,11 +36,11 @@ class ImportedModel:
         return self.model.report
 
 
-def import_simulink(file: Path | str, folder: Path | str, *, force: bool = False, **options: Any) -> ImportedModel:
+def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False, **options: Any) -> ImportedModel:
     """Write the robots, pieces and station of a model into a folder, with a report.
 
     Args:
-        file: `.slx` or `.mdl`, or the `.xml` of a CAD assembly.
+        path: `.slx` or `.mdl`, or the `.xml` of a CAD assembly.
         folder: where to; it appears at once, when everything is in it.
         force: replace an import that is there.
         options: of :func:`~simrob_drake.simulink.simulink_model.read_simulink`.
@@ -49,14 +49,14 @@ def import_simulink(file: Path | str, folder: Path | str, *, force: bool = False
         InvalidModel: the model cannot be read, uses variables that are not known, or holds what no station can be.
         OutputError: the folder cannot be written, or exists.
     """
-    file, folder = path(file, "file"), path(folder, "folder")
-    model = read_simulink(file, **options)
+    path, folder = as_path(path, "path"), as_path(folder, "folder")
+    model = read_simulink(path, **options)
     check_importable(model)
     with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
         files = StationWriter(model, work).write()
         text = json.dumps(model.report.as_json(), indent=2, ensure_ascii=False)
         (work / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
-    return ImportedModel(model, files, folder / f"{plain(file.stem)}.yaml" if files.content else None)
+    return ImportedModel(model, files, folder / f"{plain(path.stem)}.yaml" if files.content else None)
 
 
 def check_importable(model: SimulinkModel) -> None:

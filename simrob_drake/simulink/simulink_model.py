@@ -8,7 +8,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.importer.report import ImportReport
 from simrob_drake.simulink.cad.model import read_cad_model
 from simrob_drake.simulink.mechanics.bodies import Bodies, Body, read_bodies
@@ -73,7 +73,7 @@ class SimulinkModel:
 
 
 def read_simulink(
-    file: Path | str,
+    path: Path | str,
     *,
     libraries: tuple[Path, ...] = (),
     meshes: tuple[Path, ...] = (),
@@ -84,7 +84,7 @@ def read_simulink(
     """Read a model.
 
     Args:
-        file: `.slx` or `.mdl`, or the `.xml` of a CAD assembly.
+        path: `.slx` or `.mdl`, or the `.xml` of a CAD assembly.
         libraries: folders where libraries and referenced subsystems lie, beside the model's own.
         meshes: likewise for mesh files.
         variables: of the MATLAB workspace, by name.
@@ -94,16 +94,16 @@ def read_simulink(
     Raises:
         InvalidModel: the file cannot be read, or a block's figures cannot be.
     """
-    file = path(file, "file")
-    report = ImportReport(file)
+    path = as_path(path, "path")
+    report = ImportReport(path)
     findings = Findings(report, assume=assume)
-    model = read_cad_model(file) if file.suffix.lower() == ".xml" else read_model(file)
+    model = read_cad_model(path) if path.suffix.lower() == ".xml" else read_model(path)
     for note in model.notes:
         report.add(*note)
     runner = find_octave() if octave else None
-    expanded = expand(model, Libraries([file.parent, *libraries]), dict(variables or {}), findings, runner)
+    expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings, runner)
     network = Network(expanded)
-    bodies = read_bodies(network, MeshFiles([file.parent, *meshes]))
+    bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies, cuttable)
     _close_loops(trees)
     contacts = read_contacts(network)
@@ -113,7 +113,7 @@ def read_simulink(
     stopping, stops = _stopping(tracer, expanded)
     _tell_of_others(expanded, tracer)
     return SimulinkModel(
-        file, expanded, network, bodies, world, trees, contacts, laws, tracer, stopping, stops, tracer.opened,
+        path, expanded, network, bodies, world, trees, contacts, laws, tracer, stopping, stops, tracer.opened,
         _gravity(expanded), _duration(expanded), report,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from pydrake.geometry import Role
 
 from simrob_drake.blocks.distance_sensor import lowest_points, shape_corners
 from simrob_drake.frames import Vector
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.importer.cache import robot_from_file
 from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.options import ImportOptions
@@ -40,7 +40,7 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     Raises:
         InvalidModel: the robot cannot be imported.
     """
-    file, home = path(urdf, "urdf"), None if folder is None else path(folder, "folder")
+    file, home = as_path(urdf, "urdf"), None if folder is None else as_path(folder, "folder")
     robot = robot_from_file(file, options)
     kinematic = bool(robot.links_without_inertia)
     floating = robot.base == "floating" and not kinematic

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidConfig
 from simrob_drake.folders import written_at_once
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.doubts import Change, doubts
 from simrob_drake.tuning.proof_page import page
@@ -96,7 +96,7 @@ class ProofFolder:
         Raises:
             SimrobError: a station that cannot be, or has changed since; a folder that holds something else.
         """
-        self.folder, self.proof, self.cases = path(folder, "folder"), proof, proof.cases()
+        self.folder, self.proof, self.cases = as_path(folder, "folder"), proof, proof.cases()
         journal.take(self.folder, PROVE, proof, self.cases[0].scene().digest, force=force)
 
     def run(

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from simrob_drake.errors import InvalidConfig, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.stations.load import load_station
 from simrob_drake.tuning.measures import UNITS
@@ -116,7 +116,7 @@ class Study(Strict):
             InvalidConfig: it is none.
             SimrobError: a station, a key or a measure that there is not.
         """
-        file = path(file, "file")
+        file = as_path(file, "file")
         study = validated(cls, read_yaml(file), file)
         own = file.parent / study.station
         if own.is_file():

@@ -14,7 +14,7 @@ from simrob_drake.errors import InvalidConfig
 from simrob_drake.extras import needed
 from simrob_drake.folders import alone_in, writing, written_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.progress import progress_bar
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.engines import Engine, engine
@@ -46,7 +46,7 @@ class StudyFolder:
             OutputError: the folder holds something else, or cannot be written.
             InvalidConfig: its station has changed since it began.
         """
-        folder = path(folder, "folder")
+        folder = as_path(folder, "folder")
         self.folder, self.study = folder, study
         study.check(folder / STUDY)
         digest = study.cases(study.start, study.search)[0].scene().digest
@@ -68,7 +68,7 @@ class StudyFolder:
         Raises:
             InvalidConfig: there is none, it is damaged, or its station has changed since.
         """
-        place = path(folder, "folder")
+        place = as_path(folder, "folder")
         return cls(place, validated(Study, journal.asked_of(place, STUDY), place / STUDY))
 
     @property

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.rollout import Row, killed, rollout
 from simrob_drake.tuning.sweep import Sweep
@@ -36,7 +36,7 @@ class SweepFolder:
             OutputError: the folder holds something else, or cannot be written.
             InvalidConfig: its station has changed since it began.
         """
-        self.folder, self.sweep = path(folder, "folder"), sweep
+        self.folder, self.sweep = as_path(folder, "folder"), sweep
         self.cases = sweep.cases(allow_code=allow_code)
         journal.take(self.folder, SWEEP, sweep, self.cases[0].scene().digest, force=force)
 
@@ -47,7 +47,7 @@ class SweepFolder:
         Raises:
             InvalidConfig: there is none, it is damaged, or its station has changed since.
         """
-        place = path(folder, "folder")
+        place = as_path(folder, "folder")
         return cls(place, validated(Sweep, journal.asked_of(place, SWEEP), place / SWEEP), allow_code=allow_code)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:

@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from simrob_drake.folders import written_at_once
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.tuning import journal
 from simrob_drake.tuning.push_map import PushMap
 from simrob_drake.tuning.push_picture import save_push_picture
@@ -33,7 +33,7 @@ class WalkingFolder:
             OutputError: the folder holds something else, or cannot be written.
             InvalidConfig: the station has changed since they began.
         """
-        self.folder, self._asked = path(folder, "folder"), asked
+        self.folder, self._asked = as_path(folder, "folder"), asked
         digest = asked.check(allow_code=allow_code)
         self._trials = asked.trials(allow_code=allow_code)
         journal.take(self.folder, f"{asked.name}.yaml", asked, digest, force=force)

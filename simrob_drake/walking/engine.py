@@ -33,6 +33,7 @@ _LANDS = 0.03  # before landing, in which the foothold stays [s]
 _TOUCHES = 0.001  # over the lowest foot [m]
 _TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
 _STILL = 2.0  # times what is let be of a walk is let be of a robot that stands
+_BRACED, _OVER = 0.2, 0.5  # how long an error must be over [s], and below which part of what braces a robot it is
 _DOUBTED = 0.1  # part of what is learnt else, while steps answer an error
 _COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
 _SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
@@ -147,6 +148,8 @@ class Engine:
 
     def _followed(self, stride: Stride, told: Feedback, measured: Measured, xi: complex) -> Stride:
         """Return the stride with its references nearer to what is measured, and what lasts of the difference learnt."""
+        if stride.braced > 0:
+            return stride  # its soles tilt on a floor that does not
         if not stride.steps or self.steps.transfer < stride.transfer > stride.time:
             grounded = stride.slope + self._part(told.ground) * (measured.slope - stride.slope)
             return stride.changed(slope=grounded)  # it stands on both feet, and stiff: they hold it
@@ -175,6 +178,9 @@ class Engine:
         if not stride.steps:
             off = measured.xi - stride.zmp if told is not None and measured is not None else 0j
             error = _beyond(off, told, _STILL)
+            if stride.braced > 0:
+                over = told is None or told.braces is None or abs(off.imag) < _OVER * told.braces
+                return stride.changed(braced=stride.braced - self._period if over else _BRACED), stride.zmp
             if command.moves or error:
                 stride = self._begun(stride, command, error)
                 stride = stride if measured is None else stride.changed(course=measured.heading)
@@ -201,7 +207,12 @@ class Engine:
                 now = Divergent(own + error, omega, stride.time, stride.transfer, stride.zmp + held, rest + held)
                 planned = steps.adjusted(1 - standing, planned, now, stride.foot, after)
             stride = stride.landing_at(planned)
-        return stride, self._wanted(stride, Landing(stride.ends, stride.landing), omega, rest, after)
+        xi = self._wanted(stride, Landing(stride.ends, stride.landing), omega, rest, after)
+        if told is None or measured is None or abs((measured.xi - xi).imag) < (told.braces or math.inf):
+            return stride, xi
+        middle = steps.middle(standing, stride.foot)
+        stride = stride.changed(steps=0.0, braced=_BRACED, speed=0j, turn=0.0, zmp=middle, zmp_from=middle)
+        return stride, middle
 
     def _wanted(
         self, stride: Stride, landing: Landing, omega: float, rest: complex, after: tuple[float, complex]
@@ -218,7 +229,8 @@ class Engine:
         settle = 0.0 if error else self._figures.settle
         stride = self._next(stride, command, hurries=bool(error))
         ends = settle + self._figures.step_time
-        return stride.changed(steps=1.0, transfer=settle, nominal=ends, ends=ends)
+        begins = {"steps": 1.0, "time": 0.0, "share": 0.0, "heading_from": stride.heading}
+        return stride.changed(transfer=settle, nominal=ends, ends=ends, **begins)
 
     def _next(self, stride: Stride, command: Command, *, hurries: bool) -> Stride:
         """Return a step that begins now."""

@@ -62,6 +62,9 @@ class Feedback(Strict):
     """How far the soles themselves bring the zero-moment point against an error, ahead and sideways [m]."""
     push: NotNegative = 2.0
     """How far they do for a metre of error."""
+    braces: Positive | None = None
+    """Error sideways from which the robot stops, with both feet down, until it is over [m]: for legs without a step
+    aside; None: it goes on."""
     gain: Share = 1.0
     """How much of an error beyond that a step takes up."""
     hurry: NotNegative = 0.03

@@ -42,6 +42,7 @@ class Stride:
         aside: turn that brings it back there, added to the command's [rad/s].
         trim: what the planned speed has beyond the command's, for the way to be as long as that asks [m/s].
         waits: how long the foot has been late [s].
+        braced: for how long the robot stands before it walks on [s].
     """
 
     standing: float = 1.0
@@ -75,6 +76,7 @@ class Stride:
     aside: float = 0.0
     trim: complex = 0j
     waits: float = 0.0
+    braced: float = 0.0
 
     def changed(self, **changes: Any) -> Stride:
         """Return it with some of its values changed: as ``dataclasses.replace``, in a tenth of the time."""

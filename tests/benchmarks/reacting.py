@@ -7,7 +7,7 @@ examples/loops/on_sensors.yaml, changes the stations. It takes all processors.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -31,6 +31,7 @@ FACING = {"zjudancer": 90, "roid1": 0, "humanoid": -90, "yobotics": 0}
 EIGHT = {"zjudancer": 0.15, "roid1": 0.1, "yobotics": 0.25}  # m/s
 LOADS = {"zjudancer": 0.7, "roid1": 0.2, "humanoid": 0.3, "yobotics": 1.4}  # kg on the trunk, 0.15 of its mass
 FELLS = {"zjudancer": 50.0, "roid1": 22.0}  # N, for 0.1 s: surely
+HARD, MILD = (1.0, 1.5), (0.3, 0.45)  # times that; mild pushes are mostly withstood
 COMMANDS, GAIT, PATH = "controllers.walk.commands", "controllers.walk.gait", "controllers.walk.path"
 STEPS = {"kind": "steps", "height": 0.01, "size": 0.1, "length": 3}
 FAR, FARTHEST = 0.5, 0.8  # of the way: at least, and in a long walk
@@ -137,14 +138,15 @@ class Task:
         return Walked.of(self, result, process_time() - began)
 
     def fallen(self) -> Outcome:
-        """Walk, and be pushed as the walk mostly does not withstand; with or without guards, as the name says."""
+        """Walk, and be pushed, hard or mildly, with or without guards, as the name says."""
         assert self.seed is not None
-        guards = GUARDS[self.robot] if self.name == "with guards" else {}
+        guards = GUARDS[self.robot] if "guards" in self.name else {}
+        part = MILD if "mildly" in self.name else HARD
         draw = np.random.default_rng(self.seed)
-        size, turn = FELLS[self.robot] * draw.uniform(1.0, 1.5), draw.uniform(-np.pi, np.pi)
+        size, turn = FELLS[self.robot] * draw.uniform(*part), draw.uniform(-np.pi, np.pi)
         start = 3.0 + draw.uniform(0.0, 0.6)
         settings = {
-            **{f"controllers.{name}": {**guard, "tilt_deg": 22} for name, guard in guards.items()},
+            **{f"controllers.{name}": guard for name, guard in guards.items()},
             "forces.push": {"kind": "push", "start": start, "force": [size * np.cos(turn), size * np.sin(turn), 0.0]},
             "sensors.head": {"kind": "distance", "body": load_robot(self.robot).tools["head"]},
             "monitors": {},
@@ -156,6 +158,10 @@ class Task:
         config = load_station(f"{self.robot}_walking", {**settings, **drawn(config, self.seed)})
         return Outcome.of(simulate(config, progress=False), guards)
 
+    def alarmed(self) -> bool | None:
+        """Return whether a guard acts after a push that is withstood without it; None after one that is not."""
+        return None if self.fallen().fell else replace(self, name=f"{self.name}, with guards").fallen().acts
+
 
 def died(task: Task) -> Any:
     """Tell of a process that died."""
@@ -163,12 +169,18 @@ def died(task: Task) -> Any:
 
 
 def falls(pool: Processes, robot: str, seeds: int, changes: Mapping[str, Any]) -> None:
-    """Print in how many falls the head meets the floor, without guards and with those of examples/loops."""
+    """Print in how many falls the head meets the floor, without guards and with those of examples/loops.
+
+    And after how many pushes that are withstood these act.
+    """
     for label in ("without", "with guards"):
         asked = [Task(robot, label, seed, changes) for seed in range(seeds)]
         fell = [each for each in pool.outcomes(Task.fallen, asked, died) if each.fell]
         touches = sum(each.blow is not None for each in fell)
         print(robot, label, f"{len(fell)} of {seeds} fall, the head touches in {touches}", flush=True)
+    mild = [Task(robot, "mildly", seed, changes) for seed in range(seeds)]
+    acts = [act for act in pool.outcomes(Task.alarmed, mild, died) if act is not None]
+    print(robot, f"guards act after {sum(acts)} of {len(acts)} pushes that are withstood", flush=True)
 
 
 def walks(pool: Processes, robot: str, name: str, seeds: int, changes: Mapping[str, Any]) -> None:

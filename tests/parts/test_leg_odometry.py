@@ -258,7 +258,7 @@ def test_a_walk_goes_on_the_sensors_of_the_example_alone(robot):
     assert {name for name in ends[1].names if ".odometry." in name}
     assert not ends[1]["walk.blind"].any()
     asked = [name for name in ends[0].names if name.startswith(("walk.capture", "walk.target"))]
-    assert 1e-6 < max(np.abs(ends[1][name] - ends[0][name]).max() for name in asked) < 0.02
+    assert 1e-6 < max(np.abs(ends[1][name] - ends[0][name]).max() for name in asked) < 0.1
 
 
 def test_it_stands_in_the_picture_of_a_station_on_a_slope():

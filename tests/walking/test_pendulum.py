@@ -89,11 +89,12 @@ class TestAdjustedLandings:
         assert planned.place.imag < found.place.imag <= 0.2
 
     def test_feet_do_not_cross_nor_leave_their_reach(self, steps: Steps) -> None:
+        reach = figures().reach
         for error in (0.5 + 0j, -0.5 + 0j, 0.5j, -0.5j):
             for standing, side in ((0, 1), (1, -1)):
                 found = self.landing(steps, error, standing, now=0.1)[1].place
-                assert 0.07 - 1e-9 <= side * found.imag <= 0.2 + 1e-9
-                assert -0.12 - 1e-9 <= found.real <= 0.15 + 1e-9
+                assert reach.near - 1e-9 <= side * found.imag <= reach.far + 1e-9
+                assert -reach.behind - 1e-9 <= found.real <= reach.ahead + 1e-9
 
     def test_no_foot_is_faster_than_it_can(self, steps: Steps) -> None:
         planned, found = self.landing(steps, 0.1 + 0j, now=0.35)

@@ -151,6 +151,36 @@ def test_a_push_that_fells_a_planned_walk_is_answered() -> None:
     assert simulate(load_station("zjudancer_walking", blind)).stopped_by == "fall"
 
 
+def test_who_cannot_step_aside_stops_on_both_feet_and_walks_on() -> None:
+    push = {"kind": "push", "start": 2.1 + 0.5 * 5 / 8, "force": [20.0, 0, 0]}  # N, to the left: it looks along -y
+    settings = {"forces.push": push, "duration": 5.0}
+    result = simulate(load_station("humanoid_walking", settings))
+    assert result.stopped_by is None
+    feet = result["walk.foot"]
+    changes = result.times[1:][np.diff(feet) != 0]
+    assert np.diff(changes[changes > 1.5]).max() > 0.4  # of steps of 0.25 s
+    assert changes[-1] > 4.7
+    y = result["base.y"]
+    assert y[-1] < y[result.times < 4.0][-1] - 0.05
+    going_on = {**settings, "controllers.walk.gait": {"feedback": {"braces": None}}}
+    assert simulate(load_station("humanoid_walking", going_on)).stopped_by == "fall"
+
+
+def test_it_shifts_its_weight_at_leisure_however_long_it_stood() -> None:
+    builder, loop = loop_of("zjudancer_walking", {})
+    stride, posture = loop.engine.standing(loop.start)
+    for _ in range(120):
+        stride, posture = loop.engine.sample(stride, posture, Command(), None)
+    shares = []
+    for _ in range(62):  # settle: 0.6 s
+        stride, posture = loop.engine.sample(stride, posture, Command(0.1), None)
+        shares.append(stride.share)
+    assert stride.standing == 1.0
+    assert shares[58] == 0
+    assert shares[61] > 1e-3
+    assert builder is not None
+
+
 def test_who_is_in_the_air_as_a_push_ends_falls_and_does_not_diverge() -> None:
     """In flight steps are short, and stay so in the diagram without the push."""
     push = {"kind": "push", "start": 2.2, "force": [-24.0, 0, 0]}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.folders import replaced_at_once
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
@@ -67,7 +67,7 @@ def save_block_picture(config: StationConfig, file: Path | str) -> Path:
         SimrobError: Graphviz is needed and missing, or fails.
         OutputError: the file cannot be written.
     """
-    file = path(file, "file")
+    file = as_path(file, "file")
     suffix = file.suffix.lower()
     if suffix not in (".dot", ".mmd", *DRAWN_SUFFIXES):
         raise InvalidParameter("the picture's file", file.name, f"one of .dot, .mmd, {', '.join(DRAWN_SUFFIXES)}")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.folders import replaced_at_once, writing
-from simrob_drake.given import path
+from simrob_drake.given import as_path
 from simrob_drake.simulink.fmi.unit import SteppedStation
 from simrob_drake.simulink.writing.names import plain
 from simrob_drake.stations.config import StationConfig
@@ -78,7 +78,7 @@ def write_fmu(config: StationConfig, target: Path | str, *, force: bool = False)
         raise InvalidParameter(
             "simrob fmu", "without pythonfmu", "installed with the extra fmi: simrob-drake[fmi]"
         ) from problem
-    target = path(target, "target")
+    target = as_path(target, "target")
     if target.suffix != ".fmu":
         raise InvalidParameter("--out", str(target), "a file that ends in .fmu")
     if target.exists() and not force:
