@@ -128,7 +128,7 @@ def different_commands():
 SHORTER = {
     "run": ["--duration", "0.1", "--no-recording"],
     "walk": ["--no-recording"],
-    "pushes": ["--phases", "1", "--seeds", "1"],
+    "pushes": ["--phases", "1", "--directions", "1", "--seeds", "1"],
 }
 
 
