@@ -109,6 +109,21 @@ class TestWhatLasts:
         assert stride.counter.real < 0 < stride.counter.imag
         assert stride.slope.real > 0 > stride.slope.imag
 
+    def test_who_stands_learns_the_slope_too(self) -> None:
+        """At `ground` = 1/s, so that a second of standing brings 63 % of it."""
+        builder, loop = loop_of("zjudancer_walking", {})
+        stride, posture = loop.engine.standing(loop.start)
+        measured = Measured(stride.com, stride.zmp, 0.0, 0.0, 0.0, 0.1 + 0j, touches=False)
+        for _ in range(100):
+            stride, posture = loop.engine.sample(stride, posture, Command(), measured)
+        assert not stride.steps
+        assert stride.slope == pytest.approx(0.1 * (1 - np.exp(-1)), rel=1e-6)
+        assert builder is not None
+
+    def test_who_answers_an_error_learns_a_tenth(self) -> None:
+        calm, pushed = self.walked(slope=0.1 + 0j).slope.real, self.walked(slope=0.1 + 0j, xi=0.2 + 0j).slope.real
+        assert 0.05 * calm < pushed < 0.2 * calm
+
     def test_a_sag_is_no_error_any_more(self) -> None:
         assert self.walked(away=-0.01).sag.real < -1e-4
 
