@@ -6,14 +6,19 @@ READY := $(VENV)/.ready
 
 # The matrices of a robot are small: more threads only wait for each other.
 export OPENBLAS_NUM_THREADS ?= 1
+# The tests start some hundred processes: none of them is to compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint types check bench fuzz wheel pictures hooks lock clean
+.PHONY: demo test test-long lint types check bench fuzz wheel pictures hooks lock clean
 
 demo: $(READY)  ## run the main job and print where its recording is
 	$(BIN)/simrob run irb120_dynamic --out runs/demo --force
 
 test: $(READY)  ## run all tests, or those of TESTS=...
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)
+
+test-long: $(READY)  ## run those tests that take long or repeat themselves
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile -m long $(TESTS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -16,8 +16,8 @@ import numpy as np
 from PIL import Image
 
 from simrob_drake import LeggedRobot, SimulationResult, load_station, simulate, station_names
-from simrob_drake.cli.given import given_station
 from simrob_drake.paths import models_root
+from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.animation.pictures import Studio, film_strip
 from simrob_drake.results.whole import joined
 from simrob_drake.robots.catalog import robot_names
@@ -27,21 +27,14 @@ WALKS = {
     "humanoid_dynamic": 4,
     "roid1_dynamic": 20,
     "yobotics_dynamic": 4,
-    "yobotics_terrain": 12,
     "zjudancer_dynamic": 4,
 }
 """Steps of the legged robots: they are here to walk."""
 PROGRAMS: dict[str, tuple[str, Callable[[Any], Sequence[SimulationResult]]]] = {
-    "belt_pick": ("belt_pick", itemgetter(1)),
-    "humanoid_box": ("humanoid_box", lambda robot: (robot.simulate(), robot.runs)[1]),
-    "irb120_chess": ("irb120_chess", itemgetter(1)),
     "irb120_workcell": ("irb120_draw", itemgetter(1)),
     "three_humanoids": ("humanoids_same_program", itemgetter(slice(1))),
-    "two_arms": ("two_arms_handover", itemgetter(1)),
 }
-"""The examples of the stations that stand still without a program, and how to get the runs from what they return."""
-SETTINGS = {"irb120_on_belt": ["reference.kind=move", "reference.target_deg.belt=0.9", "reference.duration=1"]}
-"""What is set of the stations that stand still as they are."""
+"""The examples of the stations that stand still as they are, and how to get the runs from what they return."""
 HEIGHT, FRAMES, COLOURS = 150, 6, 64
 SIDE = 160
 """Of a robot's portrait [pixels]."""
@@ -55,7 +48,7 @@ def command(station: str) -> str:
         return f"simrob walk {station} --steps {WALKS[station]}"
     if station in PROGRAMS:
         return f"python examples/{PROGRAMS[station][0]}.py"
-    return " ".join([f"simrob run {station}", *(f"--set {setting}" for setting in SETTINGS.get(station, []))])
+    return f"simrob run {station}"
 
 
 def shown(station: str) -> Sequence[SimulationResult]:
@@ -65,7 +58,7 @@ def shown(station: str) -> Sequence[SimulationResult]:
     if station in PROGRAMS:
         name, runs = PROGRAMS[station]
         return runs(run_path(str(DOCS.parent / "examples" / f"{name}.py"))["run"]())
-    return [simulate(given_station(station, SETTINGS.get(station)), progress=False)]
+    return [run_whole(load_station(station))]
 
 
 def save_picture(station: str) -> Path:

@@ -12,7 +12,7 @@ import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.plots.own import panels, save_figure
 from simrob_drake.results.record.walks import locomotion
 

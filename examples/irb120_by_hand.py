@@ -9,7 +9,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.blocks.joint_stops import add_joint_stops
-from simrob_drake.blocks.references import add_course, ramp
+from simrob_drake.blocks.references import add_reference, ramp
 from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_servos
 from simrob_drake.paths import models_root
 
@@ -26,7 +26,7 @@ def run(*, duration: float = 3.0) -> np.ndarray:
     plant.mutable_gravity_field().set_gravity_vector([0, 0, -9.80665])
     plant.Finalize()
 
-    reference = add_course(builder, ramp(np.zeros(6), np.full(6, np.pi / 6), duration=1.0))
+    reference = add_reference(builder, ramp(np.zeros(6), np.full(6, np.pi / 6), duration=1.0))
     torque = add_servos(
         builder,
         ServoSignals(reference=reference.position, state=plant.get_state_output_port(arm)),

@@ -7,9 +7,9 @@ from .frames import three_point_frame as three_point_frame
 from .linear import LinearModel as LinearModel
 from .linear import linearize as linearize
 from .programs.arm import Arm as Arm
+from .programs.arm import Workcell as Workcell
 from .programs.legged_robot import LeggedRobot as LeggedRobot
 from .programs.program import Program as Program
-from .programs.workcell import Workcell as Workcell
 from .results.record.state import State as State
 from .results.result import SimulationResult as SimulationResult
 from .simulation import Runner as Runner

@@ -19,7 +19,8 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyF
 
 from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.frames import Vector, finite
-from simrob_drake.importer.cache import robot_from_file
+from simrob_drake.importer.importing import robot_from_file
+from simrob_drake.importer.packages import is_robot_file
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.parse import held_robot
@@ -131,8 +132,8 @@ class Dynamics:
     def forward_dynamics(self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, torque: npt.ArrayLike = 0.0) -> Vector:
         """Return the accelerations that torques of the motors give, shape (n,)."""
 
-        def accelerations(velocity: Vector, given: Vector) -> Vector:
-            rest = given - self._torques(velocity, np.zeros_like(velocity))
+        def accelerations(velocity: Vector, torque: Vector) -> Vector:
+            rest = torque - self._torques(velocity, np.zeros_like(velocity))
             return np.asarray(np.linalg.solve(self._inertia(), rest))
 
         return self._each(accelerations, q, v=v, torque=torque)
@@ -200,9 +201,9 @@ class Dynamics:
                 raise InvalidParameter(name, quoted(values), f"a finite number, or as many as q has: {rows.shape}")
             spread.append(np.broadcast_to(found, np.atleast_2d(rows).shape))
         results = []
-        for posture, *given in zip(np.atleast_2d(rows), *spread, strict=True):
+        for posture, *arguments in zip(np.atleast_2d(rows), *spread, strict=True):
             self._map.set_positions(self._plant, self._context, posture)
-            results.append(compute(*given))
+            results.append(compute(*arguments))
         return np.array(results) if rows.ndim > 1 else np.asarray(results[0])
 
     def _set_velocities(self, velocity: Vector) -> None:
@@ -256,4 +257,4 @@ def _robot(robot: str | Path) -> RobotModel:
         raise InvalidParameter("robot", quoted(robot), "a name of `simrob list`, or a path")
     if Path(robot).suffix in YAML_SUFFIXES:
         return load_robot_file(Path(robot))
-    return robot_from_file(Path(robot)) if Path(robot).suffix else load_robot(str(robot))
+    return robot_from_file(robot) if Path(robot).suffix or is_robot_file(str(robot)) else load_robot(str(robot))

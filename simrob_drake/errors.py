@@ -53,6 +53,7 @@ class InvalidModel(SimrobError):
     def __init__(self, where: Path | str, element: str, problem: str) -> None:
         """Say in which file and element the problem lies."""
         super().__init__(_located(where, element, problem))
+        self.problem = problem
 
 
 class UnsupportedSolver(SimrobError):
@@ -61,6 +62,19 @@ class UnsupportedSolver(SimrobError):
 
 class OutputError(SimrobError):
     """Results that cannot be written where the user asked."""
+
+
+class VerdictError(SimrobError):
+    """A run with warnings, or one that came to no end of its own, whose caller asked for ``strict``.
+
+    Attributes:
+        result: the run.
+    """
+
+    def __init__(self, message: str, result: object) -> None:
+        """Say what became of the run ``result``."""
+        super().__init__(message)
+        self.result = result
 
 
 def nearest(name: object, known: Iterable[str]) -> str:
@@ -74,8 +88,8 @@ def nearest(name: object, known: Iterable[str]) -> str:
 
 def _located(where: Path | str, what: str, problem: str) -> str:
     place, what = shortened(str(where), 1000), shortened(what, 200)
-    told = place.split(" ", 1)[-1].lstrip("-") == what  # by what an override or an option is called
-    return ": ".join(part for part in (place, "" if told else what, problem) if part)
+    named = place.split(" ", 1)[-1].lstrip("-") == what  # by what an override or an option is called
+    return ": ".join(part for part in (place, "" if named else what, problem) if part)
 
 
 def one_of(kind: str, name: object, known: Iterable[str]) -> str:
@@ -109,6 +123,8 @@ def angle(value: float) -> str:
 
 
 def shortened(value: str, length: int = 80) -> str:
-    """Return a text on one line, cut where it is long."""
-    text = " ".join(value.split())
-    return text if len(text) <= length else text[: length - 1] + "…"
+    """Return a text on one line, cut where it is long, without what would steer a terminal."""
+    head = " ".join(value[: 100 * length].split())
+    text = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in head)
+    whole = len(text) <= length and len(value) <= 100 * length
+    return text if whole else text[: length - 1] + "…"

@@ -171,14 +171,14 @@ def _named(work: Path, target: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _workshop(beside: Path, name: str) -> Iterator[Path]:
+def _workshop(folder: Path, name: str) -> Iterator[Path]:
     """Give a hidden folder until the work is done; what killed processes left of theirs is deleted.
 
     A lock, which goes with its process, tells which are still used.
     """
-    _tidy(beside)
+    _tidy(folder)
     prefix = f".{name[:100]}-"
-    with tempfile.TemporaryDirectory(_WORKSHOP, prefix, beside, ignore_cleanup_errors=True) as place:
+    with tempfile.TemporaryDirectory(_WORKSHOP, prefix, folder, ignore_cleanup_errors=True) as place:
         lock = os.open(place, os.O_RDONLY)
         try:
             with suppress(OSError):  # a disk without locks: then nothing there is deleted, either

@@ -82,8 +82,8 @@ class Arc:
         normal = np.cross(to_b, to_c)
         sides = [float(np.linalg.norm(side)) for side in (to_b, to_c, c - b)]
         if min(sides) < _APART or np.linalg.norm(normal) < _STRAIGHT * sides[0] * sides[1]:
-            given = ", ".join("[" + ", ".join(f"{value:.4g}" for value in place) + "]" for place in (a, b, c))
-            expected = f"through three points that are not on one line, unlike {given} m"
+            found = ", ".join("[" + ", ".join(f"{value:.4g}" for value in place) + "]" for place in (a, b, c))
+            expected = f"through three points that are not on one line, unlike {found} m"
             raise InvalidParameter(name, "straight", expected)
         first = np.cross((to_c @ to_c) * to_b - (to_b @ to_b) * to_c, normal) / (2 * normal @ normal)
         centre, axis = a - first, normal / np.linalg.norm(normal)

@@ -19,7 +19,7 @@ def heard_afterwards() -> Iterator[None]:
         yield
         return
     pressed: list[tuple[Any, ...]] = []
-    signal.signal(signal.SIGINT, lambda *given: pressed.append(given))
+    signal.signal(signal.SIGINT, lambda *arguments: pressed.append(arguments))
     try:
         yield
     finally:

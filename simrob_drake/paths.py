@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+ROBOT_FILE, PIECE_FILE = "robot.yaml", "piece.yaml"
+"""What the files are called that describe a robot and a piece."""
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -19,3 +21,18 @@ def models_root() -> Path:
 def diagrams_root() -> Path:
     """Return the folder with one YAML file a station."""
     return data_root() / "diagrams"
+
+
+def station_files() -> dict[str, Path]:
+    """Return the files of the stations that come with the package, by name."""
+    return {file.stem: file for file in sorted(diagrams_root().glob("*.yaml"))}
+
+
+def robot_files() -> dict[str, Path]:
+    """Return the files of the robots that come with the package, by name."""
+    return {file.parent.name: file for file in sorted(models_root().glob(f"*/{ROBOT_FILE}"))}
+
+
+def piece_files() -> dict[str, Path]:
+    """Return the files of the pieces that come with the package, by name."""
+    return {file.parent.name: file for file in sorted(models_root().glob(f"pieces/*/{PIECE_FILE}"))}

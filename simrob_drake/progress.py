@@ -1,12 +1,14 @@
 """What long work says of itself, on the error stream and only where somebody watches: a bar, and notes."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+if TYPE_CHECKING:
+    from rich.console import Console  # it is loaded where something is said
 
 REFRESH = 0.1
 """Time between two movements of a bar [s]."""
@@ -14,12 +16,17 @@ REFRESH = 0.1
 
 def note(text: str, *, shown: bool) -> None:
     """Say something in a line, where somebody watches; ``shown`` False keeps silent."""
-    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    if shown and console.is_terminal:
+    if shown and (console := _console()).is_terminal:
         console.print(text, soft_wrap=True)
 
 
-class Move(Protocol):
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console(stderr=True, markup=False, emoji=False, highlight=False)
+
+
+class Advance(Protocol):
     """What moves a bar."""
 
     def __call__(self, done: float, remark: str = "", /) -> None:
@@ -27,7 +34,7 @@ class Move(Protocol):
 
 
 @contextmanager
-def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Move | None]:
+def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | None]:
     """Show a bar and give a function that moves it; off a terminal that tells a remark, once. None if not ``shown``.
 
     Args:
@@ -38,17 +45,19 @@ def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Move | Non
     if not shown:
         yield None
         return
-    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    console = _console()
     if not console.is_terminal:
-        told: list[str] = []
+        remarked: list[str] = []
 
-        def tell_once(_: float, remark: str = "") -> None:
-            if remark and not told:
-                told.append(remark)
+        def remark_once(_: float, remark: str = "") -> None:
+            if remark and not remarked:
+                remarked.append(remark)
                 console.print(f"{text}: {remark}", soft_wrap=True)
 
-        yield tell_once
+        yield remark_once
         return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),

@@ -1,71 +1,22 @@
-"""Read YAML safely, and turn pydantic's findings into one line that names file, key and what would be right."""
+"""Read YAML and JSON safely: plain data, of a size that somebody may have meant, no key twice."""
 
 import json
 import re
 from collections import Counter
 from copy import deepcopy
 from functools import lru_cache
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
+from typing import Any, cast
 
 import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from simrob_drake.errors import InvalidConfig, nearest, quoted, shortened
+from simrob_drake.errors import InvalidConfig, quoted, shortened
 from simrob_drake.files import NotRead, text_of
 
-if TYPE_CHECKING:
-    from pydantic._internal._model_construction import ModelMetaclass
-else:
-    ModelMetaclass = type(BaseModel)  # which has no public name
-
-Model = TypeVar("Model", bound=BaseModel)
-Number = Annotated[float, Field(strict=True)]
-"""A number, and no text or truth value that could pass for one."""
 YAML_SUFFIXES = (".yaml", ".yml")
 _MOST_VALUES, _DEEPEST, _LONGEST_NUMBER = 200_000, 60, 1000
 _SURROGATE = re.compile("[\ud800-\udfff]")
-_LONGEST_NAME = 200  # bytes; file systems take 255, and results put date and time behind a name
-
-
-def is_file_name(name: str) -> bool:
-    """Whether a file or a folder could have this name, in whatever folder it stands."""
-    plain = name.isprintable() and not set(name) & set("/\\") and name.strip(". ")
-    return bool(plain) and len(name.encode()) <= _LONGEST_NAME
-
-
-def _file_name(name: str) -> str:
-    if not is_file_name(name):
-        raise ValueError("must be a name that a folder could have: no /, not . or .., at most 200 letters")
-    return name
-
-
-FileName = Annotated[str, AfterValidator(_file_name)]
-"""A name that folders may be called by: one segment of a path."""
-
-
-_QUOTED = re.compile(r"'([^']+)'")
-_UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\[")
-
-
-class _Told(ModelMetaclass):
-    """Makes the classes whose objects, made in Python, are told of as the content of a file is."""
-
-    def __call__(cls, /, *given: Any, **content: Any) -> Any:  # noqa: N805  # of a class of classes
-        try:
-            return super().__call__(*given, **content)
-        except ValidationError as problem:
-            raise _first_finding(problem, cast(type[BaseModel], cls), cls.__name__) from problem
-
-
-class Strict(BaseModel, metaclass=_Told):
-    """Base of everything read from YAML: unknown keys are errors, and nothing changes after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
-
-    def __repr_args__(self) -> Any:
-        """Show what was given, and no defaults."""
-        return [(name, value) for name, value in super().__repr_args__() if name in self.model_fields_set]
 
 
 class _Loader(yaml.CSafeLoader):
@@ -128,6 +79,40 @@ def parse_yaml(text: str, where: Path | str) -> Any:
         raise InvalidConfig(where, "", f"is not YAML: {_yaml_problem(problem)}") from problem
 
 
+def parse_json(text: str, where: Path | str) -> Any:
+    """Return the value that a JSON text stands for: its numbers are finite, and no key stands twice.
+
+    Raises:
+        InvalidConfig: the text is something else.
+    """
+    try:
+        return json.loads(
+            text, parse_int=_finite_int, parse_float=_finite, parse_constant=_finite, object_pairs_hook=_mapping
+        )
+    except (ValueError, RecursionError) as problem:
+        why = "too many levels" if isinstance(problem, RecursionError) else problem
+        raise InvalidConfig(where, "", f"is not JSON: {why}") from None
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not isfinite(number):
+        raise ValueError(f"{shortened(text)} is no finite number")
+    return number
+
+
+def _finite_int(text: str) -> int:
+    _finite(text)
+    return int(text)
+
+
+def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError(f"a key stands twice among {shortened(', '.join(key for key, _ in pairs))}")
+    return found
+
+
 def _yaml_problem(problem: Exception) -> str:
     """Return what is wrong with a YAML text and where, without what yaml calls a text that it was handed."""
     if not isinstance(problem, yaml.MarkedYAMLError):
@@ -166,115 +151,23 @@ def _check_growth(text: str) -> None:
             raise yaml.MarkedYAMLError(problem=f"more than {limit}", problem_mark=cast(yaml.Mark, event.start_mark))
 
 
-def validated(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
-    """Return ``content`` as a ``model``.
+def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]:
+    """Return the section or list that a dotted key stands in, and its last part; sections on the way are made.
 
     Raises:
-        InvalidConfig: names ``where``, the first wrong key and what would be right.
+        InvalidConfig: a list has no such place, or something on the way has no keys; names ``where`` and the key.
     """
-    try:
-        return model.model_validate(content)
-    except ValidationError as problem:
-        raise _first_finding(problem, model, where) from problem
-
-
-def file_schema(model: type[BaseModel], *, from_place: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return the JSON Schema of a file that holds a model.
-
-    Args:
-        model: what the file holds.
-        from_place: fields that follow from where the file lies; they need not stand in it.
-    """
-    schema = model.model_json_schema()
-    schema["required"] = [key for key in schema.get("required", []) if key not in from_place]
-    return schema
-
-
-def write_schema(file: Path, schema: dict[str, Any]) -> Path:
-    """Write a schema, for editors that complete and check YAML, and return its file."""
-    file.write_text(json.dumps(schema, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    return file
-
-
-def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path | str) -> InvalidConfig:
-    """Return the finding that tells most: an unknown key, else the deepest, which is of the right branch of a union."""
-    findings = problem.errors()
-    finding = next((f for f in findings if f["type"] == "extra_forbidden"), max(findings, key=lambda f: len(f["loc"])))
-    path, known, nodes = _walk(model, finding["loc"])
-    key = ".".join(path)
-    context, given = finding.get("ctx", {}), finding["input"]
-    match finding["type"]:
-        case "extra_forbidden":
-            text = f"unknown key{nearest(path[-1], known)}"
-        case "missing" if isinstance(finding["loc"][-1], int):
-            sizes = [node["maxItems"] for node in nodes if "maxItems" in node]
-            text = f"needs {sizes[0] if sizes else 'more'} values, not {shortened(repr(given))}"
-        case "missing":
-            text = "this key is needed"
-        case "union_tag_not_found":
-            kinds = [kind for node in nodes if (kind := _kind(node)) is not None]
-            key, text = f"{key}.kind", f"this key is needed; known: {', '.join(kinds)}"
-        case "union_tag_invalid":
-            key, text = f"{key}.kind", _no_such(str(context["tag"]), context["expected_tags"])
-        case "literal_error":
-            text = _no_such(str(given), context["expected"])
-        case "model_type" | "model_attributes_type" | "dict_type":
-            keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
-            section = f"a section with keys of: {', '.join(keys)}" if keys else "a section of names and their entries"
-            text = f"must be {section} (it is {quoted(given)})"
-        case _:
-            message = finding["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list")
-            value = f" (it is {quoted(given)})" if key else ""  # else it is the whole file
-            text = f"{message[:1].lower()}{message[1:]}{value}"
-    return InvalidConfig(where, key, text)
-
-
-def _no_such(given: str, expected: str) -> str:
-    """Say that a value is none of those that pydantic expected, listed in quotes."""
-    return f"there is no '{shortened(given)}'{nearest(given, _QUOTED.findall(expected))}"
-
-
-def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str], list[dict[str, Any]]]:
-    """Follow a location through the JSON Schema: the keys a user wrote, the keys known beside the last one, its nodes.
-
-    Pydantic puts the branches of unions that it tried into a location; these are no keys and are left out.
-    """
-    schema = model.model_json_schema()
-    nodes = _branches(schema, schema)
-    path: list[str] = []
-    known: set[str] = set()
-    for depth, part in enumerate(location):
-        alternatives = nodes if len(nodes) > 1 else []
-        tagged = [node for node in alternatives if part in (_kind(node), node.get("title"))]
-        if tagged or _UNION_BRANCH.match(str(part)):
-            nodes = tagged or nodes
-            continue
-        if isinstance(part, int):  # a place in a list; what is missing at the end of one is told of the list
-            items = [node["items"] for node in nodes if isinstance(node.get("items"), dict)]
-            below = [branch for item in items for branch in _branches(item, schema)]
-            if below and depth < len(location) - 1:
-                nodes, path[-1:] = below, [f"{path[-1]}[{part}]"]
-            continue
-        children: list[dict[str, Any]] = []
-        for node in nodes:
-            child = node.get("properties", {}).get(part) or node.get("additionalProperties")
-            if isinstance(child, dict):
-                children += _branches(child, schema)
-        known = {key for node in nodes for key in node.get("properties", {})}
-        path.append(str(part))
-        nodes = children
-    return path, known, nodes
-
-
-def _kind(node: dict[str, Any]) -> str | None:
-    """Return the kind of section that a schema node stands for; None if it is of none, such as null."""
-    kind: str | None = node.get("properties", {}).get("kind", {}).get("const")
-    return kind
-
-
-def _branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the alternatives that a schema node allows, references followed."""
-    if "$ref" in node:
-        return _branches(schema["$defs"][node["$ref"].rsplit("/", 1)[-1]], schema)
-    alternatives = node.get("anyOf") or node.get("oneOf")
-    return [branch for one in alternatives for branch in _branches(one, schema)] if alternatives else [node]
+    node = content
+    for depth, part in enumerate(key):
+        whole = ".".join(key[: depth + 1])
+        if isinstance(node, list) and not (part.isdecimal() and int(part) < len(node)):
+            raise InvalidConfig(where, whole, f"has no place '{part}'; those there are 0 to {len(node) - 1}")
+        if not isinstance(node, dict | list):
+            raise InvalidConfig(where, ".".join(key[:depth]), f"is {quoted(node)}, so it has no key '{part}'")
+        if depth == len(key) - 1:
+            break
+        inner = node[int(part)] if isinstance(node, list) else node.get(part)
+        if inner is None and isinstance(node, dict):
+            inner = node[part] = {}
+        node = inner
+    return node, key[-1]

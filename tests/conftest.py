@@ -1,9 +1,11 @@
 """What several tests share: a one-joint arm as a URDF text and as a plant, and the plant of the IRB120."""
 
+import gc
 import shutil
 import signal
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +57,16 @@ PENDULUM_MASS = 1.0  # kg, a point
 PENDULUM_LENGTH = 0.5  # m
 
 
+_module: Path | None = None  # whose tests are run
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what needs a program that is not there."""
+    """Skip what needs a program that is not there; look for no rubbish in what the modules before have left."""
+    global _module  # noqa: PLW0603  # a process runs one test at a time
+    if item.path != _module:
+        _module = item.path
+        gc.collect()
+        gc.freeze()  # else a third of the time goes into looking through the imported libraries, again and again
     if item.get_closest_marker("graphviz") and shutil.which("dot") is None:
         pytest.skip("needs Graphviz, whose program `dot` is not found")
 
@@ -69,6 +79,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_configure() -> None:
     """Let commands that tests start hear Ctrl-C: what a script starts in the background would ignore it."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def no_plots(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Save results without plots, which take most of its time, but where a test is marked ``plots``."""
+    if request.node.get_closest_marker("plots") is None:
+        monkeypatch.setattr("simrob_drake.results.files._save_plots", lambda *_: None)
+        monkeypatch.setattr("simrob_drake.results.files.in_background", lambda _: nullcontext())
 
 
 @pytest.fixture

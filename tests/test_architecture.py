@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -23,11 +24,10 @@ ROAD = [
     "results",
     "simulation",
     "mujoco",
-    "comparison",
-    "identification",
     "linear",
     "kinematics",
     "programs",
+    "comparison",
     "tuning",
     "learning",
     "simulink",
@@ -35,7 +35,6 @@ ROAD = [
     "cli",
 ]
 BASE = {
-    "beside",
     "errors",
     "extras",
     "files",
@@ -43,18 +42,22 @@ BASE = {
     "paths",
     "folders",
     "frames",
-    "given",
+    "arguments",
     "lifetime",
     "interpolation",
     "interrupts",
     "yaml_files",
-    "csv_files",
     "progress",
-    "quantities",
+    "sections",
     "signals",
     "rows",
 }
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
+
+
+@cache
+def parsed(file: Path) -> ast.Module:
+    return ast.parse(file.read_text())
 
 
 def place(module: str) -> int:
@@ -64,7 +67,7 @@ def place(module: str) -> int:
 
 
 def imported(file: Path) -> set[str]:
-    tree = ast.parse(file.read_text())
+    tree = parsed(file)
     froms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
     plain = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
     return froms | plain
@@ -79,18 +82,29 @@ def test_imports_point_to_the_left(file):
         assert other != "pydrake.all", "it shadows builtins and loads everything"
 
 
-def needed(file: Path) -> set[str]:
-    """Return the modules of the package that must be loaded before a module can be."""
-    body = [node for node in ast.parse(file.read_text()).body if isinstance(node, ast.ImportFrom)]
-    return {node.module for node in body if node.module and node.module.startswith("simrob_drake.")}
-
-
-def test_no_module_waits_for_another_that_waits_for_it():
-    waits = {".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): needed(file) for file in MODULES}
+def test_no_modules_need_each_other():
+    """Imports in functions, and those for types alone, are counted, too."""
+    names = {".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): file for file in MODULES}
+    needs = {name: imported(file) & names.keys() for name, file in names.items()}
     try:
-        TopologicalSorter(waits).prepare()
+        TopologicalSorter(needs).prepare()
     except CycleError as problem:
         pytest.fail(" -> ".join(problem.args[1]))
+
+
+def test_classes_of_the_package_are_three_deep_at_most():
+    """Those of Drake and pydantic, and :class:`Strict`, which only adds checks to pydantic's, are not counted."""
+    own = {}
+    for file in (file for file in MODULES if "teach" not in file.parts):
+        for node in ast.walk(parsed(file)):
+            if isinstance(node, ast.ClassDef):
+                names = [base.value if isinstance(base, ast.Subscript) else base for base in node.bases]
+                own[node.name] = {base.id for base in names if isinstance(base, ast.Name)} - {node.name, "Strict"}
+
+    def depth(name: str) -> int:
+        return 1 + max((depth(base) for base in own[name] if base in own), default=0)
+
+    assert {name for name in own if depth(name) > 3} == set()
 
 
 def test_modules_hold_one_concept_each():
@@ -116,3 +130,41 @@ def test_python_blocks_share_a_base():
     """A solver asks each block for derivatives; Drake's own base makes that dear, see Block."""
     bare = [str(file) for file in MODULES if "(LeafSystem)" in file.read_text() and file.name != "block.py"]
     assert bare == []
+
+
+@pytest.mark.parametrize("command", ["--help", "--version", "list"])
+def test_what_runs_nothing_loads_no_drake(command):
+    script = (
+        "import sys; from simrob_drake.cli.app import run_command; "
+        f"code = run_command([{command!r}]); print(code, 'pydrake' in sys.modules)"
+    )
+    shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
+    assert shown.splitlines()[-1] == "0 False"
+
+
+READERS = {"read_text", "read_bytes", "safe_load", "loadtxt", "genfromtxt"}
+"""Functions that read files, or YAML, without the bounds of the border."""
+OWN_FILES = {
+    "folders.py": "the package's own code, of which a cache's entry is made",
+    "cli/app.py": "its own code",
+    "results/animation/recording.py": "its own script",
+    "results/animation/window.py": "its own script",
+    "simulink/model/block_types.py": "its own table",
+    "teach/pages/shell.py": "its own script and style",
+    "teach/pages/view.py": "a picture that was just drawn",
+}
+"""Modules that may call them, and for what."""
+
+
+def test_files_of_users_are_read_at_the_border():
+    """:mod:`simrob_drake.files` and ``yaml_files`` alone read them: they wait for no pipe, and nothing is too large."""
+    found = set()
+    for file in MODULES:
+        module = str(file.relative_to(PACKAGE))
+        calls = [node for node in ast.walk(parsed(file)) if isinstance(node, ast.Call)]
+        named = {call.func.attr for call in calls if isinstance(call.func, ast.Attribute)}
+        opens = [call for call in calls if getattr(call.func, "attr", getattr(call.func, "id", "")) == "open"]
+        modes = {arg.value for call in opens for arg in call.args if isinstance(arg, ast.Constant)}
+        if named & READERS or modes & {"r", "rb", "rt"}:
+            found.add(module)
+    assert found == {*OWN_FILES, "files.py"}

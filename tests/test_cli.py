@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,11 +12,15 @@ import pytest
 
 from simrob_drake import Dynamics, Workcell
 from simrob_drake.cli import ExitCode
+from simrob_drake.cli.__main__ import DEBUG, guarded
 from simrob_drake.cli.app import run_command
-from simrob_drake.cli.given import given_station
+from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.tables import _pose_differences
 from simrob_drake.errors import SimrobError
+from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import load_robot
+
+pytestmark = pytest.mark.usefixtures("no_plots")
 
 
 @pytest.fixture(autouse=True)
@@ -23,6 +28,7 @@ def _in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.plots
 def test_a_run_leaves_a_whole_result(tmp_path, capsys):
     assert run_command(["run", "irb120_dynamic", "--duration", "0.3", "--out", "result"]) == 0
     files = {str(file.relative_to(tmp_path / "result")) for file in (tmp_path / "result").rglob("*") if file.is_file()}
@@ -167,6 +173,31 @@ def test_help_keeps_its_units(capsys, command, unit):
     assert unit in " ".join(capsys.readouterr().out.replace("│", " ").split())
 
 
+@pytest.mark.parametrize("asked", ["-h", "--help"])
+def test_help_has_its_commands_under_titles_and_flags_without_a_type(capsys, asked):
+    assert run_command([asked]) == 0
+    shown = capsys.readouterr().out
+    titles = ["Stations", "Robots", "Many runs", "Exchange and other engines"]
+    assert re.findall(r"^╭─ ([\w ]+) ─", shown, re.MULTILINE) == ["Options", *titles]
+    assert run_command(["run", asked]) == 0
+    assert "<bool>" not in shown + capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("typed", "completed"), [("sw", "sweep"), ("run irb120_kin", "irb120_kinematic")])
+def test_a_shell_completes_commands_and_stations(typed, completed):
+    words = {"COMP_WORDS": f"simrob {typed}", "COMP_CWORD": str(len(typed.split()))}
+    environment = {**os.environ, "_SIMROB_COMPLETE": "complete_bash", **words}
+    start = "import sys; sys.argv = ['simrob']; from simrob_drake.cli.__main__ import main; main()"
+    done = subprocess.run([sys.executable, "-c", start], env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == [completed]
+
+
+@pytest.mark.parametrize("command", ["run", "check", "walk"])
+def test_a_file_that_is_not_there_is_told_as_such(capsys, command):
+    assert run_command([command, "a.step"]) == ExitCode.BAD_INPUT
+    assert capsys.readouterr().err == "simrob: a.step: there is no such file\n"
+
+
 def test_check_says_that_a_robot_starts_below_the_floor(capsys):
     assert run_command(["check", "humanoid_dynamic", "--set", "robot.base=[0,0,0.3,0,0,0]"]) == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
@@ -176,14 +207,14 @@ def test_check_says_that_a_robot_starts_below_the_floor(capsys):
 def test_settings_may_stand_in_files(tmp_path):
     (tmp_path / "stiff.yaml").write_text("servo: {kp: 1234}\nduration: 2\n")
     (tmp_path / "damped.yaml").write_text("servo: {kd: 56}\n")
-    config = given_station("irb120_dynamic", ["stiff.yaml", "damped.yaml", "servo.torque_limit=78"])
+    config = station_from("irb120_dynamic", ["stiff.yaml", "damped.yaml", "servo.torque_limit=78"])
     assert (config.servo.kp, config.servo.kd, config.servo.torque_limit, config.duration) == (1234, 56, 78, 2)
     with pytest.raises(SimrobError, match=r"--set servo\.kp=1 is given beside --set servo\.kp; it must be left out"):
-        given_station("irb120_dynamic", ["stiff.yaml", "servo.kp=1"])
+        station_from("irb120_dynamic", ["stiff.yaml", "servo.kp=1"])
     with pytest.raises(SimrobError, match=r"--set stiff\.yaml is given beside --duration"):
-        given_station("irb120_dynamic", ["stiff.yaml"], duration=1)
+        station_from("irb120_dynamic", ["stiff.yaml"], duration=1)
     with pytest.raises(SimrobError, match=r"no\.yaml: cannot be read"):
-        given_station("irb120_dynamic", ["no.yaml"])
+        station_from("irb120_dynamic", ["no.yaml"])
 
 
 MISTAKES = {
@@ -256,7 +287,7 @@ TABLES = {
     "unsorted times": ("time,joint_1,joint_2\n1,0,0\n0,0,0\n", "line 3: time 0 s after 1 s; times must rise"),
     "nan": ("time,joint_1,joint_2\n0,0,0\n1,nan,0\n", "line 3: holds something that is no number"),
     "one row": ("time,joint_1,joint_2\n0,0,0\n", "fewer than two rows"),
-    "nothing": ("", "lacks the columns"),
+    "nothing": ("", "is empty; it must hold a line of names"),
 }
 
 
@@ -288,9 +319,9 @@ def test_importing_the_package_is_quick_and_loads_nothing_heavy():
 
 THREADS = """
 import atexit, os, sys
-from simrob_drake.cli import main
+from simrob_drake.cli.__main__ import main
 atexit.register(lambda: print("threads", len(os.listdir("/proc/self/task"))))
-sys.argv = ["simrob", "list"]
+sys.argv = ["simrob", "diagram", "irb120_kinematic"]
 main()
 """
 
@@ -306,9 +337,80 @@ def test_one_thread_works_unless_the_environment_says_otherwise(told, threads):
     assert done.stdout.splitlines()[-1] == f"threads {min(threads, len(os.sched_getaffinity(0)))}"
 
 
+@pytest.mark.plots
 def test_plots_are_written_as_what_is_asked_for(tmp_path, capsys):
     command = ["run", "irb120_dynamic", "--duration", "0.1", "--no-recording", "--out", "r", "--plots"]
     assert run_command([*command, "svg"]) == 0
     assert {file.name for file in (tmp_path / "r" / "plots").iterdir()} == {"position.svg", "torque.svg", "tcp.svg"}
     assert run_command([*command, "jpg"]) == ExitCode.BAD_INPUT
     assert "'--plots': " in capsys.readouterr().err
+
+
+def broken(_):
+    return {}["x" * 5000]
+
+
+def asserted(_):
+    raise SystemExit("Failure at leaf_system.h:478 in DeclarePeriodicEvent(): condition 'x' failed.\nmore")
+
+
+@pytest.mark.parametrize(("command", "said"), [(broken, "KeyError: 'xxx"), (asserted, "a check of Drake: Failure at")])
+def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(command, said, monkeypatch, capsys):
+    for debug in ("", "1"):
+        monkeypatch.setenv(DEBUG, debug)
+        assert guarded(command, []) == ExitCode.BAD_INPUT
+        *before, last = capsys.readouterr().err.splitlines()
+        assert last.startswith(f"simrob: unexpected: {said}")
+        assert last.endswith("SIMROB_DEBUG=1 shows the traceback")
+        assert any("Traceback" in line for line in before) == bool(debug)
+        assert debug or not before
+    with pytest.raises(SystemExit):
+        guarded(lambda _: sys.exit(3), [])
+    with pytest.raises(KeyError):
+        broken([])
+
+
+def test_an_encoding_that_lacks_letters_ends_nothing(tmp_path):
+    command = [sys.executable, "-m", "simrob_drake.cli", "check", "double_pendulum"]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert r"N\xb7m" in done.stdout
+
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        (EXAMPLES / "studies" / "irb120_gains.yaml", "is no station but a study: simrob tune "),
+        (EXAMPLES / "learning" / "yobotics_walker.onnx", "is no station but a network: controllers: {policy: "),
+        (EXAMPLES / "own_loop.py", "is no station but a script: python "),
+        (models_root() / "tasks" / "reach.yaml", "is no station but a task to learn"),
+        (models_root() / "roid1" / "robot.yaml", "is no station but a robot: simrob check URDF"),
+        (models_root() / "roid1" / "gaits.yaml", "is no station but the gaits of a robot"),
+        (models_root() / "pieces" / "ball" / "piece.yaml", "is no station but a piece: pieces: {part: {model: "),
+        (
+            Path(__file__).parents[1] / "README.md",
+            "is neither a station nor a robot; stations and programs are read from",
+        ),
+        ("x" * 5000, "there is no station"),
+        (f"{'x' * 5000}.yaml", "File name too long"),
+    ],
+)
+def test_check_says_what_a_file_is_that_is_no_station(file, said, capsys):
+    assert run_command(["check", str(file)]) == ExitCode.BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+@pytest.mark.parametrize(
+    ("station", "setting", "said"),
+    [
+        ("irb120_dynamic", "start=/etc/passwd", "/etc/passwd: is not JSON"),
+        ("roid1_walking", "controllers.walk.gait.max_speed.ahead=1e9", "max_speed.ahead: input should be less than"),
+    ],
+)
+def test_check_says_nothing_ok_that_is_none(station, setting, said, capsys):
+    assert run_command(["check", station, "--set", setting]) == ExitCode.BAD_INPUT
+    assert said in capsys.readouterr().err

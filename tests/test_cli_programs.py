@@ -12,6 +12,8 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.stations.load import load_station
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 PICK = [
     {"move_j": {"targets_deg": [0, 0, 0.05, 0, 0, 180], "wobj": "bar", "robot": "left", "duration": 0.9}},
     {"move_l": {"targets": [0, 0, -0.02], "wobj": "bar", "robot": "left", "speed": 0.5}},
@@ -37,6 +39,7 @@ def signals(folder):
     return header.split(","), np.array([row.split(",") for row in rows], dtype=float)
 
 
+@pytest.mark.plots
 def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
     assert run_command(["run", write(), "--out", "r"]) == ExitCode.DONE
     out = " ".join(capsys.readouterr().out.split())

@@ -14,6 +14,8 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.folders import CACHE_VARIABLE
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 RAW = """<robot name="arm">
   <link name="base"/>
   <link name="upper">
@@ -72,9 +74,15 @@ def test_modules_that_lie_around_are_never_run(raw, tmp_path, monkeypatch):
 
 def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
     assert run_command(["station", str(raw)]) == 0
-    assert run_command(["run", "arm.yaml", "--duration", "0.2", "--out", "r", "--no-recording"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert any(
+        f"# {line}" in (tmp_path / "work" / "arm.yaml").read_text() for line in said if "its motors hold it" in line
+    )
+    proposed = said[-1].strip().removeprefix("simrob ")
+    assert proposed == f"run arm.yaml --mesh-path {raw.parent}"  # the robot lies in another folder than the station
+    assert run_command([*shlex.split(proposed), "--duration", "0.2", "--out", "r", "--no-recording"]) == 0
     assert "q.shoulder" in (tmp_path / "work" / "r" / "signals.csv").read_text().splitlines()[0]
-    assert run_command(["check", "arm.yaml"]) == 0
+    assert run_command(["check", "arm.yaml", "--mesh-path", str(raw.parent)]) == 0
     assert "import of arm.urdf" in capsys.readouterr().out
     assert run_command(["station", str(raw)]) == ExitCode.BAD_INPUT
     assert "--force" in capsys.readouterr().err
@@ -85,7 +93,7 @@ def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
     arguments = ["run", "irb120_dynamic", "--set", setting, "--duration", "0.2", "--no-recording", "--out", "r"]
     assert run_command(arguments) == 0
     text = (tmp_path / "work" / "r" / "station.yaml").read_text()
-    assert str(published_irb120) in text
+    assert "urdf: " in text  # of the copy that the result carries
     assert "model: irb120" not in text
 
 

@@ -10,6 +10,8 @@ from simrob_drake import LeggedRobot, Workcell
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 
 @pytest.fixture(autouse=True)
 def _in_an_empty_folder(tmp_path, monkeypatch):

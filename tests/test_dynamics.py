@@ -12,7 +12,7 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.kinematics import Chain
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.drives import Drives
-from simrob_drake.yaml_files import validated
+from simrob_drake.sections import validated
 
 RNG = np.random.default_rng(3)
 POSTURES, SPEEDS, ACCELERATIONS = RNG.uniform(-3, 3, (3, 10, 6))

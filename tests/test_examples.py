@@ -12,6 +12,15 @@ import pytest
 
 from simrob_drake import Workcell, load_station, simulate
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
+LONG = {
+    "zjudancer_eight",
+    "yobotics_walk",
+    "humanoid_march",
+    *re.findall(r'example\("(\w+)"\)', Path(__file__).read_text(encoding="utf-8")),
+}
+"""Examples that walk far, or with a test of their own below, which runs them without pictures."""
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 NOTEBOOKS = sorted((Path(__file__).parent.parent / "examples").glob("*.ipynb"))
 
@@ -23,7 +32,10 @@ def loaded(file):
     return module
 
 
-@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem in LONG else []) for file in EXAMPLES],
+)
 def test_an_example_runs(file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     loaded(file).main()
@@ -129,7 +141,7 @@ def test_the_dynamic_arm_strays_by_millimetres_unless_its_servos_know_its_weight
     assert ways["dynamic"][:, 2].mean() < ways["kinematic"][:, 2].mean()  # it hangs lower
 
 
-@pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
+@pytest.mark.parametrize("mode", ["kinematic", pytest.param("dynamic", marks=pytest.mark.long)])
 def test_the_bar_goes_from_hand_to_hand(mode):
     cell, moves = example("two_arms_handover").run(mode=mode)
     parents = [move.config.pieces["bar"].parent for move in moves]

@@ -11,21 +11,20 @@ from pydrake.trajectories import PiecewisePolynomial
 from simrob_drake import load_station, simulate
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
-from simrob_drake.files import NotRead, TooLarge, content_of, text_of
-from simrob_drake.importer.cache import import_summary, robot_from_file
-from simrob_drake.importer.importing import REPORT_FILE
+from simrob_drake.files import NotRead, TooLarge, content_of, read_columns, text_of
+from simrob_drake.importer.importing import REPORT_FILE, import_summary, robot_from_file
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.meshes.reading import read_mesh
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.importer.packages import MANIFEST, manifest_name
 from simrob_drake.importer.reading.source import read_source
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.paths import models_root
 from simrob_drake.programs.program import Program
+from simrob_drake.simulink.cad.assembly import is_export
 from simrob_drake.yaml_files import parse_yaml
-from tests.fuzz.cases import mesh
+from tests.fuzz.valid import mesh
 
 NONE_TO_READ = {
     "a device without end": ("/dev/zero", "no regular file"),
@@ -53,6 +52,13 @@ def odd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_what_is_no_file_is_not_waited_for(odd: Path, name: str, why: str) -> None:
     with pytest.raises(NotRead, match=why):
         content_of(Path(name))
+
+
+def test_what_looks_into_files_does_not_wait_for_a_pipe(odd: Path) -> None:
+    """It would for ever: a manifest beside a robot, and an XML file that may be what a CAD tool exported."""
+    os.mkfifo(odd / MANIFEST)
+    assert manifest_name(odd) == ""
+    assert not is_export(odd / "pipe")
 
 
 def test_a_file_is_read_to_its_last_byte_and_no_further(tmp_path: Path) -> None:
@@ -135,7 +141,7 @@ def test_what_a_user_gives_is_told_back_in_short() -> None:
     [
         ("time,a,a\n0,1,2\n", "line 1: names the column a twice"),
         ("time,a\n0,1\n1,2,3\n", "line 3: has 3 cells, and the columns are 2"),
-        ("time;a\n0;1\n", "separated by ';', and must be by commas"),
+        ("time\ta\n0\t1\n", r"separated by '\\t', and must be by commas"),
         ("time,a\n0," + "x" * 10**5 + "\n", "line 2: holds something that is no number: 0,xxx"),
     ],
 )
@@ -174,7 +180,7 @@ def test_a_trajectory_of_no_number_is_refused_in_a_kinematic_station_too() -> No
 
 def test_a_start_that_is_nested_without_end_is_refused(tmp_path: Path) -> None:
     (tmp_path / "start.json").write_text("[" * 100_000)
-    with pytest.raises(InvalidConfig, match="holds no state"):
+    with pytest.raises(InvalidConfig, match="is not JSON: too many levels"):
         simulate(load_station("double_pendulum", {"start": str(tmp_path / "start.json")}), progress=False)
 
 

@@ -14,10 +14,12 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import OutputError, SimrobError
 from simrob_drake.linear import LinearModel, linearize
-from simrob_drake.linear.bode import bode_figure
+from simrob_drake.linear.model import bode_figure
 from simrob_drake.results.record.state import State
 from simrob_drake.simulation import Runner, simulate
 from simrob_drake.stations.load import load_station
+
+pytestmark = pytest.mark.usefixtures("no_plots")
 
 POSTURE = np.full(6, np.deg2rad(30.0))
 MASS, ARM, INERTIA, KP, KD, DAMPING = 2.0, 0.25, 0.04, 60.0, 1.5, 0.2  # of a rod of half a metre about a level axis

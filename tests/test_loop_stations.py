@@ -17,7 +17,12 @@ def run(name, duration=None, **overrides):
 
 
 @pytest.mark.parametrize(
-    ("changed", "slowest"), [({}, 13.5), ({"servo.kp": 50, "servo.kd": 50}, 14), ({"servo.kd": 10, **FINE}, 5)]
+    ("changed", "slowest"),
+    [
+        ({}, 13.5),
+        ({"servo.kp": 50, "servo.kd": 50}, 14),
+        pytest.param({"servo.kd": 10, **FINE}, 5, marks=pytest.mark.long),
+    ],
 )
 def test_the_sequencer_visits_every_cell_in_the_robot_s_own_time(changed, slowest):
     result = run("humanoid_sequencer", **changed)
@@ -111,7 +116,12 @@ HANDS = {"left_hand", "right_hand"}
 
 @pytest.mark.parametrize(
     "changed",
-    [{}, {**FINE, "solver.accuracy": 1e-4}, {"controllers.guard.rate": 50}, {"controllers.guard.rate": 200}],
+    [
+        {},
+        {**FINE, "solver.accuracy": 1e-4},
+        pytest.param({"controllers.guard.rate": 50}, marks=pytest.mark.long),
+        pytest.param({"controllers.guard.rate": 200}, marks=pytest.mark.long),
+    ],
 )
 def test_the_arms_catch_a_robot_that_falls_forward(changed):
     result = run("humanoid_fall_forward", **{"sample_rate": 1000, **changed})
@@ -123,7 +133,14 @@ def test_the_arms_catch_a_robot_that_falls_forward(changed):
 
 
 @pytest.mark.parametrize(
-    ("force", "changed"), [(5.5, {}), (6.5, FINE), (7.7, {}), (9, {"controllers.guard.rate": 50}), (15, FINE)]
+    ("force", "changed"),
+    [
+        (5.5, {}),
+        pytest.param(6.5, FINE, marks=pytest.mark.long),
+        (7.7, {}),
+        (9, {"controllers.guard.rate": 50}),
+        pytest.param(15, FINE, marks=pytest.mark.long),
+    ],
 )
 def test_hands_catch_it_after_any_push_that_tips_it_over_ahead_or_onto_its_back(force, changed):
     result = run("humanoid_fall_forward", 4.0, **{"forces.shove.force": [0, -force, 0], **changed})
@@ -148,7 +165,7 @@ def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
     assert tilt(result)[-1] < 1
 
 
-@pytest.mark.parametrize("rate", [50, 100])
+@pytest.mark.parametrize("rate", [pytest.param(50, marks=pytest.mark.long), 100])
 def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
     arms = {"right_shoulder_pitch": 110, "left_shoulder_pitch": 110}
     by_step = {"kind": "fall_guard", "capture_point": 0.0, "posture_deg": arms, "rate": rate, "priority": 2}
@@ -162,8 +179,15 @@ def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
 
 @pytest.mark.parametrize(
     "changed",
-    [{}, {"controllers.touchdown.rate": 50, "solver.max_step": 0.0025}, {"controllers.touchdown.rate": 200}],
-    ids=["as it is", "half the rate, short steps", "double the rate"],
+    [
+        pytest.param({}, id="as it is"),
+        pytest.param(
+            {"controllers.touchdown.rate": 50, "solver.max_step": 0.0025},
+            id="half the rate, short steps",
+            marks=pytest.mark.long,
+        ),
+        pytest.param({"controllers.touchdown.rate": 200}, id="double the rate", marks=pytest.mark.long),
+    ],
 )
 def test_touchdown_crosses_steps_straight_on(changed):
     found = crossed(0, changed, seconds=8.0)
@@ -199,21 +223,30 @@ def test_a_leg_s_screws_are_those_of_the_plant():
     ("robot", "force", "axis"),
     [
         ("humanoid", [31.7, 0, 0], "right_hip_roll"),  # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
-        ("humanoid", [26.7, 0, 0], "right_hip_roll"),  # a leg that came back sooner would set it rocking
+        # a leg that came back sooner would set it rocking
+        pytest.param("humanoid", [26.7, 0, 0], "right_hip_roll", marks=pytest.mark.long),
         ("roid1", [11.7, 0, 0], "left_hip_pitch"),  # forward
         ("zjudancer", [0, 31.7, 0], "left_hip_pitch"),
     ],
 )
-def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force, axis):
+@pytest.mark.parametrize(
+    "changed",
+    [
+        pytest.param(FINE, id="fine"),
+        pytest.param(
+            {"solver.max_step": 0.0025, "controllers.balance.rate": 200}, id="twice the rate", marks=pytest.mark.long
+        ),
+    ],
+)
+def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force, axis, changed):
     pushed = {"forces.push": {"kind": "push", "start": 0.5, "force": force}}
     station = f"{robot}_balance"
     assert run(station, duration=2.5, controllers={}, **pushed).stopped_by == "fall"
-    for changed in (FINE, {"solver.max_step": 0.0025, "controllers.balance.rate": 200}):
-        result = run(station, duration=3.0, **pushed, **changed)
-        assert result.ending == "completed"
-        assert result["base.z"][-1] > 0.95 * result["base.z"][0]
-        assert np.hypot(result["base.qx"], result["base.qy"])[-1] < 0.05  # upright within 6°
-        assert abs(result[f"balance.offset.{axis}"]).max() > np.deg2rad(30)
+    result = run(station, duration=3.0, **pushed, **changed)
+    assert result.ending == "completed"
+    assert result["base.z"][-1] > 0.95 * result["base.z"][0]
+    assert np.hypot(result["base.qx"], result["base.qy"])[-1] < 0.05  # upright within 6°
+    assert abs(result[f"balance.offset.{axis}"]).max() > np.deg2rad(30)
 
 
 def test_a_robot_that_stands_undisturbed_is_left_alone_by_its_noisy_sensors():

@@ -32,6 +32,7 @@ print(json.dumps({"grown": grown, "alive": alive}))
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("station", ["irb120_dynamic", "humanoid_dynamic", "irb120_force_stop"])
 def test_runs_leave_nothing_behind(station: str) -> None:
     done = subprocess.run([sys.executable, "-c", MEASURE, station], check=True, capture_output=True, text=True)
@@ -55,6 +56,7 @@ print((peak() - before) / result.times[-1])
 """
 
 
+@pytest.mark.long
 def test_a_long_walk_takes_little_memory() -> None:
     # 0.3 MB a second over ten minutes; what is taken once counts here, too. A piecewise polynomial takes 2.7.
     done = subprocess.run([sys.executable, "-c", LONG_WALK], check=True, capture_output=True, text=True)

@@ -9,11 +9,13 @@ import pytest
 from pydrake.common.value import Value
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from simrob_drake import load_station, simulate
+from simrob_drake import build_station, load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import SimrobError
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.plots.files import save_plots
+
+pytestmark = pytest.mark.usefixtures("no_plots")
 
 QUICK = {
     "pieces": {},
@@ -134,6 +136,20 @@ class TestWiredByName:
         late = result.times > 0.5
         np.testing.assert_allclose(result["q.joint_5"][late], result["q_ref.joint_5"][late], atol=0.02)
         assert np.ptp(result["q_ref.joint_1"]) == 0
+
+    @pytest.mark.parametrize("realization", ["per_joint", "vector", "implicit"])
+    def test_a_feedforward_of_a_file_reaches_the_servos_of_a_station_that_is_only_built_and_of_its_picture(
+        self, realization
+    ):
+        own = {"kind": "own", "class": f"{__file__}:Torque", "parameters": {"values": [1.0] * 6}}
+        config = load_station(
+            "irb120_dynamic", {"servo.realization": realization, "controllers": {"weight": own}}, allow_code=True
+        )
+        station = build_station(config)
+        outputs = [station.get_output_port(index).get_name() for index in range(station.num_output_ports())]
+        assert "weight.feedforward" not in outputs  # else it would be a signal that drives nothing
+        arrows = [line for line in station_dot(config).splitlines() if '"controller.weight"' in line and "->" in line]
+        assert any("τ_ff" in line and "output" not in line for line in arrows)
 
     def test_it_reads_what_the_station_tells_and_its_signals_have_units(self):
         blocks = {"watch": Mirror("torque", gain=2), "hand": Mirror("tcp_pose", "place", size=7)}

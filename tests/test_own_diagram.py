@@ -15,6 +15,8 @@ from simrob_drake.simulation import simulate_diagram
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 TIMES = np.array([0.0, 0.5, 1.0])
 POSITIONS = np.outer([0, 0.3, 0.1], np.ones(6))
 

@@ -11,10 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from typer.main import get_command
 
 from simrob_drake import Program, load_station, station_names
-from simrob_drake.cli.app import app, run_command
+from simrob_drake.cli.app import run_command, whole_command
 from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
@@ -39,7 +38,12 @@ def fenced(language):
         for page, text in PAGES.items()
         for number, block in enumerate(re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE), 1)
     }
-    return [pytest.param(block, id=name) for name, block in found.items()]
+    return [pytest.param(block, id=name, marks=marks_of(name)) for name, block in found.items()]
+
+
+def marks_of(name):
+    """Blocks of Spanish pages are those of their English twins, but for words: they run with the long."""
+    return [pytest.mark.long] if name.startswith(("README.es", "docs/es/")) else []
 
 
 @pytest.fixture
@@ -71,6 +75,7 @@ SHOWN = {
 """What a script with these words in it prints, as far as a page says it."""
 
 
+@pytest.mark.usefixtures("no_plots")
 @pytest.mark.parametrize("script", fenced("python"))
 def test_a_script_runs(script, folder, capsys):
     exec(compile(script, "a page", "exec"), {})
@@ -121,7 +126,7 @@ def draws(command):
 
 def different_commands():
     """Return the blocks that hold commands, one of those that differ in their comments only."""
-    blocks = {str(commands(case.values[0])): case for case in fenced("sh")}
+    blocks = {str(commands(case.values[0])): case for case in reversed(fenced("sh"))}
     return [case for shown, case in blocks.items() if shown != "[]"]
 
 
@@ -132,6 +137,7 @@ SHORTER = {
 }
 
 
+@pytest.mark.usefixtures("no_plots")
 @pytest.mark.parametrize("block", different_commands())
 def test_commands_do_their_work(block, folder, monkeypatch):
     monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
@@ -155,10 +161,9 @@ def test_commands_that_draw_do_so(page, folder):
 
 @each_page
 def test_commands_in_the_text_are_commands(page):
-    group = get_command(app)
     for line in re.findall(r"`simrob ([^`]+)`", PAGES[page]):
         name, *arguments = line.split()
-        command = group.commands[name]
+        command = whole_command(name)
         if arguments:
             command.make_context(name, arguments)
 

@@ -162,6 +162,7 @@ print(json.dumps({"grown": peak() - before, "more": more}))
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["irb120_dynamic", "humanoid_dynamic"])
 def test_a_hundred_runs_need_no_more_memory(name):
     done = subprocess.run([sys.executable, "-c", MEASURE, name], check=True, capture_output=True, text=True)

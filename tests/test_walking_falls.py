@@ -8,7 +8,7 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.programs.gaits.biped import walk
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.yaml_files import read_yaml
 
 GUARDS = read_yaml(Path(__file__).parents[1] / "examples" / "loops" / "fall_guards.yaml")

@@ -7,7 +7,8 @@ import pytest
 from pydantic import Field
 
 from simrob_drake.errors import InvalidConfig
-from simrob_drake.yaml_files import Number, Strict, parse_yaml, read_yaml, validated
+from simrob_drake.sections import Number, Strict, validated
+from simrob_drake.yaml_files import parse_yaml, read_yaml
 
 
 class Slow(Strict):

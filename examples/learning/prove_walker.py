@@ -62,7 +62,7 @@ def walked(walk: Walk) -> Walk:
     made.begin(seeds=seeds, away=np.deg2rad(NOISE_DEG) * draw.standard_normal(len(made.robot.axes)))
     while not made.ended and made.time < LONG - made.period / 2:
         made.advance(np.zeros(made.policy.acts))
-    ahead, aside, _ = made.moment(goal=np.zeros(3), wanted_speed=np.inf, yields=0.0).place.round(3).tolist()
+    ahead, aside, _ = made.moment(goal=np.zeros(3), desired_speed=np.inf, yields=0.0).place.round(3).tolist()
     return replace(walk, ahead=ahead, aside=aside, lasted=round(made.time, 2), ended=made.ended)
 
 

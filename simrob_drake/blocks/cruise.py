@@ -19,10 +19,10 @@ from numpy.polynomial.polynomial import polyder, polyval
 from pydrake.polynomial import Polynomial
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
+from simrob_drake.arguments import LONGEST, SHORTEST
 from simrob_drake.blocks.references import BLEND, hold
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.given import LONGEST, SHORTEST
 
 _ROUNDING = 3.0
 """Parts of a ramp of an S-curve unless its jerk is told: in the first the acceleration rises, in the last it falls."""
@@ -85,8 +85,8 @@ def cruise(length: float, speed: float, acceleration: float, jerk: float | None 
     """
     slowest = max(length / speed, np.sqrt(length / acceleration), 0.0 if jerk is None else np.cbrt(length / jerk))
     if not slowest < LONGEST:
-        told = f"shorter than {LONGEST:g} s: its limits are too low"
-        raise InvalidParameter("the time of the motion", f"{slowest:.2g} s", told)
+        expected = f"shorter than {LONGEST:g} s: its limits are too low"
+        raise InvalidParameter("the time of the motion", f"{slowest:.2g} s", expected)
     speed = min(speed, length / _QUICKEST)
     acceleration = min(acceleration, speed / _QUICKEST)
     if jerk is None:

@@ -4,20 +4,22 @@ import weakref
 from collections.abc import Mapping
 from functools import partial
 
+import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, FrameIndex
+from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import BasicVector, Context
 
 from simrob_drake.blocks.block import Block
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, xyz_quaternion_from_transform
+from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.lifetime import weakly
 
 
 class FramePoses(Block):
     """Give the poses of frames in the world, from the state of their plant.
 
-    The plant need not be part of the diagram, so the block serves dynamic and kinematic stations alike. One block
-    serves all frames of a robot: each block that reads the state costs a solver time at every change of it.
+    Neither the plant nor the block need be part of the diagram, so it serves dynamic and kinematic stations alike, and
+    :meth:`at` recorded states. One block serves all frames of a robot: each block that reads the state costs a solver
+    time at every change of it.
 
     Ports:
         in  ``state`` (nq + nv): positions and velocities of the whole plant.
@@ -31,14 +33,23 @@ class FramePoses(Block):
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
         moving = {self.input_port_ticket(self._state.get_index())}
-        for name, frame in frames.items():
-            depends_on = {self.nothing_ticket()} if plant.IsAnchored(frame.body()) else moving
-            calc = partial(weakly(self._calc_pose), frame.index())
+        self._frames = {name: frame.index() for name, frame in frames.items()}
+        self._moving = {name for name, frame in frames.items() if not plant.IsAnchored(frame.body())}
+        for name in frames:
+            depends_on = moving if name in self._moving else {self.nothing_ticket()}
+            calc = partial(weakly(self._calc_pose), name)
             self.DeclareVectorOutputPort(name, len(XYZ_QUATERNION_NAMES), calc, depends_on)
 
-    def _calc_pose(self, index: FrameIndex, context: Context, output: BasicVector) -> None:
-        frame = self._plant.get_frame(index)
-        if not self._plant.IsAnchored(frame.body()):
-            positions = self._state.Eval(context)[: self._plant.num_positions()]
-            self._plant.SetPositions(self._scratch, positions)
-        output.SetFromVector(xyz_quaternion_from_transform(frame.CalcPoseInWorld(self._scratch)))
+    def at(self, name: str, states: Vector) -> Vector:
+        """Return the poses (m, 7) of a frame in states (m, nq + nv) of the plant, as its port gives them."""
+        if name not in self._moving:
+            return np.tile(self._pose(name), (len(states), 1))
+        return np.array([self._pose(name, state) for state in states]).reshape(len(states), len(XYZ_QUATERNION_NAMES))
+
+    def _calc_pose(self, name: str, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._pose(name, self._state.Eval(context) if name in self._moving else None))
+
+    def _pose(self, name: str, state: Vector | None = None) -> Vector:
+        if state is not None:
+            self._plant.SetPositions(self._scratch, state[: self._plant.num_positions()])
+        return xyz_quaternion_from_transform(self._plant.get_frame(self._frames[name]).CalcPoseInWorld(self._scratch))

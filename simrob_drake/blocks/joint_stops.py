@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointIndex
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Saturation
 
 from simrob_drake.blocks.wiring import fed, joined, mapped
@@ -21,8 +21,8 @@ from simrob_drake.blocks.wiring import fed, joined, mapped
 
 def add_joint_stops(
     builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: npt.ArrayLike, damping: npt.ArrayLike
-) -> None:
-    """Add stops at every finite limit of a plant's one-axis joints; its ``applied_generalized_force`` is used up.
+) -> OutputPort | None:
+    """Return the generalized forces (nv) of stops at every finite limit of a plant's one-axis joints; None without any.
 
     They have the stiffness k [N·m/rad, and N/m of joints that slide], positive, and the damping d [N·m·s/rad, and
     N·s/m], not negative: one figure for all joints, or one for each of the plant's velocities (nv,).
@@ -35,10 +35,10 @@ def add_joint_stops(
         and np.isfinite([joint.position_lower_limit(), joint.position_upper_limit()]).any()
     ]
     if not limited:
-        return
+        return None
     count, rows = len(limited), np.arange(len(limited))
     velocities = [joint.velocity_start() for joint in limited]
-    k, d = (np.broadcast_to(figures, plant.num_velocities())[velocities] for figures in (stiffness, damping))
+    k, d = (np.broadcast_to(values, plant.num_velocities())[velocities] for values in (stiffness, damping))
     pick = np.zeros((count, plant.num_multibody_states()))
     pick[rows, [joint.position_start() for joint in limited]] = 1.0
     pick[rows, [plant.num_positions() + velocity for velocity in velocities]] = d / k
@@ -50,5 +50,4 @@ def add_joint_stops(
     lower = np.array([joint.position_lower_limit() for joint in limited])
     upper = np.array([joint.position_upper_limit() for joint in limited])
     clip = fed(builder, "stops.range", Saturation(lower, upper), ahead)
-    force = mapped(builder, "stops.force", push, joined(builder, "stops.penetration", ahead, clip))
-    builder.Connect(force, plant.get_applied_generalized_force_input_port())
+    return mapped(builder, "stops.force", push, joined(builder, "stops.penetration", ahead, clip))

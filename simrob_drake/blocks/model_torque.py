@@ -100,5 +100,5 @@ def add_computed_torque(
     bus = joined(builder, f"{name}.bus", position, signals.state, velocity, acceleration)
     force = add_model_torque(builder, plant, state, fed(builder, f"{name}.law", MatrixGain(law), bus), name=name)
     torque = mapped(builder, f"{name}.axes", axes.velocity_matrix, force)
-    given = [port for port in (signals.feedforward,) if port is not None]
-    return summed(builder, f"{name}.sum", torque, *given)
+    feedforward = [port for port in (signals.feedforward,) if port is not None]
+    return summed(builder, f"{name}.sum", torque, *feedforward)

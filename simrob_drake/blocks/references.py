@@ -12,10 +12,10 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Sine, TrajectorySource
 from pydrake.trajectories import BsplineTrajectory, CompositeTrajectory, PiecewisePolynomial, Trajectory
 
+from simrob_drake.arguments import SHORTEST
 from simrob_drake.blocks.wiring import fed, summed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, numbers
-from simrob_drake.given import SHORTEST
 
 BLEND = (10.0, -15.0, 6.0)
 """Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
@@ -31,8 +31,8 @@ Samples = tuple[npt.ArrayLike, npt.ArrayLike]
 
 
 @dataclass(frozen=True)
-class SineCourse:
-    r"""The course :math:`q = q_c + a \sin(2 \pi f t + \varphi)`.
+class SineReference:
+    r"""The reference :math:`q = q_c + a \sin(2 \pi f t + \varphi)`.
 
     Attributes:
         centre: q_c, shape (n,) [rad].
@@ -53,7 +53,7 @@ class SineCourse:
         return np.asarray(swing if order else self.centre + swing)
 
 
-Course: TypeAlias = Trajectory | SineCourse
+Reference: TypeAlias = Trajectory | SineReference
 """Desired joint positions over time: a trajectory (n, 1), which holds its ends, or a sine."""
 
 
@@ -73,13 +73,13 @@ class ReferenceSource:
     player: TrajectorySource | None = None
 
 
-def course_values(course: Course, times: Vector, order: int = 0) -> Vector:
-    """Return where a course is at times (m,) [s], shape (m, n) [rad], or a derivative; it holds its ends."""
-    if isinstance(course, SineCourse):
-        return course.values(times, order)
-    inside = np.clip(times, course.start_time(), course.end_time())
-    asked = course.MakeDerivative(order) if order else course
-    values = np.asarray(asked.vector_values(inside.tolist())).T
+def reference_values(reference: Reference, times: Vector, order: int = 0) -> Vector:
+    """Return where a reference is at times (m,) [s], shape (m, n) [rad], or a derivative; it holds its ends."""
+    if isinstance(reference, SineReference):
+        return reference.values(times, order)
+    inside = np.clip(times, reference.start_time(), reference.end_time())
+    derivative = reference.MakeDerivative(order) if order else reference
+    values = np.asarray(derivative.vector_values(inside.tolist())).T
     return np.asarray(values * (inside == times)[:, np.newaxis]) if order else values
 
 
@@ -212,21 +212,21 @@ def _rising(times: Vector, name: str) -> Vector:
     """Check that each time (m,) [s] is later than the one before, by more than rounding."""
     close = np.flatnonzero(~(np.diff(times) >= SHORTEST))
     if close.size:
-        told = f"rising by {SHORTEST:g} s or more each [s]"
-        raise InvalidParameter(name, f"{times[close[0]]:g}, {times[close[0] + 1]:g}", told)
+        expected = f"rising by {SHORTEST:g} s or more each [s]"
+        raise InvalidParameter(name, f"{times[close[0]]:g}, {times[close[0] + 1]:g}", expected)
     return times
 
 
-def later(course: Course, time: float) -> Course:
-    """Return a course as it goes on from a time on [s], which becomes zero; before it, it is what it was.
+def later(reference: Reference, time: float) -> Reference:
+    """Return a reference as it goes on from a time on [s], which becomes zero; before it, it is what it was.
 
     What is no polynomial, spline or sine is sampled a thousand times a second.
     """
-    if isinstance(course, SineCourse):
-        return replace(course, phase=course.phase + 2 * np.pi * course.frequency * time)
-    if time >= course.end_time():
-        return hold(course_values(course, np.array([time]))[0])
-    return _moved(course, time)
+    if isinstance(reference, SineReference):
+        return replace(reference, phase=reference.phase + 2 * np.pi * reference.frequency * time)
+    if time >= reference.end_time():
+        return hold(reference_values(reference, np.array([time]))[0])
+    return _moved(reference, time)
 
 
 def _moved(trajectory: Trajectory, time: float) -> Trajectory:
@@ -246,12 +246,12 @@ def _moved(trajectory: Trajectory, time: float) -> Trajectory:
     return hermite(times - time, *samples)
 
 
-def corner_times(trajectory: Course) -> list[float]:
+def corner_times(trajectory: Reference) -> list[float]:
     """Return the times at which a piecewise polynomial's value or velocity jumps, its ends included.
 
     Other trajectories are taken as smooth inside; only their ends count.
     """
-    if isinstance(trajectory, SineCourse):
+    if isinstance(trajectory, SineReference):
         return []
     start, end = trajectory.start_time(), trajectory.end_time()
     if not np.isfinite([start, end]).all():
@@ -275,40 +275,44 @@ def corner_times(trajectory: Course) -> list[float]:
     return corners
 
 
-def add_course(
-    builder: DiagramBuilder, course: Course, *, name: str = "reference_source", derivatives: int = 0
+def add_reference(
+    builder: DiagramBuilder, reference: Reference, *, name: str = "reference_source", derivatives: int = 0
 ) -> ReferenceSource:
-    """Add the source of a course; that of a trajectory holds its ends.
+    """Add the source of a reference; that of a trajectory holds its ends.
 
-    Steps must end at the course's :func:`corner_times`: error control measures steps that are smooth, and a scheme that
+    Steps must end at its :func:`corner_times`: error control measures steps that are smooth, and a scheme that
     freezes its inputs over a step misses what happens within it.
 
     Args:
         builder: of the diagram.
-        course: to play.
+        reference: to play.
         name: of the source.
         derivatives: how many are given, too; a sine gives both.
 
     Raises:
         InvalidParameter: a trajectory that is no column.
     """
-    if isinstance(course, SineCourse):
-        return _add_sine(builder, course, name)
-    if course.cols() != 1:
-        raise InvalidParameter("trajectory", f"{course.rows()} x {course.cols()}", "of shape (n, 1)")
-    source = builder.AddNamedSystem(name, TrajectorySource(course, derivatives))
+    if isinstance(reference, SineReference):
+        return _add_sine(builder, reference, name)
+    if reference.cols() != 1:
+        raise InvalidParameter("trajectory", f"{reference.rows()} x {reference.cols()}", "of shape (n, 1)")
+    source = builder.AddNamedSystem(name, TrajectorySource(reference, derivatives))
     if not derivatives:
         return ReferenceSource(source.get_output_port(), player=source)
-    split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer([course.rows()] * (1 + derivatives)))
+    split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer([reference.rows()] * (1 + derivatives)))
     builder.Connect(source.get_output_port(), split.get_input_port())
     position, velocity, *further = (split.get_output_port(order) for order in range(1 + derivatives))
     return ReferenceSource(position, velocity, further[0] if further else None, source)
 
 
-def _add_sine(builder: DiagramBuilder, course: SineCourse, name: str) -> ReferenceSource:
-    count = len(course.centre)
-    frequency = np.full(count, 2 * np.pi * course.frequency)
-    wave = builder.AddNamedSystem(name, Sine(course.amplitude, frequency, course.phase))
-    middle = fed(builder, f"{name}.centre", ConstantVectorSource(course.centre))
+add_course = add_reference
+"""Its former name."""
+
+
+def _add_sine(builder: DiagramBuilder, reference: SineReference, name: str) -> ReferenceSource:
+    count = len(reference.centre)
+    frequency = np.full(count, 2 * np.pi * reference.frequency)
+    wave = builder.AddNamedSystem(name, Sine(reference.amplitude, frequency, reference.phase))
+    middle = fed(builder, f"{name}.centre", ConstantVectorSource(reference.centre))
     position = summed(builder, f"{name}.sum", wave.get_output_port(0), middle)
     return ReferenceSource(position, wave.get_output_port(1), wave.get_output_port(2))

@@ -27,18 +27,31 @@ class RunEnds(Exception):
     """What a sampled block raises to end the run, with the reason."""
 
 
+class BlockFails(Exception):
+    """What a sampled block raises that cannot go on: the run ends as one that failed.
+
+    Attributes:
+        block: its name.
+    """
+
+    def __init__(self, block: str, why: str) -> None:
+        """Say why it cannot."""
+        super().__init__(why)
+        self.block = block
+
+
 class _Remembered(dict[str, Vector]):
     """What a block remembers by name, looked at when it is needed: looking is most of what a sample costs.
 
     All are copies, which a block may keep: a view would hold on to a context that is Drake's, and is gone with the run.
     """
 
-    def __init__(self, values: DiscreteValues, told: Mapping[str, int], group: int, kept: Mapping[str, slice]) -> None:
-        self._values, self._told, self._group, self._kept = values, told, group, kept
+    def __init__(self, values: DiscreteValues, own: Mapping[str, int], group: int, kept: Mapping[str, slice]) -> None:
+        self._values, self._own, self._group, self._kept = values, own, group, kept
 
     def __missing__(self, name: str) -> Vector:
-        if name in self._told:
-            known: dict[str, Vector] = {name: self._values.value(self._told[name]).copy()}
+        if name in self._own:
+            known: dict[str, Vector] = {name: self._values.value(self._own[name]).copy()}
         else:
             whole = self._values.value(self._group).copy()
             known = {name: whole[part] for name, part in self._kept.items()}
@@ -98,14 +111,14 @@ class SampledBlock(Block):
         self.period, self._delay = period, delay
         self._inputs = {name: self.DeclareVectorInputPort(name, size).get_index() for name, size in reads.items()}
         values = {name: np.atleast_1d(value) for name, value in memory.items()}
-        self._told, self._late = {name: self.DeclareDiscreteState(values.pop(name)) for name in gives}, {}
-        for name, told in self._told.items():
+        self._reported, self._late = {name: self.DeclareDiscreteState(values.pop(name)) for name in gives}, {}
+        for name, group in self._reported.items():
             if delay:
                 value = np.atleast_1d(memory[name])
                 waiting = self.DeclareDiscreteState(np.full(delay * len(value), np.inf))
                 self._late[name] = waiting, self.DeclareDiscreteState(value)
-            self.DeclareStateOutputPort(name, self._late[name][1] if delay else told)
-        self.outputs = {name: int(self._late[name][1] if delay else told) for name, told in self._told.items()}
+            self.DeclareStateOutputPort(name, self._late[name][1] if delay else group)
+        self.outputs = {name: int(self._late[name][1] if delay else group) for name, group in self._reported.items()}
         """The discrete group of its own that each output hands on, by the output's name."""
         ends = np.cumsum([0, *map(len, values.values())]).tolist()
         self._kept = {name: slice(*part) for name, part in zip(values, pairwise(ends), strict=True)}
@@ -121,11 +134,12 @@ class SampledBlock(Block):
 
         Raises:
             RunEnds: the run is to end.
+            BlockFails: it cannot go on.
         """
 
     def now(self, context: Context) -> tuple[Named, Named]:
         """Return what the block remembers in a context of its own, and what it reads there, by name."""
-        memory = _Remembered(context.get_discrete_state(), self._told, self._group, self._kept)
+        memory = _Remembered(context.get_discrete_state(), self._reported, self._group, self._kept)
         return memory, _Read(self, context, self._inputs)
 
     def remember(self, context: Context, changes: Changes) -> None:
@@ -158,13 +172,13 @@ class SampledBlock(Block):
     def _set(self, changed: Changes, memory: Named, context: Context, discrete: DiscreteValues) -> None:
         kept = discrete.get_mutable_value(self._group)
         for name, value in changed.items():
-            if name in self._told:
-                discrete.set_value(self._told[name], value if isinstance(value, np.ndarray) else [value])
+            if name in self._reported:
+                discrete.set_value(self._reported[name], value if isinstance(value, np.ndarray) else [value])
             else:
                 kept[self._kept[name]] = value
-        for name, (waiting, told) in self._late.items():
+        for name, (waiting, group) in self._late.items():
             now = np.atleast_1d(changed[name] if name in changed else memory[name])
             line = context.get_discrete_state(waiting).value()
             line = np.tile(now, self._delay) if math.isinf(line[-1]) else line  # the first sample
             discrete.set_value(waiting, np.concatenate([line[len(now) :], now]))
-            discrete.set_value(told, line[: len(now)])
+            discrete.set_value(group, line[: len(now)])

@@ -183,8 +183,8 @@ def _add_cascade(
     each, none = np.eye(len(group)), np.zeros((len(group), len(group)))
     rate, damping = np.diag(gains.kp[group] / gains.kd[group]), np.diag(gains.kd[group])
     outer = MatrixGain(_of_bus(signals, rate, -rate, none, each, none))
-    wanted = fed(builder, f"{name}.position_loop", outer, bus)
-    speed = add_saturation(builder, wanted, gains.speed_limit[group], f"{name}.speed_limit")
+    desired = fed(builder, f"{name}.position_loop", outer, bus)
+    speed = add_saturation(builder, desired, gains.speed_limit[group], f"{name}.speed_limit")
     parts, columns = [speed, bus], [damping, _of_bus(signals, none, none, -damping, none, each)]
     if (gains.ki[group] > 0).any():
         measured = mapped(builder, f"{name}.speed", _of_bus(signals, none, none, each, none, none), bus)

@@ -1,5 +1,89 @@
-"""``python -m simrob_drake.cli`` does what ``simrob`` does."""
+"""How the command line is started, and what becomes of what it does not handle itself."""
 
-from simrob_drake.cli import main
+import gc
+import io
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
 
-main()
+from simrob_drake.cli import ExitCode
+
+DEBUG = "SIMROB_DEBUG"
+"""The environment variable that shows tracebacks."""
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    _use_one_blas_thread()
+    for stream in ("stdout", "stderr"):  # None where the caller has closed them
+        setattr(sys, stream, getattr(sys, stream) or Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):  # what its encoding lacks is escaped, as it is on stderr
+        sys.stdout.reconfigure(errors="backslashreplace")
+    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # else the caller wants it ignored
+    if interruptible:
+        signal.signal(signal.SIGINT, _leave)
+    gc.disable()  # what is loaded stays: there is no rubbish to look for in it, now or later
+    from simrob_drake.cli.app import load, run_command
+
+    load(sys.argv[1:])  # Drake, inside of which an interrupt may come as any error
+    gc.freeze()
+    gc.enable()
+
+    if interruptible:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.exit(guarded(run_command, sys.argv[1:]))
+
+
+def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
+    """Return the exit code of a command; errors that it does not handle itself go to stderr in one line.
+
+    Args:
+        command: takes arguments, and returns an exit code.
+        arguments: of the command.
+
+    Raises:
+        SystemExit: with a code of the command's own.
+    """
+    try:
+        return command(arguments)
+    except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit, with a text
+        if isinstance(problem, SystemExit) and not isinstance(problem.code, str):
+            raise
+        from simrob_drake.cli.screen import tell
+
+        if os.environ.get(DEBUG):
+            traceback.print_exception(problem)
+        tell(_unexpected(problem))
+        return ExitCode.BAD_INPUT
+
+
+def _unexpected(problem: BaseException) -> str:
+    """Return what failed, and where in the package, on one line."""
+    frames = traceback.extract_tb(problem.__traceback__)
+    package = Path(__file__).parents[1]
+    own = [frame for frame in frames if package in Path(frame.filename).parents]
+    where = f"{Path(own[-1].filename).relative_to(package.parent)}, line {own[-1].lineno}" if own else "outside"
+    name = "a check of Drake" if isinstance(problem, SystemExit) else type(problem).__name__
+    message = " ".join(str(problem).split())[:1000]
+    return f"unexpected: {name}: {message or 'without a message'} ({where}); {DEBUG}=1 shows the traceback"
+
+
+def _use_one_blas_thread() -> None:
+    """Let numpy and scipy, not yet loaded, work in one thread, unless the user's environment says otherwise.
+
+    The matrices of a robot are small: more threads only wait for each other, and take a sixth of the CPU time for it.
+    """
+    if not {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"} & os.environ.keys():
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+
+def _leave(*_: object) -> None:
+    print("simrob: interrupted", file=sys.stderr, flush=True)
+    os._exit(ExitCode.INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,36 +1,102 @@
-"""The application that all commands hang on, how it is run, and what its errors become."""
+"""The application that all commands hang on, how it is run, and what its errors become.
 
+A command is imported when it is called: what is said of all of them, ``simrob --help``, is read in their files.
+"""
+
+import ast
 import os
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
-from typer.core import TyperGroup
+from rich.text import Text
+from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 import simrob_drake
-from simrob_drake.cli import (
-    ExitCode,
-    engines,
-    legged,
-    linear,
-    prove,
-    pushes,
-    robots,
-    simulink,
-    stations,
-    sweep,
-    teach,
-    tune,
-)
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.interrupts import Interrupted
-from simrob_drake.cli.screen import console, tell
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.cli.screen import console, errors, tell
+from simrob_drake.errors import InvalidParameter, SimrobError, shortened
+
+_MODULES = {
+    **dict.fromkeys(("listing", "stations", "linear", "legged"), "Stations"),
+    **dict.fromkeys(("robots", "teach"), "Robots"),
+    **dict.fromkeys(("sweep", "tune", "prove", "pushes"), "Many runs"),
+    **dict.fromkeys(("simulink", "engines"), "Exchange and other engines"),
+}
+"""Those with commands, and under which title the help has them, in its order."""
+
+
+class _Entry(NamedTuple):
+    module: str
+    title: str
+    function: str
+    help: str
+
+
+@cache
+def _entries() -> dict[str, _Entry]:
+    """Return where each command is, and what it says of itself, by its name."""
+    found = {}
+    for module, title in _MODULES.items():
+        tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
+        helps = {node.name: ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.FunctionDef)}
+        table = next(node for node in tree.body if isinstance(node, ast.AnnAssign) and _name(node.target) == "COMMANDS")
+        assert isinstance(table.value, ast.Dict)
+        for key, value in zip(table.value.keys, table.value.values, strict=True):
+            function = _name(value)
+            found[str(ast.literal_eval(key or value))] = _Entry(module, title, function, helps[function])
+    return found
+
+
+def _name(node: ast.expr) -> str:
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _typer(**more: Any) -> typer.Typer:
+    # markdown: what stands in brackets is a unit, and no markup
+    return typer.Typer(rich_markup_mode="markdown", pretty_exceptions_enable=False, **more)
+
+
+def _shown(parameters: list[Any]) -> list[Any]:
+    """Return parameters as the help shows them: flags, which take no value, without a type."""
+    for parameter in parameters:
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+    return parameters
+
+
+class _Command(TyperCommand):
+    """A command whose help shows the types of values alone."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _shown(super().get_params(ctx))
 
 
 class _Commands(TyperGroup):
     """The commands; typer alone would leave without a word when a user interrupts one."""
+
+    def __init__(self, **options: Any) -> None:
+        """Know the names and helps of the commands alone."""
+        named = {
+            name: TyperCommand(name, help=entry.help, rich_help_panel=entry.title) for name, entry in _entries().items()
+        }
+        super().__init__(**{**options, "commands": named})
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _shown(super().get_params(ctx))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is called, whole."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command and whole_command(str(name)), rest
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -39,24 +105,34 @@ class _Commands(TyperGroup):
             raise Interrupted("interrupted") from None
 
 
-app = typer.Typer(
+def whole_command(name: str) -> Any:
+    """Return a command of ``simrob`` by its name, with all of its options."""
+    entry = _entries()[name]
+    alone = _typer(add_completion=False)
+    alone.command(name, cls=_Command)(getattr(import_module(f"simrob_drake.cli.{entry.module}"), entry.function))
+    return typer.main.get_command(alone)
+
+
+app = _typer(
     cls=_Commands,
     help="Build, control, program and watch robot stations.",
-    add_completion=False,
     no_args_is_help=True,
-    rich_markup_mode="markdown",  # what stands in brackets is a unit, and no markup
-    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
-for room in (stations, linear, legged, sweep, tune, prove, pushes, robots, teach, simulink, engines):
-    for name, command in room.COMMANDS.items():
-        app.command(name)(command)
+
+
+def load(arguments: list[str]) -> None:
+    """Import what the command of some arguments needs."""
+    if arguments and (entry := _entries().get(arguments[0])):
+        import_module(f"simrob_drake.cli.{entry.module}")
 
 
 def run_command(arguments: list[str]) -> int:
     """Run a command and return its exit code; errors of the user go to the error stream in one line."""
     try:
         _check_surroundings(arguments)
-        code = app(arguments, standalone_mode=False)
+        with _own_warnings():
+            code = app(arguments, standalone_mode=False)
         sys.stdout.flush()
     except BrokenPipeError:  # who read the output, such as `head`, has enough of it
         _write_no_more()
@@ -64,7 +140,7 @@ def run_command(arguments: list[str]) -> int:
     except OSError as problem:  # a full disk, a folder that is gone: what is expected is told where it happens
         _write_no_more()
         why = problem.strerror or str(problem)
-        tell(f"{problem.filename}: {why}" if problem.filename else why)
+        tell(f"{shortened(str(problem.filename), 1000)}: {why}" if problem.filename else why)
         return ExitCode.BAD_INPUT
     except (SimrobError, TyperException) as problem:
         tell(getattr(problem, "format_message", problem.__str__)())  # usage errors name the option there
@@ -73,6 +149,22 @@ def run_command(arguments: list[str]) -> int:
         tell(str(interrupt))
         return ExitCode.INTERRUPTED
     return code if isinstance(code, int) else ExitCode.DONE
+
+
+@contextmanager
+def _own_warnings() -> Iterator[None]:
+    """Tell the package's own warnings in one line each, while the work goes on; others as Python does."""
+    with warnings.catch_warnings():
+        otherwise = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+            if category.__module__.startswith(f"{simrob_drake.__name__}."):
+                errors.print(Text.assemble(("warning", "yellow"), f" {message}"))
+            else:
+                otherwise(message, category, *place, **more)
+
+        warnings.showwarning = show
+        yield
 
 
 def _check_surroundings(arguments: list[str]) -> None:

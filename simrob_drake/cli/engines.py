@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from simrob_drake.cli.given import given_station, refuse
-from simrob_drake.cli.options import Force, Settings, StationArgument
+from simrob_drake.cli.arguments import refuse, station_from
+from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import compare_with_log
 from simrob_drake.cli.tables import in_units
@@ -20,6 +20,7 @@ from simrob_drake.folders import check_folder
 from simrob_drake.stations.config import StationConfig
 
 
+@with_mesh_path
 def export(
     station: StationArgument,
     mjcf: Annotated[Path, typer.Option("--mjcf", metavar="FILE", help="The MJCF file of MuJoCo to write, FILE.xml.")],
@@ -39,10 +40,11 @@ def export(
         )
     from simrob_drake.mujoco.export import save_mjcf
 
-    for written in save_mjcf(given_station(station, set_), mjcf, step=step, force=force):
+    for written in save_mjcf(station_from(station, set_), mjcf, step=step, force=force):
         console.print(f"written {written}", soft_wrap=True, highlight=False)
 
 
+@with_mesh_path
 def compare(
     station: StationArgument,
     with_: Annotated[
@@ -67,22 +69,22 @@ def compare(
         simrob compare irb120_dynamic --with logged.mat --map yout.1=q.joint_1
     """
     if with_ is not None:
-        compare_with_log(given_station(station, set_), with_, map_ or [], out, force=force)
+        compare_with_log(station_from(station, set_), with_, map_ or [], out, force=force)
         return
     refuse("given with --with", map=map_)
-    _compare_engines(given_station(station, set_), out, force=force)
+    _compare_engines(station_from(station, set_), out, force=force)
 
 
 def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:
     from simrob_drake.comparison.account import differences
-    from simrob_drake.comparison.engines import tell
+    from simrob_drake.comparison.engines import compare_engines
     from simrob_drake.comparison.saving import NUMBERS, save_comparison
 
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)
     with errors.status("running") as status:
-        told = tell(config, progress=lambda name: status.update(f"running in {name}"))
-    first, *others = told.accounts
+        found_by = compare_engines(config, progress=lambda name: status.update(f"running in {name}"))
+    first, *others = found_by.accounts
     found = differences(first, others)
     table = Table(
         "engine", "quantity", f"from {first.name} at most", "at [s]", "error bars", "within", box=None, pad_edge=False
@@ -91,13 +93,13 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
         largest, error = (in_units(value, one.quantity.unit) for value in (one.largest, one.error))
         within = "yes" if one.within else f"no, {one.largest / one.error:.2g} ×" if one.error > 0 else "no"
         table.add_row(one.account, one.quantity.name, largest, f"{one.at:.3f}", error, within)
-    for account in told.accounts:
+    for account in found_by.accounts:
         console.print(f"{account.name}: {account.ended}", soft_wrap=True, highlight=False)
     console.print(table)
-    for name, why in told.missing.items():
+    for name, why in found_by.missing.items():
         console.print(f"{name}: {why}", soft_wrap=True, highlight=False)
     if out is not None:
-        save_comparison(told.accounts, found, out, force=force)
+        save_comparison(found_by.accounts, found, out, force=force)
         console.print(f"result   {out}", soft_wrap=True, highlight=False)
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from simrob_drake.cli.given import given_station
-from simrob_drake.cli.options import Force, Live, NoRecording, Plots, ResultFolder, Settings, StationArgument, Video
+from simrob_drake.cli.arguments import station_from
+from simrob_drake.cli.options import Saving, Settings, StationArgument, with_mesh_path, with_saving
 from simrob_drake.cli.saving import prepared_folder, saved, wait_for_watcher
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.record.walks import legged_robots, locomotion
@@ -24,7 +24,10 @@ RobotOption = Annotated[
 ]
 
 
+@with_mesh_path
+@with_saving
 def walk(
+    *,
     station: StationArgument,
     gait: Annotated[
         str | None, typer.Option(metavar="NAME", help="A gait of the robot; the first for its feet by default.")
@@ -33,12 +36,7 @@ def walk(
     amplitude: Annotated[float, typer.Option(help="Scales the length of the steps, and their turns.")] = 1.0,
     robot: RobotOption = None,
     set_: Settings = None,
-    out: ResultFolder = None,
-    force: Force = False,
-    live: Live = False,
-    no_recording: NoRecording = False,
-    video: Video = False,
-    plots: Plots = "png",
+    saving: Saving,
 ) -> int:
     """Let a legged robot walk, and save what `simrob run` saves.
 
@@ -52,22 +50,20 @@ def walk(
         simrob walk yobotics_dynamic --gait crawl --amplitude 0.5 --live
     """
     config = _own_timing(station, set_)
-    folder = prepared_folder(config, out, force=force, video=video)
-    result, way = _performed(config, robot, live, lambda who: who.walk(steps, amplitude, gait))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots, more=way)
+    folder = prepared_folder(config, saving)
+    result, way = _performed(config, robot, saving.live, lambda who: who.walk(steps, amplitude, gait))
+    return saved(result, folder, saving, more=way)
 
 
+@with_mesh_path
+@with_saving
 def act(
+    *,
     station: StationArgument,
     name: Annotated[str, typer.Argument(metavar="ACT", help="An act of the robot, such as `bow` or `three_legs`.")],
     robot: RobotOption = None,
     set_: Settings = None,
-    out: ResultFolder = None,
-    force: Force = False,
-    live: Live = False,
-    no_recording: NoRecording = False,
-    video: Video = False,
-    plots: Plots = "png",
+    saving: Saving,
 ) -> int:
     """Let a legged robot go through postures or stand on three legs, and save what `simrob run` saves.
 
@@ -80,17 +76,17 @@ def act(
         simrob act yobotics_dynamic three_legs --live
     """
     config = _own_timing(station, set_)
-    folder = prepared_folder(config, out, force=force, video=video)
-    result, way = _performed(config, robot, live, lambda who: who.act(name))
-    return saved(result, folder, force=force, recording=not no_recording, video=video, plots=plots, more=way)
+    folder = prepared_folder(config, saving)
+    result, way = _performed(config, robot, saving.live, lambda who: who.act(name))
+    return saved(result, folder, saving, more=way)
 
 
 def _performed(
     config: StationConfig, robot: str | None, live: bool, perform: Callable[[LeggedRobot], SimulationResult]
 ) -> tuple[SimulationResult, str]:
     """Let a robot of a station do something; return the run, and the robot's way in words."""
+    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.legged_robot import LeggedRobot  # few commands need programs, which load scipy
-    from simrob_drake.programs.workcell import Workcell
 
     cell = Workcell(config)
     cell.progress = not live
@@ -111,7 +107,7 @@ def _own_timing(station: str, settings: list[str] | None) -> StationConfig:
             raise InvalidParameter(
                 f"--set {setting}", "given", "left out: the gait or act says how the robot moves, and how long"
             )
-    return given_station(station, settings)
+    return station_from(station, settings)
 
 
 def way_of(result: SimulationResult, robot: str) -> str:

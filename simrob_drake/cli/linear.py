@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from simrob_drake.cli.given import given_station
-from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument
+from simrob_drake.cli.arguments import station_from
+from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.screen import console
 from simrob_drake.cli.tables import modes_table
 from simrob_drake.errors import InvalidParameter, SimrobError
@@ -21,6 +21,7 @@ from simrob_drake.stations.resolve import resolve
 from simrob_drake.yaml_files import parse_yaml
 
 
+@with_mesh_path
 def linearize_station(
     station: StationArgument,
     at: Annotated[
@@ -42,7 +43,7 @@ def linearize_station(
 
         simrob linearize irb120_dynamic --at 30 --set servo.kd=20
     """
-    config = given_station(station, set_, allow_code=allow_code)
+    config = station_from(station, set_, allow_code=allow_code)
     folder = out or default_folder(f"{config.name}-linear")
     check_folder(folder, marker=MODEL_FILE, force=force)
     model = linearize(config, None if at is None else _postures(config, parse_yaml(at, "--at")))
@@ -54,25 +55,25 @@ def linearize_station(
     console.print(f"result    {folder}", soft_wrap=True, highlight=False)
 
 
-def _postures(config: StationConfig, given: Any) -> dict[str, Vector]:
+def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:
     """Return the postures (n,) [rad or m] that figures in degrees mean, by robot.
 
     Raises:
         InvalidParameter: something else than figures per axis.
     """
     robots = resolve(config).robots
-    by_robot = isinstance(given, Mapping) and set(given) <= set(robots)
-    values = given if by_robot else dict.fromkeys([config.only_robot] if config.only_robot else robots, given)
+    by_robot = isinstance(content, Mapping) and set(content) <= set(robots)
+    values = content if by_robot else dict.fromkeys([config.only_robot] if config.only_robot else robots, content)
     postures = {}
-    for name, figures in values.items():
+    for name, positions in values.items():
         model = robots[name].model
         own = robots[name].initial / model.user_units
         try:
-            postures[name] = model.user_units * model.axis_vector(figures, "--at", own)
+            postures[name] = model.user_units * model.axis_vector(positions, "--at", own)
         except SimrobError:
             raise
         except (TypeError, ValueError) as problem:
-            raise InvalidParameter("--at", given, "numbers per axis, such as 30 or {joint_2: 30}") from problem
+            raise InvalidParameter("--at", content, "numbers per axis, such as 30 or {joint_2: 30}") from problem
     return postures
 
 

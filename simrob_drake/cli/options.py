@@ -2,18 +2,33 @@
 
 import inspect
 from collections.abc import Callable
+from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 from pydantic.fields import FieldInfo
 
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granting
+from simrob_drake.paths import station_files
+from simrob_drake.results.files import Saved
 from simrob_drake.results.plots.formats import PlotFormat
-from simrob_drake.yaml_files import validated
+from simrob_drake.sections import field_texts, validated
 
-StationArgument = Annotated[str, typer.Argument(metavar="STATION", help="A name from `simrob list`, or a YAML file.")]
+
+def completed_station(typed: str) -> list[str]:
+    """Return the stations of the package that begin as a user typed, for the shell's completion."""
+    return [name for name in station_files() if name.startswith(typed)]
+
+
+StationArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="STATION", help="A name from `simrob list`, or a YAML file.", autocompletion=completed_station
+    ),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -23,6 +38,18 @@ Settings = Annotated[
     ),
 ]
 AllowCode = Annotated[bool, typer.Option("--allow-code", help="Run the Python code that the station's file names.")]
+MeshPath = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--mesh-path",
+        metavar="DIR",
+        exists=True,
+        file_okay=False,
+        resolve_path=True,
+        help="A folder in which what the file names may be read, beside its own package; may be given several times. "
+        f"Those in {MESH_PATH_VARIABLE} always may.",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
 
 ResultFolder = Annotated[Path | None, typer.Option("--out", help="Folder of the result; runs/STATION-TIME by default.")]
@@ -33,11 +60,68 @@ Workers = Annotated[int | None, typer.Option(min=1, help="Processes; as many as 
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
 ]
+Strictly = Annotated[bool, typer.Option("--strict", help="Exit with 4 if the result has warnings; it is saved.")]
 Plots = Annotated[PlotFormat, typer.Option("--plots", help="What the plots are written as.")]
 
 FileArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A URDF or xacro file, or a Simulink model (import).")
+    Path, typer.Argument(metavar="FILE", help="A URDF, xacro, MJCF or SDF file, or a Simulink model (import).")
 ]
+
+
+@dataclass(frozen=True)
+class Saving:
+    """How a command shows and saves a run: options that all commands share which simulate."""
+
+    out: ResultFolder = None
+    force: Force = False
+    live: Live = False
+    no_recording: NoRecording = False
+    video: Video = False
+    plots: Plots = "png"
+    strict: Strictly = False
+
+    @property
+    def kept(self) -> Saved:
+        """What the result's own ``save`` takes of it."""
+        return {"force": self.force, "recording": not self.no_recording, "video": self.video, "plots": self.plots}
+
+
+def with_saving(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of :class:`Saving`, which it takes together as ``saving``."""
+    hints = get_type_hints(Saving, include_extras=True)
+    own = [
+        inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name])
+        for one in fields(Saving)
+    ]
+
+    @wraps(command)
+    def called(**arguments: Any) -> Any:
+        chosen = {one.name: arguments.pop(one.name) for one in own}
+        return command(**arguments, saving=Saving(**chosen))
+
+    vars(called)["__signature__"] = _signature(command, "saving", own)
+    return called
+
+
+def _signature(command: Callable[..., Any], name: str, instead: list[inspect.Parameter]) -> inspect.Signature:
+    """Return a command's signature with parameters in place of one; all of them by keyword."""
+    parameters = inspect.signature(command, eval_str=True).parameters.values()
+    named = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
+    return inspect.Signature([p for q in named for p in (instead if q.name == name else [q])])
+
+
+def with_mesh_path(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command that loads a station the option ``--mesh-path``, which holds for all that it loads."""
+
+    @wraps(command)
+    def called(*, mesh_path: list[Path] | None = None, **options: Any) -> Any:
+        with granting(mesh_path or ()):
+            return command(**options)
+
+    own = inspect.Parameter("mesh_path", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=MeshPath)
+    signature = _signature(command, "", [])
+    vars(called)["__signature__"] = signature.replace(parameters=[*signature.parameters.values(), own])
+    return called
 
 
 def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -45,34 +129,33 @@ def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[
 
     The command takes them together as ``options``, which is None where nothing was chosen.
     """
-    fields = {name: ImportOptions.model_fields[name] for name in names or ImportOptions.model_fields}
+    known, texts = names or tuple(ImportOptions.model_fields), field_texts(ImportOptions)
     own = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
-        for name, (option, default) in {name: _option(name, field) for name, field in fields.items()}.items()
+        for name in known
+        for option, default in [_option(name, ImportOptions.model_fields[name], texts[name])]
     ]
 
     def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(command)
-        def called(**given: Any) -> Any:
-            chosen = {name: value for name in fields if (value := given.pop(name)) is not None}
+        def called(**arguments: Any) -> Any:
+            chosen = {name: value for name in known if (value := arguments.pop(name)) is not None}
             options = validated(ImportOptions, chosen, "import options")
-            return command(**given, options=None if options == ImportOptions() else options)
+            with granting(options.mesh_path):
+                return command(**arguments, options=None if options == ImportOptions() else options)
 
-        parameters = inspect.signature(command, eval_str=True).parameters.values()
-        signature = [p for q in parameters for p in (own if q.name == "options" else [q])]
-        vars(called)["__signature__"] = inspect.Signature(signature)
+        vars(called)["__signature__"] = _signature(command, "options", own)
         return called
 
     return with_options
 
 
-def _option(name: str, field: FieldInfo) -> tuple[Any, Any]:
+def _option(name: str, field: FieldInfo, text: str) -> tuple[Any, Any]:
     """Return what typer makes an option of, and its default."""
     flag = f"--{name.replace('_', '-')}"
-    several = f"{field.description} May be given several times."
+    several = f"{text} May be given several times."
     if field.annotation == tuple[Path, ...]:
-        folders = typer.Option(flag, metavar="DIR", exists=True, file_okay=False, resolve_path=True, help=several)
-        return Annotated[list[Path] | None, folders], None
+        return MeshPath, None
     if field.annotation == tuple[str, ...]:
         return Annotated[list[str] | None, typer.Option(flag, metavar="NAME:=VALUE", help=several)], None
-    return Annotated[field.annotation, typer.Option(flag, help=field.description)], field.default
+    return Annotated[field.annotation, typer.Option(flag, help=text)], field.default

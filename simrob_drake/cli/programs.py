@@ -6,55 +6,57 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.given import given_station
+from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.legged import way_of
-from simrob_drake.cli.saving import prepared_folder, saved, wait_for_watcher
+from simrob_drake.cli.options import Saving
+from simrob_drake.cli.saving import Frames, prepared_folder, saved, wait_for_watcher
 from simrob_drake.errors import InvalidConfig
-from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.located import located_station
 from simrob_drake.stations.steps import Finding
 
 if TYPE_CHECKING:  # few commands need programs, which load scipy
+    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.program import Program
-    from simrob_drake.programs.workcell import Workcell
 
 
-def run_program(file: str, set_: list[str] | None, out: Path | None, *, live: bool, options: Saved) -> ExitCode:
-    """Run a program on the station that it names, and save all of it as one result.
+def run_program(
+    program: Program, config: StationConfig, saving: Saving, frames: Frames = None, file: str = ""
+) -> ExitCode:
+    """Run a program on a station, and save all of it as one result; messages call it as ``file`` says.
 
     Raises:
-        InvalidConfig: a damaged program, or one that names no station.
         SimrobError: one that the robots cannot do.
     """
-    from simrob_drake.programs.workcell import Workcell
+    from simrob_drake.programs.arm import Workcell
 
-    program, config = given_program(file, set_)
     cell = Workcell(config)
-    folder = prepared_folder(config, out, force=options["force"], video=options["video"])
-    cell.progress = not live
-    if live:
+    folder = prepared_folder(config, saving)
+    cell.progress = not saving.live
+    if saving.live:
         wait_for_watcher(cell.show())
     try:
         result, way = _performed(cell, program, file)
     finally:
         cell.close()
-    return saved(result, folder, more=way, **options)
+    return saved(result, folder, saving, more=way, frames=frames)
 
 
-def check_program(file: str, set_: list[str] | None) -> list[Finding]:
-    """Return what a program takes, without running it.
+def own_program(config: StationConfig) -> Program:
+    """Return the program that a station carries.
 
     Raises:
-        SimrobError: as :func:`run_program`.
+        InvalidConfig: it has none, or a damaged one.
     """
-    from simrob_drake.programs.workcell import Workcell
+    from simrob_drake.programs.whole_program import carried_program
 
-    program, config = given_program(file, set_)
-    return [look_at(Workcell(config), program, file)]
+    if (program := carried_program(config)) is None:
+        raise InvalidConfig(config.name, "program", "missing: the moves that its robots make")
+    return program
 
 
-def given_program(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
+def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
     """Return the program of a file, and the station that it names, with what the user wants changed.
 
     Raises:
@@ -65,33 +67,32 @@ def given_program(file: str, set_: list[str] | None) -> tuple[Program, StationCo
     program = Program.load(file)
     if program.station is None:
         raise InvalidConfig(file, "station", "missing: the name or the file of the station that it is to run on")
-    beside = Path(file).parent / program.station
-    return program, given_station(str(beside if beside.is_file() else program.station), set_)
+    return program, station_from(located_station(program.station, Path(file)), set_)
 
 
-def look_at(cell: Workcell, program: Program, file: str) -> Finding:
-    """Look whether robots can do a program; the station stays as it is.
+def check_program(program: Program, config: StationConfig, file: str = "") -> Finding:
+    """Look whether the robots of a station can do a program, without running it; messages call it as ``file`` says.
 
     Raises:
         SimrobError: what they cannot do; names the file and the move.
     """
+    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.arm_program import rehearse
     from simrob_drake.programs.legged_robot import LeggedRobot
-    from simrob_drake.programs.legged_stages import stages_of_program
+    from simrob_drake.programs.stages import stages_of_program
     from simrob_drake.programs.timeline import Timeline
     from simrob_drake.programs.whole_program import of_arms
-    from simrob_drake.programs.workcell import Workcell
 
-    moves = len(program.moves)
-    Timeline(program.grid, program.changes).check(cell.config)
+    cell, moves = Workcell(config), len(program.moves)
+    Timeline(program.grid, program.changes).check(config)
     if not of_arms(cell, program):
         stages_of_program(LeggedRobot(cell, program.robot), program, cell.config, file)
         return Finding("ok", "program", f"{moves} moves can be done" if moves else "its cells can be reached")
-    seen, time = rehearse(Workcell(cell.config), program, file)
+    seen, time = rehearse(cell, program, file)
     if seen == moves:
         return Finding("ok", "program", f"{moves} entries can be done, in {time:.4g} s")
-    told = f"{seen} of {moves} entries can be done, in {time:.4g} s; moves[{seen}] depends on where a piece falls"
-    return Finding("ok", "program", told)
+    message = f"{seen} of {moves} entries can be done, in {time:.4g} s; moves[{seen}] depends on where a piece falls"
+    return Finding("note", "program", message)
 
 
 def _performed(cell: Workcell, program: Program, file: str) -> tuple[SimulationResult, str]:

@@ -9,11 +9,12 @@ from typing import Annotated, Any
 import typer
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.options import Force, Scheduler, Workers
+from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
 from simrob_drake.cli.screen import console
 from simrob_drake.results.files import default_folder
 
 
+@with_mesh_path
 def prove(
     winner: Annotated[
         str, typer.Argument(metavar="STUDY|STATION", help="The folder of a study that ended, or a station.")
@@ -28,7 +29,7 @@ def prove(
 ) -> int:
     """Run a winner, and where its search began, under doubts: pushes, masses, friction, floor, noise, other solvers.
 
-    A page with table, plots and the verdict in words comes of it. One that was interrupted goes on when it is given
+    A page with table, plots and the conclusion in words comes of it. One that was interrupted goes on when it is given
     again with the same --out.
 
     For example:

@@ -10,15 +10,16 @@ import typer
 from rich.table import Table
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.given import changes_of, refuse
-from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers
+from simrob_drake.cli.arguments import changes_of, refuse
+from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
 from simrob_drake.cli.screen import console
 from simrob_drake.results.files import default_folder
-from simrob_drake.yaml_files import validated
+from simrob_drake.sections import validated
 
 _SIDES = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
 
 
+@with_mesh_path
 def pushes(
     station: StationArgument,
     directions: Annotated[int | None, typer.Option(min=1, help="How many; 4 by default, the first is forward.")] = None,
@@ -45,7 +46,7 @@ def pushes(
     close: Annotated[float | None, typer.Option(help="Where a search ends, as a part; 0.1 by default.")] = None,
     seeds: Annotated[int, typer.Option(min=0, help="Draws of posture, noise, masses and friction.")] = 0,
     set_: Settings = None,
-    beside: Annotated[
+    variant: Annotated[
         list[str] | None,
         typer.Option(metavar="KEY.PATH=VALUE", help="Do all with this changed, too; may be given several times."),
     ] = None,
@@ -78,24 +79,24 @@ def pushes(
         refuse("left out with --vary", **of_pushes)
     else:
         refuse("given with --vary", **of_burdens)
-    given = {
+    keys = {
         "station": str(Path(station).resolve()) if Path(station).is_file() else station,
         "overrides": changes_of(set_, "--set"),
-        "beside": changes_of(beside, "--beside"),
+        "variant": changes_of(variant, "--variant"),
         "seeds": seeds,
         "close": close,
         "at": at,
         **({"vary": vary, **of_burdens} if vary else of_pushes),
     }
     kind = Burdens if vary else PushMap
-    asked = validated(kind, {key: value for key, value in given.items() if value is not None}, "simrob pushes")
+    walking = validated(kind, {key: value for key, value in keys.items() if value is not None}, "simrob pushes")
     folder = out or default_folder(f"{Path(station).stem}-pushes")
     if scheduler:
         refuse("left out with --scheduler: the cluster has its own", workers=workers)
-    place = WalkingFolder(folder, asked, force=force, allow_code=allow_code)
+    place = WalkingFolder(folder, walking, force=force, allow_code=allow_code)
     rows = place.run(workers=workers, scheduler=scheduler)
-    console.print(_table(asked.summary(rows)))
-    console.print(f"table {folder / f'{asked.name}.csv'}", soft_wrap=True, highlight=False)
+    console.print(_table(walking.summary(rows)))
+    console.print(f"table {folder / f'{walking.name}.csv'}", soft_wrap=True, highlight=False)
     return ExitCode.DONE
 
 

@@ -1,32 +1,36 @@
 """The commands about robots: import, view, station."""
 
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.text import Text
 
-from simrob_drake.cli.given import check_file, is_robot_file, refuse_import
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.arguments import check_file, refuse_import
 from simrob_drake.cli.options import FileArgument, Force, with_import_options
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import (
+    AllowLosses,
     Assume,
     Library,
     ModelSettings,
     RunOctave,
+    Servos,
     Variables,
     import_model,
     is_model_file,
     model_options,
     refuse_model,
 )
-from simrob_drake.cli.tables import payload_told, report_table, robot_table
+from simrob_drake.cli.tables import payload_lines, report_table, robot_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.folders import written_at_once
-from simrob_drake.importer.cache import robot_from_file
-from simrob_drake.importer.importing import ImportedRobot, examine_robot, import_robot
+from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot, robot_from_file
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.packages import is_robot_file, package_root, resolved
 from simrob_drake.robots.catalog import RobotModel, load_robot
 from simrob_drake.stations.draft import draft_station
 
@@ -35,7 +39,10 @@ from simrob_drake.stations.draft import draft_station
 def import_file(
     *,
     file: FileArgument,
-    out: Annotated[Path | None, typer.Option(help="Folder of the result; NAME_imported unless given.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the result; by default NAME_imported, here or beside the file's package."),
+    ] = None,
     options: ImportOptions | None,
     force: Force = False,
     library: Library = None,
@@ -43,7 +50,9 @@ def import_file(
     variables: Variables = None,
     assume: Assume = False,
     octave: RunOctave = False,
-) -> None:
+    servos: Servos = False,
+    allow_losses: AllowLosses = False,
+) -> ExitCode:
     """Make a published robot, a Simulink model or a CAD assembly run: convert, repair, and tell all that was done.
 
     For example:
@@ -53,17 +62,22 @@ def import_file(
         simrob import station.slx --library subsystems --set q0='[0 0 0]'
     """
     if is_model_file(file):
-        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume, octave=octave)
-        import_model(file, out, given, force=force)
-        return
-    refuse_model(library=library, set=set_, variables=variables, assume=assume, octave=octave)
-    folder = out or Path(f"{file.stem}_imported")
+        model = model_options(
+            options, library=library, set_=set_, variables=variables, assume=assume, octave=octave, servos=servos
+        )
+        return import_model(file, out, model, force=force, allow_losses=allow_losses)
+    refuse_model(
+        library=library, set=set_, variables=variables, assume=assume, octave=octave, servos=servos,
+        allow_losses=allow_losses,
+    )  # fmt: skip
+    folder = out or default_folder(file)
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)
     _tell(imported)
     console.print(f"robot   {imported.model.urdf_path}", soft_wrap=True, highlight=False)
     console.print(f"next    simrob view {imported.model.urdf_path}", soft_wrap=True, highlight=False)
     console.print(f"        simrob station {imported.model.urdf_path}", soft_wrap=True, highlight=False)
+    return ExitCode.DONE
 
 
 def examine_file(file: Path, options: ImportOptions | None) -> None:
@@ -80,7 +94,7 @@ def show_robot(robot: RobotModel) -> None:
     """Report on a robot: its axes, and what an arm can carry."""
     console.print(robot_table(robot))
     if robot.base == "fixed" and robot.tools and not robot.links_without_inertia:
-        for line in payload_told(robot):
+        for line in payload_lines(robot):
             console.print(line, highlight=False)
 
 
@@ -123,9 +137,19 @@ def station(
     with errors.status(Text(f"reading {file}")):
         text = draft_station(file, options, folder=target.absolute().parent)
     written_at_once(target, text)
+    for remark in [line for line in text.splitlines() if line.startswith("# ")][1:]:  # the first says what the file is
+        console.print(remark.removeprefix("# "), soft_wrap=True, highlight=False, markup=False)
     console.print(f"station {target}", soft_wrap=True, highlight=False)
-    console.print(f"next    simrob check {target}", soft_wrap=True, highlight=False)
-    console.print(f"        simrob run {target}", soft_wrap=True, highlight=False)
+    leave = _leave_to_read(target, [file, *(options.mesh_path if options else ())])
+    console.print(f"next    simrob check {target}{leave}", soft_wrap=True, highlight=False)
+    console.print(f"        simrob run {target}{leave}", soft_wrap=True, highlight=False)
+
+
+def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
+    """Return the options that let a station read files and folders that lie outside of its own package."""
+    own = package_root(resolved(station))
+    outside = dict.fromkeys(package_root(place) for place in map(resolved, places) if not place.is_relative_to(own))
+    return "".join(f" --mesh-path {shlex.quote(str(folder))}" for folder in outside)
 
 
 def _tell(imported: ImportedRobot) -> None:

@@ -2,12 +2,13 @@
 
 import sys
 from pathlib import Path
-from typing import Unpack
+from typing import Literal
 
 from rich.text import Text
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.interrupts import finished_first
+from simrob_drake.cli.options import Saving
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import cells_table, result_table
 from simrob_drake.folders import check_folder
@@ -17,16 +18,19 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
 
+Frames = int | Literal["events"] | None
+"""Of a film strip: how many, or one for each event."""
 
-def prepared_folder(config: StationConfig, out: Path | None, *, force: bool, video: bool = False) -> Path:
+
+def prepared_folder(config: StationConfig, saving: Saving) -> Path:
     """Return where the result will be saved, after looking at all that would keep it from that; say what will go wrong.
 
     Raises:
         SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
     """
-    folder = out or default_folder(config.name)
-    check_folder(folder, marker=SUMMARY, force=force)
-    if video:
+    folder = saving.out or default_folder(config.name)
+    check_folder(folder, marker=SUMMARY, force=saving.force)
+    if saving.video:
         from simrob_drake.results.animation.pictures import frame_writer
 
         frame_writer()
@@ -43,26 +47,22 @@ def wait_for_watcher(url: str) -> None:
         console.input("open it in a browser, then press Enter to start ")
 
 
-def saved(
-    result: SimulationResult,
-    folder: Path,
-    *,
-    more: str = "",
-    **options: Unpack[Saved],
-) -> ExitCode:
+def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str = "", frames: Frames = None) -> ExitCode:
     """Save a result, show it, and return the exit code.
 
     Args:
         result: the run.
         folder: where to.
+        saving: how.
         more: a line about the run.
-        options: how it is saved.
+        frames: of the film strip.
 
     Raises:
         Interrupted: the user insisted; nothing was saved.
     """
+    kept: Saved = {**saving.kept, "frames": frames}
     with finished_first(f"the files of {folder}") as interrupted:
-        result.save(folder, **options)
+        result.save(folder, **kept)
     console.print(result_table(result))
     if result.cells:
         console.print(cells_table(result))
@@ -71,16 +71,19 @@ def saved(
         console.print(remark, highlight=False)
     if more:
         console.print(more, highlight=False)
-    console.print(f"{result.realtime_rate:.0f} × real time, {len(result.step_times) - 1} steps", highlight=False)
+    console.print(result.pace, highlight=False)
+    console.print(f"verdict   {result.verdict}", soft_wrap=True, highlight=False)
+    for warning in result.verdict.warnings:
+        errors.print(Text.assemble(("warning", "yellow"), f" {warning}"))
     console.print(f"result    {folder}", soft_wrap=True, highlight=False)
     if result.commanded:
         console.print(f"commanded {folder / COMMANDS}", soft_wrap=True, highlight=False)
-    if options["recording"]:
+    if not saving.no_recording:
         console.print(f"recording {(folder / 'recording.html').resolve().as_uri()}", soft_wrap=True, highlight=False)
-    return ExitCode.INTERRUPTED if interrupted() else exit_code(result)
+    return ExitCode.INTERRUPTED if interrupted() else exit_code(result, strict=saving.strict)
 
 
-def exit_code(result: SimulationResult) -> ExitCode:
+def exit_code(result: SimulationResult, *, strict: bool = False) -> ExitCode:
     """Return what a run's end means to a shell."""
     codes = {"diverged": ExitCode.DIVERGED, "failed": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
-    return codes.get(result.ending, ExitCode.DONE)
+    return codes.get(result.ending, ExitCode.BEYOND if strict and result.warnings else ExitCode.DONE)

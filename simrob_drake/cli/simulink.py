@@ -10,8 +10,9 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from simrob_drake.cli.given import given_station, refuse, refuse_import
-from simrob_drake.cli.options import Force, Settings, StationArgument
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.arguments import refuse, refuse_import, station_from
+from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.tables import in_units, report_table
 from simrob_drake.errors import InvalidParameter
@@ -44,6 +45,13 @@ Assume = Annotated[
 RunOctave = Annotated[
     bool, typer.Option("--octave", help="Run a Simulink model's own MATLAB code in GNU Octave: for models you trust.")
 ]
+Servos = Annotated[
+    bool,
+    typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
+]
+AllowLosses = Annotated[
+    bool, typer.Option("--allow-losses", help="Exit with 0, not 4, though mechanics of a Simulink model are lost.")
+]
 ModelSettings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A variable of a Simulink model; may be given often."),
@@ -73,6 +81,7 @@ def model_options(
     variables: list[Path] | None,
     assume: bool,
     octave: bool,
+    servos: bool = False,
 ) -> dict[str, Any]:
     """Return the options of reading a model.
 
@@ -82,7 +91,7 @@ def model_options(
     """
     chosen = options or ImportOptions()
     refuse_import("left out with a Simulink model", chosen.model_copy(update={"mesh_path": ()}))
-    from simrob_drake.simulink.values.workspace import given_variables
+    from simrob_drake.simulink.values.workspace import variables_of
 
     settings = {}
     for setting in set_ or []:
@@ -93,19 +102,24 @@ def model_options(
     return {
         "libraries": tuple(library or ()),
         "meshes": chosen.mesh_path,
-        "variables": given_variables(settings, variables or []),
+        "variables": variables_of(settings, variables or []),
         "assume": assume,
         "octave": octave,
+        "servos": servos,
     }
 
 
-def import_model(file: Path, out: Path | None, options: dict[str, Any], *, force: bool) -> None:
+def import_model(
+    file: Path, out: Path | None, options: dict[str, Any], *, force: bool, allow_losses: bool = False
+) -> ExitCode:
     """Write the robots, pieces and station of a model, and tell what became of its blocks."""
+    from simrob_drake.simulink.coverage import lost_mechanics
     from simrob_drake.simulink.importing import import_simulink
 
     folder = out or Path(f"{file.stem}_imported")
     with errors.status(Text(f"importing {file}")):
         imported = import_simulink(file, folder, force=force, **options)
+    console.print(imported.fidelity, soft_wrap=True, highlight=False)
     _tell(imported.model)
     for name, robot in imported.files.robots.items():
         joints = ", ".join(robot.axes.values())
@@ -115,6 +129,11 @@ def import_model(file: Path, out: Path | None, options: dict[str, Any], *, force
     if imported.station is not None:
         console.print(f"station {imported.station}", soft_wrap=True, highlight=False)
         console.print(f"next    simrob run {imported.station}", soft_wrap=True, highlight=False)
+    if not allow_losses and (lost := lost_mechanics(imported.outcomes)):
+        where = ", ".join(outcome.path for outcome in lost[:3]) + (" …" if len(lost) > 3 else "")
+        errors.print(f"lost: {where}: the station moves otherwise; --allow-losses takes it as it is", highlight=False)
+        return ExitCode.BEYOND
+    return ExitCode.DONE
 
 
 def examine_model(file: Path, options: dict[str, Any]) -> None:
@@ -133,6 +152,7 @@ def examine_model(file: Path, options: dict[str, Any]) -> None:
     check_importable(model)
 
 
+@with_mesh_path
 def fmu(
     station: StationArgument,
     out: Annotated[Path | None, typer.Option(help="FILE.fmu; STATION.fmu unless given.")] = None,
@@ -151,7 +171,7 @@ def fmu(
     """
     from simrob_drake.simulink.fmi.writing import with_fixed_steps, write_fmu
 
-    config = given_station(station, set_)
+    config = station_from(station, set_)
     if step is not None:
         config = with_fixed_steps(config, step)
     target = out or Path(f"{config.name}.fmu")
@@ -160,9 +180,9 @@ def fmu(
 
 def _tell(model: SimulinkModel) -> None:
     joints = len(model.bodies.links)
-    told = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
+    counts = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
     console.print(report_table(model.report))
-    console.print(f"{model.path.name}: {told}; {model.report.summary()}", soft_wrap=True, highlight=False)
+    console.print(f"{model.path.name}: {counts}; {model.report.summary()}", soft_wrap=True, highlight=False)
 
 
 def compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:

@@ -1,29 +1,27 @@
-"""The commands about stations: list, run, check, diagram."""
+"""The commands about stations: run, check, diagram."""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, cast
 
 import typer
-from rich.table import Table
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.given import check_file, given_station, is_program_file, is_robot_file, refuse, refuse_import
+from simrob_drake.cli.arguments import check_file, is_program_file, refuse, refuse_import, station_from
 from simrob_drake.cli.options import (
     AllowCode,
     Force,
-    Live,
-    NoRecording,
-    Plots,
-    ResultFolder,
+    Saving,
     Settings,
     StationArgument,
-    Video,
+    completed_station,
     with_import_options,
+    with_mesh_path,
+    with_saving,
 )
-from simrob_drake.cli.programs import check_program, run_program
+from simrob_drake.cli.programs import check_program, own_program, program_from, run_program
 from simrob_drake.cli.robots import examine_file, show_robot
-from simrob_drake.cli.saving import exit_code, prepared_folder, saved, wait_for_watcher
+from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console
 from simrob_drake.cli.simulink import (
     Assume,
@@ -38,46 +36,32 @@ from simrob_drake.cli.simulink import (
 from simrob_drake.cli.tables import convergence_table, findings_table
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.results.files import Saved
+from simrob_drake.importer.packages import is_robot_file
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot, robot_names
-from simrob_drake.robots.pieces import load_piece, piece_names
-from simrob_drake.simulation import simulate
+from simrob_drake.simulation import Runner, simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.load import load_station, station_names
 
 
-def list_all() -> None:
-    """List the stations, robots and pieces that come with the package."""
-    rows = [
-        ("station", {name: load_station(name).description for name in station_names()}),
-        ("robot", {name: load_robot(name).description for name in robot_names()}),
-        ("piece", {name: load_piece(name).description for name in piece_names()}),
-    ]
-    for kind, entries in rows:
-        table = Table(kind, "description", box=None, pad_edge=False)
-        for name, description in entries.items():
-            table.add_row(name, description)
-        console.print(table)
-        console.print()
-
-
+@with_mesh_path
+@with_saving
 def run(
+    *,
     station: Annotated[
-        str, typer.Argument(metavar="STATION|PROGRAM", help="A name from `simrob list`, or the YAML file of either.")
+        str,
+        typer.Argument(
+            metavar="STATION|PROGRAM",
+            help="A name from `simrob list`, or the YAML file of either.",
+            autocompletion=completed_station,
+        ),
     ],
     duration: Annotated[float | None, typer.Option(help="Simulated time [s], in place of the station's.")] = None,
     set_: Settings = None,
-    out: ResultFolder = None,
-    force: Force = False,
-    live: Live = False,
-    no_recording: NoRecording = False,
-    video: Video = False,
+    saving: Saving,
     frames: Annotated[
         str | None, typer.Option(metavar="N|events", help="Of the film strip; events by default for programs, else 7.")
     ] = None,
-    plots: Plots = "png",
     converge: Annotated[
         bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
     ] = False,
@@ -93,20 +77,22 @@ def run(
 
         simrob run program.yaml --set servo.kp=50
     """
-    options: Saved = {
-        "force": force,
-        "recording": not no_recording,
-        "video": video,
-        "frames": _frames(frames),
-        "plots": plots,
-    }
+    shown = _frames(frames)
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
-        return run_program(station, set_, out, live=live, options=options)
-    config = given_station(station, set_, allow_code=allow_code, duration=duration)
-    folder = prepared_folder(config, out, force=force, video=video)
-    result = _simulated(config, live)
-    code = saved(result, folder, **options)
+        program, config = program_from(station, set_)
+        return run_program(program, config, saving, shown, station)
+    config = station_from(station, set_, allow_code=allow_code, duration=duration)
+    if config.program is not None:
+        refuse(
+            "left out with a station that has a program, or with --set program=null",
+            duration=duration,
+            converge=converge,
+        )
+        return run_program(own_program(config), config, saving, shown)
+    folder = prepared_folder(config, saving)
+    result = _simulated(config, saving.live)
+    code = saved(result, folder, saving, frames=shown)
     return _converged(result) if converge and code == ExitCode.DONE else code
 
 
@@ -130,14 +116,16 @@ def check(
 ) -> None:
     """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do."""
     if is_model_file(station):
-        given = model_options(options, library=library, set_=set_, variables=variables, assume=assume, octave=octave)
-        examine_model(Path(station), given)
+        model = model_options(options, library=library, set_=set_, variables=variables, assume=assume, octave=octave)
+        examine_model(Path(station), model)
         return
     refuse_model(library=library, variables=variables, assume=assume, octave=octave)
+    choices = options and options.model_copy(update={"mesh_path": ()})
     if is_program_file(station):
-        refuse_import("left out with a program: it goes with a robot's file", options)
+        refuse_import("left out with a program: it goes with a robot's file", choices)
         refuse("left out with a program", allow_code=allow_code)
-        console.print(findings_table(check_program(station, set_)))
+        program, config = program_from(station, set_)
+        console.print(findings_table([check_program(program, config, station)]))
         return
     if is_robot_file(station):
         refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
@@ -148,10 +136,14 @@ def check(
         refuse_import("left out with a robot of the package: it is no import", options)
         show_robot(load_robot(station))
         return
-    refuse_import("left out with a station: it goes with a robot's file", options)
-    console.print(findings_table(check_station(given_station(station, set_, allow_code=allow_code))))
+    refuse_import("left out with a station: it goes with a robot's file", choices)
+    config = station_from(station, set_, allow_code=allow_code)
+    Runner(config).check()
+    own = [] if config.program is None else [check_program(own_program(config), config)]
+    console.print(findings_table([*check_station(config), *own]))
 
 
+@with_mesh_path
 def diagram(
     station: StationArgument,
     out: Annotated[Path | None, typer.Option(help="FILE.svg, .dot or .mmd; DOT on the screen unless given.")] = None,
@@ -162,7 +154,7 @@ def diagram(
     """Draw the block structure of a station."""
     from simrob_drake.results.block_diagram.picture import save_block_picture, station_dot
 
-    config = given_station(station, set_, allow_code=allow_code)
+    config = station_from(station, set_, allow_code=allow_code)
     if out is None:
         print(station_dot(config))
         return
@@ -170,14 +162,14 @@ def diagram(
     console.print(str(save_block_picture(config, out)), soft_wrap=True, highlight=False)
 
 
-def _frames(text: str | None) -> int | Literal["events"] | None:
+def _frames(text: str | None) -> Frames:
     """Return how many frames a strip shall have.
 
     Raises:
         InvalidParameter: neither a number of two or more nor "events".
     """
     if text is None or text == "events":
-        return cast(Literal["events"] | None, text)
+        return cast(Frames, text)
     if not text.isdecimal() or int(text) < 2:
         raise InvalidParameter("--frames", text, 'a number of at least 2, or "events"')
     return int(text)
@@ -208,4 +200,4 @@ def _converged(result: SimulationResult) -> ExitCode:
     return exit_code(tight)
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"list": list_all, "run": run, "check": check, "diagram": diagram}
+COMMANDS: dict[str, Callable[..., Any]] = {"run": run, "check": check, "diagram": diagram}

@@ -12,18 +12,20 @@ import typer
 from rich.table import Table
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.given import changes_of, refuse, texts_by_key
-from simrob_drake.cli.options import AllowCode, Force, NoRecording, Scheduler, Settings, Workers
+from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
+from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
 from simrob_drake.cli.saving import prepared_folder, saved
 from simrob_drake.cli.screen import console
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.files import default_folder
+from simrob_drake.stations.located import located_changes
 
 if TYPE_CHECKING:
-    from simrob_drake.tuning.rollout import Row
     from simrob_drake.tuning.sweep_folder import SweepFolder
+    from simrob_drake.tuning.trial import Row
 
 
+@with_mesh_path
 def sweep(
     station: Annotated[
         str, typer.Argument(metavar="STATION|FOLDER", help="A station, or the folder of a sweep to go on with.")
@@ -58,7 +60,6 @@ def sweep(
 
         simrob sweep runs/gains --run 12
     """
-    from simrob_drake.tuning.scene import beside
     from simrob_drake.tuning.sweep import Sweep
     from simrob_drake.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
 
@@ -67,14 +68,14 @@ def sweep(
         place = SweepFolder.there(Path(station), allow_code=allow_code)
     else:
         refuse("given with the folder of a sweep", run=run)
-        asked = Sweep(
+        content = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
             vary=dict(texts_by_key(vary, "--vary")),
-            overrides=beside(changes_of(set_, "--set"), Path.cwd()),
+            overrides=located_changes(changes_of(set_, "--set"), Path.cwd()),
             seeds=seeds,
         )
         folder = out or default_folder(f"{Path(station).stem}-sweep")
-        place = SweepFolder(folder, asked, force=force, allow_code=allow_code)
+        place = SweepFolder(folder, content, force=force, allow_code=allow_code)
     if run is not None:
         return _run_again(place, run, out, force=force, recording=not no_recording)
     if scheduler:
@@ -92,8 +93,8 @@ def _run_again(place: SweepFolder, number: int, out: Path | None, *, force: bool
         raise InvalidParameter("--run", number, f"a number of the table, 1 to {len(place.cases)}")
     case = place.cases[number - 1]
     scene = case.scene()
-    folder = prepared_folder(scene.config, out or place.folder / f"run_{number}", force=force)
-    return saved(scene.run(), folder, force=force, recording=recording)
+    saving = Saving(out or place.folder / f"run_{number}", force, no_recording=not recording)
+    return saved(scene.run(), prepared_folder(scene.config, saving), saving)
 
 
 def _tell(rows: list[Row]) -> None:

@@ -6,14 +6,17 @@ from rich.text import Text
 
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
-from simrob_drake.importer.report import DEEDS, Deed, ImportReport
+from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.linear import LinearModel
 from simrob_drake.results.result import SimulationResult, table_of
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.steps import Finding
 
-_COLOURS = {"read": "dim", "repaired": "green", "defaulted": "yellow", "dropped": "magenta", "refused": "red"}
-_MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow")}
+_COLOURS: dict[EntryKind, str] = {
+    "read": "dim", "repaired": "green", "approximated": "green", "defaulted": "yellow", "dropped": "magenta",
+    "open": "yellow", "lost": "red", "refused": "red",
+}  # fmt: skip
+_MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow"), "note": Text("note", "dim")}
 
 
 def result_table(result: SimulationResult) -> Table:
@@ -95,16 +98,16 @@ def robot_table(robot: RobotModel) -> Table:
     return table
 
 
-def payload_told(robot: RobotModel) -> list[str]:
+def payload_lines(robot: RobotModel) -> list[str]:
     """Return in words what an arm can hold at its first tool, at home and where it can least."""
     dynamics, lines = Dynamics.of_robot(robot), []
     for where, posture in (("at home", robot.home), ("in its weakest posture", dynamics.weakest_posture())):
         masses = dynamics.payload(posture)
         axis = int(np.argmin(masses))
         if np.isfinite(masses[axis]):
-            figures = " ".join(f"{value:.3g}" for value in (posture / robot.user_units).round(3) + 0.0)
+            shown = " ".join(f"{value:.3g}" for value in (posture / robot.user_units).round(3) + 0.0)
             least = f"{masses[axis]:.3g} kg, by the motor of {list(robot.axes)[axis]}"
-            lines.append(f"payload at {next(iter(robot.tools))} {where} ({figures}): {least}")
+            lines.append(f"payload at {next(iter(robot.tools))} {where} ({shown}): {least}")
     return lines
 
 
@@ -120,10 +123,10 @@ def modes_table(model: LinearModel) -> Table:
 def report_table(report: ImportReport) -> Table:
     """Return what an import did, a row for each deed; elements to which the same was done share a row."""
     table = Table("", "element", "what was done", box=None, pad_edge=False)
-    elements: dict[tuple[Deed, str], list[str]] = {}
+    elements: dict[tuple[EntryKind, str], list[str]] = {}
     for entry in report.entries:
         elements.setdefault((entry.kind, entry.text), []).append(entry.element)
-    for kind in DEEDS:
+    for kind in ENTRY_KINDS:
         for (of_kind, text), names in elements.items():
             if of_kind == kind:
                 table.add_row(Text(kind, _COLOURS[kind]), Text(_listed(names)), Text(text))

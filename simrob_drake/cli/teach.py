@@ -1,16 +1,17 @@
 """The command that opens the teach pendant: teach."""
 
-import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
+from simrob_drake.cli.options import AllowCode, with_mesh_path
 from simrob_drake.cli.screen import console
 from simrob_drake.errors import SimrobError
 
 
+@with_mesh_path
 def teach(
     subject: Annotated[
         str,
@@ -22,6 +23,7 @@ def teach(
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Tell the address, and open no browser.")] = False,
     folder: Annotated[Path, typer.Option(help="For what is taught, and what is taken away.")] = Path("taught"),
     language: Annotated[Literal["en", "es"], typer.Option(help="Of the page.")] = "en",
+    allow_code: AllowCode = False,
 ) -> None:
     """Open a page in the browser to teach, push, tune and watch a robot; it needs the extra `gui`.
 
@@ -35,13 +37,14 @@ def teach(
         raise SimrobError('the teach pendant needs another package: pip install "simrob-drake[gui]"') from problem
     from simrob_drake.teach.server import serve
 
+    more = [f"what is taught is kept in {folder}; end with Ctrl+C"]
+
     def ready(url: str) -> None:
         console.print(f"{subject} is taught at {url}", soft_wrap=True, highlight=False)
-        console.print(f"what is taught is kept in {folder}; end with Ctrl+C", soft_wrap=True, highlight=False)
-        if not no_browser:
-            webbrowser.open(url)
+        while more:
+            console.print(more.pop(), soft_wrap=True, highlight=False)
 
-    serve(subject, folder, port=port, language=language, ready=ready)
+    serve(subject, folder, port=port, language=language, ready=ready, browse=not no_browser, allow_code=allow_code)
     console.print(f"ended; what was taught is in {folder}", soft_wrap=True, highlight=False)
 
 

@@ -11,16 +11,17 @@ import typer
 from rich.table import Table
 
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.options import Force, Scheduler, Workers
+from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
 from simrob_drake.cli.screen import console
 from simrob_drake.errors import one_of
 from simrob_drake.results.files import default_folder
 
 if TYPE_CHECKING:
-    from simrob_drake.tuning.rollout import Row
     from simrob_drake.tuning.study_folder import StudyFolder
+    from simrob_drake.tuning.trial import Row
 
 
+@with_mesh_path
 def tune(
     study: Annotated[Path, typer.Argument(metavar="STUDY", help="A YAML file: what varies, what it costs, when.")],
     method: Annotated[
@@ -48,14 +49,14 @@ def tune(
     from simrob_drake.tuning.study import Method, Study
     from simrob_drake.tuning.study_folder import StudyFolder
 
-    asked = Study.read(study)
+    search = Study.read(study)
     if trials is not None:
-        asked = asked.model_copy(update={"trials": trials})
-    methods = [one_of("method", name, get_args(Method)) for name in dict.fromkeys(method or [asked.method])]
+        search = search.model_copy(update={"trials": trials})
+    methods = [one_of("method", name, get_args(Method)) for name in dict.fromkeys(method or [search.method])]
     whole = out or default_folder(study.stem)
     places = {
         name: StudyFolder(
-            whole / name if len(methods) > 1 else whole, asked.model_copy(update={"method": name}), force=force
+            whole / name if len(methods) > 1 else whole, search.model_copy(update={"method": name}), force=force
         )
         for name in methods
     }
@@ -63,18 +64,18 @@ def tune(
         console.print(f"{name}:", highlight=False)
         _tell(place, place.run(workers=workers, scheduler=scheduler))
     costs = {name: [float(cost.sum()) for _, cost in place.trials] for name, place in places.items()}
-    save_convergence(whole / "convergence.png", f"{study.stem}: {asked.station}", costs)
+    save_convergence(whole / "convergence.png", f"{study.stem}: {search.station}", costs)
     console.print(f"result {whole}", soft_wrap=True, highlight=False)
     return ExitCode.DONE
 
 
 def _tell(place: StudyFolder, proof: list[Row]) -> None:
     """Show the best figures, and what the proof says of them and of where the search began."""
-    from simrob_drake.tuning.verdict import cost_columns
+    from simrob_drake.tuning.conclusion import cost_columns
 
-    figures, cost = place.best
+    parameters, cost = place.best
     table = Table("key", "start", "best", box=None, pad_edge=False)
-    for key, value in figures.items():
+    for key, value in parameters.items():
         table.add_row(key, f"{place.study.start[key]:.5g}", f"{value:.5g}")
     for before, after in zip(place.trials[0][1], cost, strict=True):
         table.add_row("cost", f"{before:.5g}", f"{after:.5g}")

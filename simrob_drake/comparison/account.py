@@ -23,7 +23,7 @@ FINER = 4
 """How many times finer the second run is."""
 _QUATERNION = 4
 _NEXT_TO_NOTHING = 1e-3  # SI units; rounding does not end with what is zero
-_GIVEN = ("reference", "applied")  # what went in
+_IMPOSED = ("reference", "applied")  # what went in
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,10 @@ class Account:
     @classmethod
     def of(cls, name: str, fine: SimulationResult, coarse: SimulationResult) -> Account:
         """Return the account of two runs."""
-        told, rough = quantities(fine), quantities(coarse)
+        exact, rough = quantities(fine), quantities(coarse)
         common = together(fine.times, coarse.times)
-        errors = {what: float(apart(told[what][:common], rough[what][:common]).max()) for what in told}
-        return cls(name, fine.times, told, errors, fine.message)
+        errors = {what: float(apart(exact[what][:common], rough[what][:common]).max()) for what in exact}
+        return cls(name, fine.times, exact, errors, fine.message)
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def quantities(result: SimulationResult) -> dict[Quantity, Vector]:
     for signal in result.signals:
         held = signal.role == "pose" and not any(np.ptp(result[name]) for name in signal.names)
         for name, unit in zip(signal.names, signal.units, strict=True):
-            if signal.role not in _GIVEN and not held:
+            if signal.role not in _IMPOSED and not held:
                 columns.setdefault(Quantity(_stem(name), unit), []).append(result[name])
     return {what: np.column_stack(own) for what, own in columns.items()}
 

@@ -13,8 +13,8 @@ from simrob_drake.comparison.account import FINER, Account, Quantity
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import Vector
+from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
 
@@ -25,7 +25,7 @@ _EXPLICIT = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3")
 
 
 @dataclass
-class Told:
+class EngineAccounts:
     """What the engines told.
 
     Attributes:
@@ -46,7 +46,7 @@ def other_scheme(solver: SolverConfig) -> SolverConfig:
     return ContinuousSolver(kind="continuous", scheme="cenic", accuracy=1e-4, max_step=2e-3)
 
 
-def tell(config: StationConfig, *, progress: Callable[[str], None] = lambda name: None) -> Told:
+def compare_engines(config: StationConfig, *, progress: Callable[[str], None] = lambda name: None) -> EngineAccounts:
     """Run a station in every engine that can.
 
     Args:
@@ -56,16 +56,16 @@ def tell(config: StationConfig, *, progress: Callable[[str], None] = lambda name
     Raises:
         SimrobError: a station that Drake cannot run.
     """
-    told = Told()
+    found = EngineAccounts()
     for name, engine in _engines(config):
         progress(name)
         try:
-            told.accounts.append(engine(name))
+            found.accounts.append(engine(name))
         except SimrobError as problem:
-            if not told.accounts:
+            if not found.accounts:
                 raise
-            told.missing[name] = str(problem)
-    return told
+            found.missing[name] = str(problem)
+    return found
 
 
 def _engines(config: StationConfig) -> Iterator[tuple[str, Callable[[str], Account]]]:
@@ -82,12 +82,12 @@ def _engines(config: StationConfig) -> Iterator[tuple[str, Callable[[str], Accou
 
 def _in_drake(name: str, config: StationConfig) -> Account:
     finer = config.model_copy(update={"solver": config.solver.tighter(FINER)})
-    coarse, fine = (_whole(simulate(own, progress=False)) for own in (config, finer))
+    coarse, fine = (_whole(run_whole(own)) for own in (config, finer))
     return Account.of(name, fine, coarse)
 
 
 def _of_motion(name: str, config: StationConfig) -> Account:
-    result = simulate(config, progress=False)
+    result = run_whole(config)
     return Account.of(name, result, result)  # nothing is integrated
 
 
@@ -97,6 +97,8 @@ def _in_mujoco(name: str, config: StationConfig) -> Account:
     from simrob_drake.mujoco.inverse import inverse_run
     from simrob_drake.mujoco.runner import MujocoRunner
 
+    if config.program is not None:
+        raise SimrobError("it does no programs; --set program=null leaves the station's out")
     if config.mode == "kinematic":
         result = inverse_run(config)
         return Account.of(name, result, result)
@@ -114,7 +116,7 @@ def _inverse_dynamics(name: str, config: StationConfig) -> Account:
     every = max(round(_RATE / config.sample_rate), 1)
     sampled = config.model_copy(update={"sample_rate": every * config.sample_rate})
     finer = sampled.model_copy(update={"solver": config.solver.tighter(FINER)})
-    coarse, fine = (_whole(simulate(own, progress=False)) for own in (sampled, finer))
+    coarse, fine = (_whole(run_whole(own)) for own in (sampled, finer))
     values, errors = {}, {}
     for robot in fine.plant.robots.values():
         if robot.floats:

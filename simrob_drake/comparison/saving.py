@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simrob_drake.arguments import as_path
 from simrob_drake.comparison.account import Account, Difference, Quantity, apart, together
 from simrob_drake.folders import filled_at_once
-from simrob_drake.given import as_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +35,8 @@ def save_comparison(
             rows = csv.writer(file, lineterminator="\n")
             rows.writerow(_HEADINGS)
             for one in found:
-                figures = f"{one.largest:.6g}", f"{one.at:.6g}", f"{one.error:.6g}", "yes" if one.within else "no"
-                rows.writerow([one.account, one.quantity.name, one.quantity.unit, *figures])
+                numbers = f"{one.largest:.6g}", f"{one.at:.6g}", f"{one.error:.6g}", "yes" if one.within else "no"
+                rows.writerow([one.account, one.quantity.name, one.quantity.unit, *numbers])
         if found:
             _save_picture(accounts, found, work / "engines.png")
 

@@ -24,6 +24,14 @@ class FirstGains:
     kd: Vector
 
 
+def gains_of(robot: RobotModel) -> FirstGains:
+    """Return the gains that a robot brings along if it does, else first ones."""
+    kp, kd = robot.servo.kp, robot.servo.kd
+    if kp is None or kd is None:
+        return first_gains(robot)
+    return FirstGains(robot.axis_vector(kp, "servo.kp"), robot.axis_vector(kd, "servo.kd"))
+
+
 def first_gains(robot: RobotModel) -> FirstGains:
     """Return gains that hold a robot up and move it without overshoot; every link of it that moves has an inertia.
 
@@ -45,19 +53,12 @@ def first_gains(robot: RobotModel) -> FirstGains:
 
 @dataclass(frozen=True)
 class _Load:
-    """What n axes have to move and to hold: the largest of some postures.
+    """What n axes have to move and to hold, each of shape (n,): the largest of some postures."""
 
-    Attributes:
-        inertias: all other axes at rest, shape (n,) [kg m² or kg], positive.
-        torques: of gravity, shape (n,) [N·m or N].
-        dampings: of the joints themselves, shape (n,) [N·m·s/rad or N·s/m].
-        coupling: the largest eigenvalue of the mass matrix that is scaled by the inertias; 1 where nothing is coupled.
-    """
-
-    inertias: Vector
-    torques: Vector
-    dampings: Vector
-    coupling: float
+    inertias: Vector  # all other axes at rest [kg m² or kg], positive
+    torques: Vector  # of gravity [N·m or N]
+    dampings: Vector  # of the joints themselves [N·m·s/rad or N·s/m]
+    coupling: float  # the largest eigenvalue of the mass matrix, scaled by the inertias; 1 where nothing is coupled
 
 
 def _load(robot: RobotModel) -> _Load:

@@ -1,21 +1,26 @@
-"""Import a robot: from any published URDF to a folder that a station can name."""
+"""Import a robot: from any published URDF to a folder that a station can name, or to a cache, keyed by content."""
 
+import hashlib
 import json
 import re
 import tempfile
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from simrob_drake.errors import OutputError
-from simrob_drake.folders import filled_at_once
-from simrob_drake.given import as_path
+from simrob_drake.arguments import as_path
+from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
+from simrob_drake.files import NotRead, opened, text_of
+from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.importer.gains import first_gains
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import MANIFEST, package_root
+from simrob_drake.importer.meshes.places import mesh_files
+from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.importer.repairs.base import Base, choose_base
@@ -25,9 +30,12 @@ from simrob_drake.importer.repairs.joints import repair_joints
 from simrob_drake.importer.repairs.materials import repair_materials
 from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.repairs.structure import repair_structure
-from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel, described_robot, load_robot_from_urdf
+from simrob_drake.importer.trees import HOME, KD, KP, Notes, take_notes
+from simrob_drake.paths import ROBOT_FILE
+from simrob_drake.robots.catalog import RobotModel, described_robot, load_robot_from_urdf
+from simrob_drake.robots.urdf import LARGEST_URDF, with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf
+from simrob_drake.yaml_files import parse_json, read_yaml
 
 _HEADER = """\
 # Draft of an import; edit it freely.
@@ -65,7 +73,7 @@ def import_robot(
     """Write a clean copy of a robot: URDF, OBJ meshes, a draft of its ``robot.yaml``, and a report as JSON.
 
     Args:
-        source: a URDF or xacro file.
+        source: a URDF or xacro file, or the name of one in ``robot_descriptions``.
         folder: where to; it appears at once, when everything is in it, and nothing is written elsewhere.
         options: choices; the defaults suit most robots.
         force: replace an import that is there.
@@ -76,13 +84,13 @@ def import_robot(
         InvalidModel: a defect that can't be repaired; nothing is written.
         OutputError: the folder cannot be written, exists, or lies within the source.
     """
-    source, folder = as_path(source, "source").resolve(), as_path(folder, "folder")
+    source, folder = robot_file(source, "source"), as_path(folder, "folder")
     if apart and source.exists():
         _check_apart(source, folder)
     report = ImportReport(source)
     with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
-        file = _write(source, work, options or ImportOptions(), report, isolated)
-    return ImportedRobot(load_robot_from_urdf(folder / file), report)
+        made = _write(source, work, options or ImportOptions(), report, isolated)
+    return ImportedRobot(load_robot_from_urdf(folder / made.urdf_path.name), report)
 
 
 def examine_robot(source: Path | str, options: ImportOptions | None = None) -> ImportedRobot:
@@ -91,31 +99,34 @@ def examine_robot(source: Path | str, options: ImportOptions | None = None) -> I
     Raises:
         InvalidModel: a defect that can't be repaired.
     """
-    source = as_path(source, "source").resolve()
+    source = robot_file(source, "source")
     report = ImportReport(source)
     with tempfile.TemporaryDirectory(prefix="simrob-") as work:
-        file = _write(source, Path(work), options or ImportOptions(), report, isolated=True)
-        model = load_robot_from_urdf(Path(work) / file)
+        model = _write(source, Path(work), options or ImportOptions(), report, isolated=True)
         model.element  # noqa: B018  # read while the file is there
     return ImportedRobot(model, report)
 
 
-def _write(source: Path, work: Path, options: ImportOptions, report: ImportReport, isolated: bool) -> str:
-    """Fill a folder with the clean robot, and return the name of its URDF."""
+def _write(source: Path, work: Path, options: ImportOptions, report: ImportReport, isolated: bool) -> RobotModel:
+    """Fill a folder with the clean robot, and return that."""
     robot = read_source(source, report, options)
     described = described_robot(source)
     if described is not None and options.base == "auto":
         options = options.model_copy(update={"base": described.base})
     base = _repair(robot, source, work, options, report)
+    notes = take_notes(robot)
     check_urdf(robot, source)
     file = work / (source.name if described is not None else f"{_plain(robot.get('name') or source.stem)}.urdf")
     ET.indent(robot)
     ET.ElementTree(robot).write(file, encoding="utf-8", xml_declaration=True)
     if isolated:
         probe(file, report)
-    (work / ROBOT_FILE).write_text(_description(described, file, base, report), encoding="utf-8")
+    (work / ROBOT_FILE).write_text(_description(described, file, base, notes, report), encoding="utf-8")
     (work / REPORT_FILE).write_text(json.dumps(report.as_json(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    return file.name
+    try:
+        return load_robot_from_urdf(file)
+    except InvalidConfig as problem:  # figures that nothing has, such as gains for masses of 1e30 kg
+        raise report.refusal(f"{ROBOT_FILE} {problem.key}", problem.problem) from problem
 
 
 def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions, report: ImportReport) -> Base:
@@ -129,21 +140,32 @@ def _repair(robot: ET.Element, source: Path, work: Path, options: ImportOptions,
     return choose_base(robot, options, report)
 
 
+def default_folder(source: Path) -> Path:
+    """Return where an import is written unless its user says so: here, or beside the source where this lies in it."""
+    folder, root = Path(f"{source.stem}_imported"), _source_root(source)
+    return root.parent / folder if folder.resolve().is_relative_to(root) else folder
+
+
+def _source_root(source: Path) -> Path:
+    """Return the folder that an import leaves alone: the package of a file, or at least its own."""
+    package = package_root(source.resolve())
+    return package if (package / MANIFEST).is_file() else source.resolve().parent
+
+
 def _check_apart(source: Path, folder: Path) -> None:
-    """Check that nothing is written into the source: its package, or at least its folder."""
-    package, target = package_root(source), folder.resolve()
-    root = package if (package / MANIFEST).is_file() else source.parent
+    """Check that nothing is written into the source."""
+    root, target = _source_root(source), folder.resolve()
     if target.is_relative_to(root) or root.is_relative_to(target):
         example = root.parent / f"{source.stem}_imported"
         raise OutputError(f"{folder} lies within the source {root}; choose a folder outside of it, such as {example}")
 
 
-def _description(described: RobotModel | None, file: Path, base: Base, report: ImportReport) -> str:
+def _description(described: RobotModel | None, file: Path, base: Base, notes: Notes, report: ImportReport) -> str:
     """Return the ``robot.yaml``: the source's own, or a draft."""
     if described is None:
-        return draft(load_robot_from_urdf(file).model_copy(update={"base": base}), report)
+        return draft(load_robot_from_urdf(file).model_copy(update={"base": base}), notes, report)
     if described.base == base:
-        return (described.folder / ROBOT_FILE).read_text(encoding="utf-8")
+        return text_of(described.folder / ROBOT_FILE)
     report.add("repaired", ROBOT_FILE, f"base: {base} instead of {described.base}, as asked")
     content = described.model_copy(update={"base": base}).model_dump(mode="json", exclude={"folder"}, exclude_none=True)
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
@@ -153,8 +175,9 @@ def _plain(name: str) -> str:
     return re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")[:_LONGEST] or "robot"
 
 
-def draft(robot: RobotModel, report: ImportReport) -> str:
+def draft(robot: RobotModel, notes: Notes, report: ImportReport) -> str:
     """Return the text of a ``robot.yaml`` for an imported robot; its home posture and gains are added to the report."""
+    home = _in_user_units(robot, notes.get(HOME, {}))
     content: dict[str, Any] = {
         "name": robot.name,
         "description": f"{robot.name}, imported",
@@ -165,13 +188,84 @@ def draft(robot: RobotModel, report: ImportReport) -> str:
         "axes": list(robot.axes),
         "tools": robot.tools,
     }
-    if isinstance(robot.home_deg, dict):
+    if home:
+        content["home_deg"] = home
+    elif isinstance(robot.home_deg, dict):
         content["home_deg"] = robot.home_deg
         midway = ", ".join(robot.home_deg)
         report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
     if not robot.links_without_inertia:
         gains = vars(first_gains(robot)).items()
-        content["servo"] = {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in gains}
-        report.add("defaulted", "robot.yaml", "servo gains from the mass matrix")
+        made = {key: dict(zip(robot.axes, values.tolist(), strict=True)) for key, values in gains}
+        own = {key: dict(notes.get(note, {})) for key, note in (("kp", KP), ("kd", KD))}
+        content["servo"] = {key: values | own[key] for key, values in made.items()}
+        if own["kp"]:
+            report.add("read", "robot.yaml", f"servo gains of {len(own['kp'])} axes are those of the file's actuators")
+        if len(own["kp"]) < len(robot.axes):
+            report.add("defaulted", "robot.yaml", "servo gains from the mass matrix")
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _HEADER + text
+
+
+def _in_user_units(robot: RobotModel, posture: Mapping[str, float]) -> dict[str, float]:
+    """Return a posture, by joint [rad or m], as a user writes it [deg, or m of prismatic axes], without zeros."""
+    units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
+    return {axis: float(f"{value / units[axis]:.6g}") for axis, value in posture.items() if value}
+
+
+_CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]
+
+
+def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> RobotModel:
+    """Return the robot of any URDF: read as it is if it is clean, imported once if it is not, or if options ask for it.
+
+    Raises:
+        InvalidModel: a defect that no import can repair.
+        OutputError: the cache cannot be written.
+    """
+    path = robot_file(path, "path")
+    if options is None or options == ImportOptions(mesh_path=options.mesh_path):
+        try:
+            robot = load_robot_from_urdf(path)
+            with_absolute_meshes(robot.element, robot.folder)
+        except SimrobError:
+            pass
+        else:
+            return robot
+    return _imported_once(path, options or ImportOptions())
+
+
+def import_summary(robot: RobotModel) -> str:
+    """Return what an import did to a robot, in one line; empty if it was not imported."""
+    return _summary(robot.folder)
+
+
+def _summary(folder: Path) -> str:
+    """Return the summary of an import's report; empty without one that is whole."""
+    try:
+        return str(parse_json(text_of(folder / REPORT_FILE, LARGEST_URDF), folder)["summary"])
+    except (NotRead, InvalidConfig, LookupError, TypeError):
+        return ""
+
+
+def _imported_once(source: Path, options: ImportOptions) -> RobotModel:
+    folder = cache_entry("robots", made_of=_dependencies(source, options), made_by=_CODE)
+    if not _summary(folder):
+        try:
+            import_robot(source, folder, options, force=(folder / REPORT_FILE).exists(), apart=False)
+        except OutputError:
+            if not _summary(folder):  # else another process was quicker
+                raise
+    urdf = str(read_yaml(folder / ROBOT_FILE)["urdf"])
+    return load_robot_from_urdf(folder / urdf)
+
+
+def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
+    """Yield all that the result depends on, but for our code; the file's own name is no part of it."""
+    yield options.model_dump_json().encode()
+    robot = read_source(source, ImportReport(source), options)
+    yield ET.tostring(robot)  # of a xacro with all that it includes
+    own_files = [file for file in (source, source.parent / ROBOT_FILE) if isfile(file)]
+    for file in (*own_files, *mesh_files(robot, source=source, options=options)):
+        with opened(file) as content:  # meshes may be larger than what is read of them
+            yield hashlib.file_digest(content, "sha256").digest()

@@ -1,10 +1,12 @@
-"""What a user may choose about an import."""
+"""What a user may choose about an import, and what it did to a robot: every repair, default and loss, in words."""
 
+from collections import Counter
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, get_args
 
-from simrob_drake.quantities import Positive
-from simrob_drake.yaml_files import Strict
+from simrob_drake.errors import InvalidModel
+from simrob_drake.sections import Boolean, Positive, Strict
 
 
 class ImportOptions(Strict):
@@ -14,15 +16,81 @@ class ImportOptions(Strict):
     """Further folders in which meshes and packages are looked for; those in a station's file start at its folder."""
     collision: Literal["hull", "box", "none"] = "hull"
     """Collision meshes become their convex hull, the tightest box around them, or nothing."""
-    estimate_inertia: bool = False
+    estimate_inertia: Boolean = False
     """Estimate missing and impossible inertias from the geometry, at `density`."""
     density: Positive = 1000.0
     """Of links whose inertia is estimated [kg/m³]."""
     base: Literal["auto", "fixed", "floating"] = "auto"
     """Whether the root link is fixed to the world; `auto` decides by the file and the shape of the robot."""
-    friction_as_damping: bool = False
+    friction_as_damping: Boolean = False
     """Add the joints' Coulomb friction, which is left out otherwise, to their viscous damping."""
     xacro_arg: tuple[str, ...] = ()
     """Value of an argument of a xacro file, as in `ur_type:=ur5e`."""
-    drop_loops: bool = False
+    model: str = ""
+    """Which robot of an MJCF file with several, by the name of its body, or of an SDF file, by that of its model."""
+    drop_loops: Boolean = False
     """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""
+
+
+EntryKind = Literal["read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"]
+ENTRY_KINDS: tuple[EntryKind, ...] = get_args(EntryKind)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One thing that was done to one element.
+
+    Attributes:
+        kind: what was done: ``read`` as it was (worth knowing), ``repaired``, ``approximated`` (by a likeness),
+            ``defaulted`` (a figure was made up), ``dropped`` (it does not change the motion), ``open`` (left to the
+            user, such as inertias that are missing), ``lost`` (the motion is another without it), or ``refused``.
+        element: which element, as in ``joint 'elbow' <limit>``; empty for the whole file.
+        text: in words, with the old and the new figure.
+    """
+
+    kind: EntryKind
+    element: str
+    text: str
+
+
+@dataclass
+class ImportReport:
+    """All that an import did, in the order it was done.
+
+    Attributes:
+        source: the file that was imported.
+    """
+
+    source: Path
+    entries: list[Entry] = field(default_factory=list)
+
+    def add(self, kind: EntryKind, element: str, text: str) -> None:
+        """Note one thing that was done."""
+        self.entries.append(Entry(kind, element, text))
+
+    def refusal(self, element: str, problem: str) -> InvalidModel:
+        """Return the error for what can't be repaired; it names file and element."""
+        return InvalidModel(self.source, element, problem)
+
+    def of(self, kind: EntryKind) -> list[Entry]:
+        """Return the entries of one kind."""
+        return [entry for entry in self.entries if entry.kind == kind]
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything of the source is different in the result."""
+        return any(entry.kind in ("repaired", "approximated", "defaulted", "dropped", "lost") for entry in self.entries)
+
+    def summary(self) -> str:
+        """Return the counts in one line, as in ``3 repaired, 6 defaulted``."""
+        counts = Counter(entry.kind for entry in self.entries)
+        parts = [f"{counts[kind]} {kind}" for kind in ENTRY_KINDS if counts[kind] and kind != "read"]
+        return ", ".join(parts) or "nothing to repair"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what is written to the report file."""
+        return {
+            "source": str(self.source),
+            "summary": self.summary(),
+            "entries": [asdict(entry) for entry in self.entries],
+        }

@@ -1,12 +1,37 @@
-"""Where the packages of robots lie: the one that a description belongs to, and others by their name."""
+"""Where the packages of robots lie, and what may be read for a file that somebody else may have written.
+
+That is its own package, and what the user allows: with ``--mesh-path``, with the argument ``mesh_path`` of a function,
+or for all that is started with the environment variable :data:`MESH_PATH_VARIABLE`; the file itself allows nothing.
+Robots are found by the names of ``robot_descriptions``, too; nothing is downloaded.
+"""
 
 import os
 import re
 from collections.abc import Iterable, Iterator
-from os.path import isdir, isfile  # which are false for names that no file can have
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from importlib import import_module
+from itertools import chain
+from os.path import exists, isdir, isfile  # which are false for names that no file can have
 from pathlib import Path
+from typing import Any
+
+from simrob_drake.arguments import as_path
+from simrob_drake.errors import InvalidConfig, InvalidModel, UnknownName, shortened
+from simrob_drake.files import NotRead, opened
+from simrob_drake.folders import cache_root
+from simrob_drake.paths import diagrams_root, models_root
 
 MANIFEST = "package.xml"
+MODEL_MANIFEST = "model.config"
+"""Of a model of Gazebo."""
+REPOSITORY = ".git"  # a folder, or a file in the worktree of a repository
+_PACKAGES = "ROS_PACKAGE_PATH", "GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH"
+"""Environment variables with folders below which ROS 1 looks for packages, and Gazebo for models."""
+_PREFIXES = "AMENT_PREFIX_PATH"
+"""The one with folders in which ROS 2 installs packages, as ``share/NAME``."""
+DESCRIPTIONS_VARIABLE = "ROBOT_DESCRIPTIONS_CACHE"
+"""The environment variable that says where ``robot_descriptions`` keeps what it downloaded."""
 _LEVELS = 4
 """How far up from a URDF the manifest of its package is looked for, and from a package others are."""
 _INNER = ("urdf", "urdfs", "xacro", "robot", "robots", "description", "model", "models")
@@ -20,12 +45,12 @@ _FOLDERS = 5000
 def package_root(source: Path) -> Path:
     """Return the folder of a URDF's own package.
 
-    It is the nearest one with a ``package.xml``. Without any it is the URDF's folder, or the one above where the
-    folder's name says that it is only a part of the package.
+    It is the nearest one with a ``package.xml``, or the repository that the URDF lies in. Without any it is the URDF's
+    folder, or the one above where the folder's name says that it is only a part of the package.
     """
     folder = source.parent
     for candidate in [folder, *folder.parents][: _LEVELS + 1]:
-        if isfile(candidate / MANIFEST):
+        if isfile(candidate / MANIFEST) or _is_repository(candidate):
             return candidate
     inner = folder.name.lower() in _INNER and folder.parent != Path(folder.anchor)
     return folder.parent if inner else folder
@@ -34,19 +59,39 @@ def package_root(source: Path) -> Path:
 def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | None:
     """Return the folder of the package ``name``, as in ``package://name/...``; None if there is none that may be read.
 
-    ``root`` is the folder of the package that asks; folders that the user allows come last.
+    ``root`` is the folder of the package that asks. It is looked for around that and in it, in the folders that are
+    allowed, where ROS and Gazebo look, and in the cache of ``robot_descriptions``.
     """
     if not re.fullmatch(r"\w[\w.-]*", name):  # no way up, no hidden folder
         return None
     around = [root, *root.parents][:_LEVELS]
-    for folder in (*around, *_children(around[1:3])):
-        if _may_be(folder, name, beside=root.parent):
+    for folder in chain(around, *map(_folders_in, around[1:3])):
+        if _may_be(folder, name, workspace=root.parent):
             return folder
-    below = (folder for top in mesh_path for folder in _below(top))
+    inside = (folder for folder in _below(root) if _is_repository(root) or isfile(folder / MODEL_MANIFEST))
+    tops = [*mesh_path, *_ros_folders(name), descriptions_cache()]
+    below = chain(inside, *map(_below, tops))
     return next((folder for folder in below if folder.name == name or manifest_name(folder) == name), None)
 
 
-def _may_be(folder: Path, name: str, *, beside: Path) -> bool:
+def descriptions_cache() -> Path:
+    """Return the folder in which ``robot_descriptions`` keeps the repositories that it downloaded."""
+    return Path(os.environ.get(DESCRIPTIONS_VARIABLE) or "~/.cache/robot_descriptions").expanduser()
+
+
+def _is_repository(folder: Path) -> bool:
+    owner = folder in (Path.home(), Path(folder.anchor))  # dotfiles make a repository of many a home
+    return exists(folder / REPOSITORY) and not owner
+
+
+def _ros_folders(name: str) -> Iterator[Path]:
+    """Yield the folders in which, or below which, ROS or Gazebo would look for a package."""
+    for variable in _PACKAGES:
+        yield from (Path(folder) for folder in os.environ.get(variable, "").split(os.pathsep) if folder)
+    yield from (Path(folder) / "share" / name for folder in os.environ.get(_PREFIXES, "").split(os.pathsep) if folder)
+
+
+def _may_be(folder: Path, name: str, *, workspace: Path) -> bool:
     """Return whether a folder is that package by its manifest, or by its name at a place where packages lie."""
     if manifest_name(folder) == name:
         return True
@@ -54,23 +99,18 @@ def _may_be(folder: Path, name: str, *, beside: Path) -> bool:
     return (
         folder.name == name
         and not private
-        and (isfile(folder / MANIFEST) or folder.parent == beside or beside.is_relative_to(folder))
+        and (isfile(folder / MANIFEST) or folder.parent == workspace or workspace.is_relative_to(folder))
     )
 
 
 def manifest_name(folder: Path) -> str:
     """Return the name in a folder's ``package.xml``; empty without one. Read as text: no parser, no entities."""
     try:
-        with (folder / MANIFEST).open(encoding="utf-8", errors="replace") as file:
-            found = re.search(r"<name>\s*([^<]*?)\s*</name>", file.read(100_000))
-    except (OSError, ValueError):
+        with opened(folder / MANIFEST) as file:
+            found = re.search(r"<name>\s*([^<]*?)\s*</name>", file.read(100_000).decode("utf-8", "replace"))
+    except NotRead:
         return ""
     return found.group(1) if found else ""
-
-
-def _children(folders: Iterable[Path]) -> Iterator[Path]:
-    for folder in folders:
-        yield from _folders_in(folder)
 
 
 def _below(top: Path) -> Iterator[Path]:
@@ -95,3 +135,153 @@ def sorted_entries(folder: Path) -> list[str]:
         return sorted(os.listdir(folder))
     except (OSError, ValueError):
         return []
+
+
+ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world")
+"""How the names of files with robots end."""
+_DESCRIPTION = re.compile(r"[a-z]\w*_description", re.ASCII)
+_PARTS = ("_cache", "_repositories", "_descriptions")
+_PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
+
+
+def is_robot_file(text: str) -> bool:
+    """Return whether a text is the file of a robot, or a name of ``robot_descriptions``: no other robot, no station."""
+    return Path(text).suffix.lower() in ROBOT_SUFFIXES or _DESCRIPTION.fullmatch(text) is not None
+
+
+def robot_file(source: object, name: str) -> Path:
+    """Return the absolute path of a robot's file, which may be named as in ``robot_descriptions``.
+
+    ``name`` is what the parameter is called that it was given as.
+
+    Raises:
+        InvalidParameter: no path.
+        UnknownName: no file, and no such description.
+        InvalidModel: a description that was not downloaded, or ``robot_descriptions`` is not installed.
+    """
+    path = as_path(source, name)
+    if exists(path) or not _DESCRIPTION.fullmatch(path.name):
+        return path.resolve()
+    return _downloaded(path.name)
+
+
+def _downloaded(name: str) -> Path:
+    """Return the main file of a description in the cache of ``robot_descriptions``."""
+
+    def cached(repository: str, commit: str | None = None) -> str:
+        own = repositories[repository].cache_path
+        folder = descriptions_cache() / (f"{own}-{commit}/{own}" if commit else own)
+        if not isdir(folder):
+            raise InvalidModel(Path(name), "", f"is not in {folder}; `robot_descriptions pull {name}` downloads it")
+        return str(folder)
+
+    try:
+        parts: list[Any] = [import_module(f"robot_descriptions.{part}") for part in _PARTS]
+    except ImportError as problem:
+        message = "is no file; as a name of robot_descriptions it needs that: pip install robot_descriptions"
+        raise InvalidModel(Path(name), "", message) from problem
+    cache, repositories, descriptions = parts[0], parts[1].REPOSITORIES, parts[2].DESCRIPTIONS
+    if name not in descriptions:
+        raise UnknownName("robot of robot_descriptions", name, list(descriptions))
+    download, cache.clone_to_cache = cache.clone_to_cache, cached
+    try:
+        module = import_module(f"robot_descriptions.{name}")
+    finally:
+        cache.clone_to_cache = download
+    return Path(next(getattr(module, path) for path in _PATHS if hasattr(module, path))).resolve()
+
+
+MESH_PATH_VARIABLE = "SIMROB_MESH_PATH"
+"""The environment variable with folders that may be read, with colons between them."""
+
+
+class OutsideBorder(Exception):
+    """A file that may not be read; the text says where it may lie, and how the user allows it."""
+
+
+@dataclass
+class Border:
+    """What may be read for one file.
+
+    Attributes:
+        source: the file.
+        mesh_path: folders that the user allows, beside those of the environment.
+        root: the folder of its package.
+    """
+
+    source: Path
+    mesh_path: tuple[Path, ...] = ()
+    _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        """Know the folders in which all is looked for."""
+        self.root = package_root(self.source)
+        self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in (*self.mesh_path, *granted())))
+
+    def package(self, name: str) -> Path | None:
+        """Return the folder of a package by its name; None if there is none that may be read."""
+        if name not in self._packages:
+            self._packages[name] = find_package(name, root=self.root, mesh_path=self.mesh_path)
+        return self._packages[name]
+
+    def readable(self, path: Path) -> Path:
+        """Return a path without symbolic links, if it may be read.
+
+        Raises:
+            OutsideBorder: it may not.
+        """
+        found = resolved(path)
+        self.package(manifest_name(package_root(found)))  # what its package's name may be used for, its path may, too
+        packages = [folder for folder in self._packages.values() if folder is not None]
+        allowed = [resolved(folder) for folder in (self.root, *packages, *self.mesh_path)]
+        if any(found.is_relative_to(folder) for folder in allowed):
+            return found
+        listed = ", ".join(dict.fromkeys(map(str, allowed)))
+        grant = found if found.is_dir() else found.parent
+        raise OutsideBorder(f"lies outside of the allowed folders ({listed}); allow it with --mesh-path {grant}")
+
+    def check(self, path: Path, key: str) -> None:
+        """Check that a path under a key of the file may be read; what came with the package, or was imported, may.
+
+        Raises:
+            InvalidConfig: it may not; the message names file, key and what would allow it.
+        """
+        own = (models_root(), diagrams_root(), cache_root())
+        if any(resolved(path).is_relative_to(resolved(folder)) for folder in own):
+            return
+        try:
+            self.readable(path)
+        except OutsideBorder as problem:
+            raise InvalidConfig(self.source, key, f"{shortened(str(path), 300)} {problem}") from problem
+
+
+def granted() -> list[Path]:
+    """Return the folders that the environment allows."""
+    return [Path(folder) for folder in os.environ.get(MESH_PATH_VARIABLE, "").split(os.pathsep) if folder]
+
+
+@contextmanager
+def granting(folders: Iterable[Path]) -> Iterator[None]:
+    """Allow folders for a while, to this process and to those that it starts meanwhile."""
+    added = [resolved(folder) for folder in folders]
+    _grant([*granted(), *added])
+    try:
+        yield
+    finally:
+        left = granted()
+        for folder in added:
+            with suppress(ValueError):  # somebody else took it back
+                left.remove(folder)
+        _grant(left)
+
+
+def _grant(folders: Iterable[Path]) -> None:
+    os.environ[MESH_PATH_VARIABLE] = os.pathsep.join(map(str, folders))
+
+
+def resolved(path: Path) -> Path:
+    """Return a path without symbolic links; as it is where no file can have that name."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):  # links that go in a circle, the character 0
+        return path.absolute()

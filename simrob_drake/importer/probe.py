@@ -12,7 +12,7 @@ from copy import deepcopy
 from pathlib import Path
 
 from simrob_drake.errors import SimrobError, shortened
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportReport
 
 _SUSPECTS = ("visual", "collision", "inertial", "limit", "dynamics", "axis")
 _PATIENCE = 120.0  # s, for a robot of hundreds of meshes
@@ -39,10 +39,10 @@ def _complaint(file: Path) -> str | None:
         return f"it takes longer than {_PATIENCE:g} s"
     if child.returncode == 0:
         return None
-    said = (child.stdout.strip() or child.stderr.strip()).splitlines()
+    message = (child.stdout.strip() or child.stderr.strip()).splitlines()
     return (
-        shortened(said[-1].removeprefix(f"{file}: "), 300)
-        if said
+        shortened(message[-1].removeprefix(f"{file}: "), 300)
+        if message
         else f"the process ended with code {child.returncode}"
     )
 

@@ -60,14 +60,14 @@ class AnalyticSolver(Solver):
         """
         super().__init__(chain)
         self.arm = SixAxisArm.of(chain)
-        wanted = np.ones((2, 2, 2), dtype=bool)
+        allowed = np.ones((2, 2, 2), dtype=bool)
         for place, (kind, names, flag) in enumerate(
             (("shoulder", SHOULDERS, shoulder), ("elbow", ELBOWS, elbow), ("wrist", WRISTS, wrist))
         ):
             if flag is not None and flag not in names:
                 raise UnknownName(f"flag for the {kind}", str(flag), names)
-            wanted &= np.moveaxis(np.array([flag in (None, name) for name in names])[:, None, None], 0, place)
-        self._wanted = np.flatnonzero(wanted)
+            allowed &= np.moveaxis(np.array([flag in (None, name) for name in names])[:, None, None], 0, place)
+        self._allowed = np.flatnonzero(allowed)
         self._order = list(chain.order)
         wide = np.flatnonzero(chain.upper - chain.lower >= TURN)
         self._wide = [(axis, chain.lower[axis] - _ROUNDING, chain.upper[axis] + _ROUNDING) for axis in wide]
@@ -88,28 +88,28 @@ class AnalyticSolver(Solver):
         form, postures, beyond = self._branches(matrices, starts, np.arange(BRANCHES))
         return postures, (form.short <= _ROUNDING) & (beyond.max(axis=-1) == 0.0)
 
-    def _branches(self, targets: Vector, starts: Vector, wanted: Indices) -> tuple[ClosedForm, Vector, Vector]:
+    def _branches(self, targets: Vector, starts: Vector, allowed: Indices) -> tuple[ClosedForm, Vector, Vector]:
         """Return the closed form, the wanted postures (k, b, 6) in axis order, and how far each is beyond a limit."""
         form = all_postures(self.arm, targets, starts[:, self._order])
-        postures = np.empty((len(targets), len(wanted), self.chain.size))
-        postures[..., self._order] = form.postures[:, wanted]
+        postures = np.empty((len(targets), len(allowed), self.chain.size))
+        postures[..., self._order] = form.postures[:, allowed]
         return form, *nearest_turns(self.chain, postures, starts[:, np.newaxis])
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
-        form, postures, beyond = self._branches(targets, starts, self._wanted)
+        form, postures, beyond = self._branches(targets, starts, self._allowed)
         away = np.square(postures - starts[:, np.newaxis]).sum(axis=-1)
         choice = np.argmin(away + self._penalty(form, beyond), axis=1)
         rows = np.arange(len(targets))
-        short = form.short[:, self._wanted][rows, choice]
+        short = form.short[:, self._allowed][rows, choice]
         return self._checked(targets, postures[rows, choice], short, beyond[rows, choice])
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
-        form, postures, beyond = self._branches(targets, np.tile(start, (len(targets), 1)), self._wanted)
+        form, postures, beyond = self._branches(targets, np.tile(start, (len(targets), 1)), self._allowed)
         penalty = self._penalty(form, beyond)
         choices, last = np.zeros(len(targets), dtype=np.intp), start
         for row, branches in enumerate(postures):
             if form.singular[row]:
-                single, again, over = self._branches(targets[row : row + 1], last[np.newaxis], self._wanted)
+                single, again, over = self._branches(targets[row : row + 1], last[np.newaxis], self._allowed)
                 branches[:], beyond[row], penalty[row] = again[0], over[0], self._penalty(single, over)[0]
             for axis, lower, upper in self._wide:
                 angles = branches[:, axis]
@@ -120,12 +120,12 @@ class AnalyticSolver(Solver):
             choices[row] = choice = (np.vecdot(away, away) + penalty[row]).argmin()
             last = branches[choice]
         rows = np.arange(len(targets))
-        short = form.short[:, self._wanted][rows, choices]
+        short = form.short[:, self._allowed][rows, choices]
         return self._checked(targets, postures[rows, choices], short, beyond[rows, choices])
 
     def _penalty(self, form: ClosedForm, beyond: Vector) -> Vector:
         """Return what ranks postures that do not serve behind those that do, by how much they miss, shape (k, b)."""
-        miss = form.short[:, self._wanted] + beyond.max(axis=-1)
+        miss = form.short[:, self._allowed] + beyond.max(axis=-1)
         return np.where(miss > _ROUNDING, _FAR * (1.0 + miss), 0.0)
 
     def _checked(self, targets: Vector, chosen: Vector, short: Vector, beyond: Vector) -> Solutions:
@@ -148,7 +148,7 @@ class AnalyticSolver(Solver):
         return Solutions.found(positions, errors, reached, none, lambda row: self._reason(short[row], beyond[row]))
 
     def _reason(self, short: float, beyond: Vector) -> str:
-        postures = "all postures" + (" with these flags" if len(self._wanted) < BRANCHES else "")
+        postures = "all postures" + (" with these flags" if len(self._allowed) < BRANCHES else "")
         if short > _ROUNDING:
             return f"out of reach: the wrist centre lies {short:.3g} m beyond what the arm reaches"
         if beyond.any():

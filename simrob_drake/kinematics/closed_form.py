@@ -51,8 +51,8 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
     postures = np.empty((len(targets), 2, 2, 2, 6))
     postures[..., 0] = first[:, :, np.newaxis, np.newaxis]
     if arm.parallel:
-        wanted = _closing(arm, planar, starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3])
-        wrist, any_wrist = _wrist(arm, turns, first, np.zeros((len(targets), 2, 1)), fourth * wanted)
+        angle = _closing(arm, planar, starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3])
+        wrist, any_wrist = _wrist(arm, turns, first, np.zeros((len(targets), 2, 1)), fourth * angle)
         total = fourth * wrist[..., 0]
         postures[..., 1], postures[..., 2], reach_short = _elbow(arm, planar - arm.hand * np.exp(1j * total))
         postures[..., 3] = fourth * (total - postures[..., 1] - third * postures[..., 2])
@@ -100,13 +100,13 @@ def _column(values: Vector) -> Vector:
     return values[:, np.newaxis, np.newaxis, np.newaxis]
 
 
-def _closing(arm: SixAxisArm, target: Complex, wanted: Vector) -> Vector:
+def _closing(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
     """Return the sum of the parallel angles nearest to a wanted one (k,) with which axes 2, 3 and 4 reach a target.
 
     Where axis 6 lies along axis 4 the sum may be any, but not for each do the three close the way (k, 2, 1, 1).
     """
     hand, away = max(abs(arm.hand), _SINGULAR), np.maximum(np.abs(target), _SINGULAR)
-    angle = np.broadcast_to(_column(wanted), target.shape)
+    angle = np.broadcast_to(_column(total), target.shape)
     distance = np.abs(target - arm.hand * np.exp(1j * angle))
     reach = np.clip(distance, abs(abs(arm.upper) - abs(arm.fore)), abs(arm.upper) + abs(arm.fore))
     ahead = np.angle(target * np.conj(arm.hand))

@@ -106,8 +106,8 @@ class ConstrainedSolver(Solver):
 
     def _errors(self, target: Vector, positions: Vector) -> Vector:
         errors = pose_errors(target[np.newaxis], self.chain.forward(positions))
-        asked = {"pose": [1.0] * 6, "position": [1.0] * 3 + [0.0] * 3, "free": [0.0] * 6}[self._kind]
-        part: Vector = errors * asked
+        mask = {"pose": [1.0] * 6, "position": [1.0] * 3 + [0.0] * 3, "free": [0.0] * 6}[self._kind]
+        part: Vector = errors * mask
         return part
 
     def _program(self, target: Vector, start: Vector) -> _Program:
@@ -164,12 +164,12 @@ class _Program:
         if kind == "free":
             return
         box, free = RigidTransform(_rigid(target), target[:3, 3]), np.inf
-        asked = {"the target position": (ORIGIN, ORIGIN, ORIGIN)}
+        points = {"the target position": (ORIGIN, ORIGIN, ORIGIN)}
         if kind == "pose":
             half = 0.5 * _LEVER  # keeps out the postures in which the tool is turned over
-            asked["the target's x axis"] = ((_LEVER, 0.0, 0.0), (half, 0.0, 0.0), (free, 0.0, 0.0))
-            asked["the target's y axis"] = ((0.0, _LEVER, 0.0), (-free, half, 0.0), (free, free, 0.0))
-        for name, (point, lower, upper) in asked.items():
+            points["the target's x axis"] = ((_LEVER, 0.0, 0.0), (half, 0.0, 0.0), (free, 0.0, 0.0))
+            points["the target's y axis"] = ((0.0, _LEVER, 0.0), (-free, half, 0.0), (free, free, 0.0))
+        for name, (point, lower, upper) in points.items():
             constraint = point_in_box(self._setting, point, box, np.array(lower), np.array(upper))
             constraint.set_description(name)
             self._prog.AddConstraint(constraint, self._ik.q())

@@ -49,7 +49,7 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
     return SOLVERS[name](chain, **options)
 
 
-def solver_for(chain: Chain, wanted: SolverLike) -> Solver:
+def solver_for(chain: Chain, solver: SolverLike) -> Solver:
     """Return the solver that a move asks for.
 
     Raises:
@@ -57,13 +57,13 @@ def solver_for(chain: Chain, wanted: SolverLike) -> Solver:
         NoClosedForm: the analytic one, for an arm without.
         InvalidParameter: a solver that was made for another robot or tool.
     """
-    if isinstance(wanted, Solver):
-        if wanted.chain.names != chain.names or not (wanted.chain.home == chain.home).all():
-            raise InvalidParameter("solver", type(wanted).__name__, "one made for arm.chain with the tool it has now")
-        return wanted
-    one_of("solver", wanted, get_args(SolverName))
-    if wanted != "auto":
-        return make_solver(wanted, chain, **_OPTIONS.get(wanted, {}))
+    if isinstance(solver, Solver):
+        if solver.chain.names != chain.names or not (solver.chain.home == chain.home).all():
+            raise InvalidParameter("solver", type(solver).__name__, "one made for arm.chain with the tool it has now")
+        return solver
+    one_of("solver", solver, get_args(SolverName))
+    if solver != "auto":
+        return make_solver(solver, chain, **_OPTIONS.get(solver, {}))
     try:
         return make_solver("analytic", chain)
     except NoClosedForm:

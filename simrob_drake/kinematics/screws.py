@@ -73,7 +73,7 @@ class Screws:
         terms[..., 1] = np.sin(values)
         terms[..., 2] = 1.0 - np.cos(values)
         terms[self._prismatic, :, 1] = values[self._prismatic]
-        motions = (terms @ self._exponentials).reshape(len(values), -1, 4, 4)
+        motions = (terms @ self._exponentials).reshape(len(values), len(postures), 4, 4)
         frames = np.empty((len(values) + 1, len(postures), 4, 4))
         frames[0] = base
         for index, motion in enumerate(motions):

@@ -99,8 +99,8 @@ def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
     moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities()]
     odd = [joint.name() for joint in moving if not isinstance(joint, RevoluteJoint) or joint.name() not in names]
     if odd:
-        wanted = "one whose joints are all axes and revolute"
-        raise InvalidParameter(f"robot {model.name}", f"with the joints {', '.join(odd)}", wanted)
+        expected = "one whose joints are all axes and revolute"
+        raise InvalidParameter(f"robot {model.name}", f"with the joints {', '.join(odd)}", expected)
     paths = [[names.index(on.name()) for on, _ in joints_between(plant, root, j.frame_on_child())] for j in joints]
     order = sorted(range(len(joints)), key=lambda axis: len(paths[axis]))
     own = AxisMap.of_joints(plant, joints, [axis.sign for axis in model.axes.values()])

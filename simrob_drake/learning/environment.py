@@ -75,7 +75,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         episode, task = self.episode, self.task
         seen = episode.advance(np.asarray(action, dtype=float))
         now = episode.moment(
-            goal=self._goal, wanted_speed=np.inf if task.speed is None else task.speed, yields=task.yields
+            goal=self._goal, desired_speed=np.inf if task.speed is None else task.speed, yields=task.yields
         )
         parts = rewards(task.rewards, now, episode.period)
         info = {"rewards": parts, "place": now.place, "time": episode.time}

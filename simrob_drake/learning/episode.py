@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from pydrake.systems.framework import Context
 
+from simrob_drake.arguments import drake_asserts
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
-from simrob_drake.given import drake_asserts
-from simrob_drake.learning.rewards import Moment, turned_from
+from simrob_drake.learning.rewards import RewardSample, turned_from
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.policy import LearntPolicy, Policy
@@ -18,7 +18,7 @@ from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.walks import headings
 from simrob_drake.simulation.stepping import Stepper
-from simrob_drake.stations.closed import closed_station, station_courses
+from simrob_drake.stations.closed import closed_station, station_references
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
@@ -61,7 +61,7 @@ class Episode:
         self.policy: LearntPolicy = self._built.diagram.GetSubsystemByName(f"controller.{name}")
         self.robot: StationRobot = self._ports.robot(self.section.robot)
         self.period = 1 / self.section.rate
-        self._courses = station_courses(station)
+        self._references = station_references(station)
         self._noisy = [block for block in self._built.diagram.GetSystems() if hasattr(block, "seed")]
         self.seeds = [int(block.seed) for block in self._noisy]
         self.ended = ""
@@ -89,7 +89,7 @@ class Episode:
             forces: in place of some of the station's, by name.
         """
         forces = {**self._forces, **(forces or {})}
-        self._built.play(self._courses, forces)
+        self._built.play(self._references, forces)
         self._edges = sorted({edge for force in forces.values() for edge in force.edges if edge > 0})
         for block, seed in zip(self._noisy, self.seeds if seeds is None else seeds, strict=True):
             block.seed = seed
@@ -136,13 +136,13 @@ class Episode:
         self._look()
         return seen
 
-    def moment(self, *, goal: Vector, wanted_speed: float, yields: float) -> Moment:
+    def moment(self, *, goal: Vector, desired_speed: float, yields: float) -> RewardSample:
         """Return what is true now."""
         base = self._value("base_pose")
         moving = self._value("base_velocity") if self.robot.floats else np.zeros(6)
         limits = self.robot.gains.torque_limit  # perhaps none
         tool, tool_speed, push = self._tool(base, moving)
-        return Moment(
+        return RewardSample(
             place=self._ahead @ (base[:3] - self._start[:3]),
             speed=self._ahead @ moving[:3],
             turned=turned_from(self._start, base),
@@ -154,7 +154,7 @@ class Episode:
             tool_speed=tool_speed,
             goal=goal,
             push=push,
-            wanted_speed=wanted_speed,
+            desired_speed=desired_speed,
             yields=yields,
             ended=bool(self.ended),
         )

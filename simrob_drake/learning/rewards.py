@@ -15,7 +15,7 @@ from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 
 
 @dataclass(frozen=True)
-class Moment:
+class RewardSample:
     """What is true of a robot at the end of a control period.
 
     Attributes:
@@ -30,7 +30,7 @@ class Moment:
         tool_speed: its speed in the world [m/s].
         goal: what is wanted.
         push: force that acts at the tool or the root link, in the world's axes, shape (3,) [N].
-        wanted_speed: ahead [m/s].
+        desired_speed: ahead [m/s].
         yields: how fast the tool is to go for a force on it [m/s per N].
         ended: a monitor ended the episode.
     """
@@ -46,7 +46,7 @@ class Moment:
     tool_speed: Vector = field(default_factory=lambda: np.zeros(3))
     goal: Vector = field(default_factory=lambda: np.zeros(3))
     push: Vector = field(default_factory=lambda: np.zeros(3))
-    wanted_speed: float = np.inf
+    desired_speed: float = np.inf
     yields: float = 0.0
     ended: bool = False
 
@@ -55,8 +55,8 @@ def _square(values: Vector) -> float:
     return float(values @ values)
 
 
-TERMS: dict[str, Callable[[Moment], float]] = {
-    "ahead": lambda now: min(float(now.speed[0]), now.wanted_speed),
+TERMS: dict[str, Callable[[RewardSample], float]] = {
+    "ahead": lambda now: min(float(now.speed[0]), now.desired_speed),
     "alive": lambda now: 1.0,
     "height": lambda now: min(float(now.place[2]), 0.0) ** 2,
     "lateral": lambda now: float(now.place[1]) ** 2,
@@ -74,7 +74,7 @@ the change of its action; from the tool to the goal [m]; the square of how far i
 asks for [m²/s²]; 1 where a monitor ends the episode."""
 
 
-def rewards(weights: Mapping[str, float], now: Moment, period: float) -> dict[str, float]:
+def rewards(weights: Mapping[str, float], now: RewardSample, period: float) -> dict[str, float]:
     """Return what each term with a weight adds to the reward of a control period [s]; their sum is the reward."""
     return {name: weight * TERMS[name](now) * (1.0 if name == "ended" else period) for name, weight in weights.items()}
 

@@ -10,14 +10,16 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.errors import InvalidConfig, UnknownName, one_of
+from simrob_drake.importer.packages import Border
 from simrob_drake.learning.episode import policies_of
 from simrob_drake.learning.rewards import TERMS
 from simrob_drake.parts.forces.push import Push
 from simrob_drake.paths import models_root
-from simrob_drake.quantities import Duration, Instant, NotNegative, Positive
+from simrob_drake.sections import Boolean, Duration, Instant, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
-from simrob_drake.yaml_files import YAML_SUFFIXES, Number, Strict, read_yaml, validated
+from simrob_drake.stations.located import located_changes, located_station
+from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
 
 class Pushes(Strict):
@@ -29,8 +31,15 @@ class Pushes(Strict):
     """The least and the largest [N]."""
     start: tuple[Instant, Instant]
     """The earliest and the latest [s]."""
-    level: bool = True
+    level: Boolean = True
     """Whether they are horizontal, along x and y of what is pushed."""
+
+    @model_validator(mode="after")
+    def _are_ranges(self) -> Self:
+        for name, (least, most) in (("force", self.force), ("start", self.start)):
+            if least > most:
+                raise ValueError(f"{name} is from the least to the largest, and not from {least:g} to {most:g}")
+        return self
 
 
 class Goals(Strict):
@@ -82,8 +91,8 @@ class Task(Strict):
         """
         config = load_station(station or self.station, {"duration": self.duration, **self.overrides, **overrides})
         if len(found := policies_of(config)) != 1:
-            told = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"
-            raise InvalidConfig(where, "overrides.controllers", told)
+            expected = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"
+            raise InvalidConfig(where, "overrides.controllers", expected)
         (policy,) = found.values()
         self._check_goals(len(policy.goal), where)
         if self.pushes is not None:
@@ -97,8 +106,8 @@ class Task(Strict):
                 where, "rewards.distance", f"needs a goal of the policy of x y z, not of {size} figures"
             )
         if self.goals is not None and len(self.goals.low) != size:
-            told = f"is a box of {len(self.goals.low)} figures; the policy's goal has {size}"
-            raise InvalidConfig(where, "goals", told)
+            expected = f"is a box of {len(self.goals.low)} figures; the policy's goal has {size}"
+            raise InvalidConfig(where, "goals", expected)
 
 
 def task_names() -> list[str]:
@@ -119,4 +128,6 @@ def load_task(name_or_path: str | Path) -> tuple[Task, Path]:
         path = Path(name_or_path)
         if path.suffix not in YAML_SUFFIXES:
             raise UnknownName("task", str(name_or_path), task_names())
-    return validated(Task, read_yaml(path), path), path
+    task, folder = validated(Task, read_yaml(path), path), path.absolute().parent
+    changes = located_changes(task.overrides, folder, Border(path))
+    return task.model_copy(update={"station": located_station(task.station, path), "overrides": changes}), path

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.extras import needed
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.given import as_path
 
 _OPSET = 17
 _IR = 8

@@ -99,7 +99,7 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         "controllers": "controllers: their inputs are those of the model",
         "forces": "forces that act at given times",
     }
-    notes = [told for section, told in left_out.items() if getattr(config, section)]
+    notes = [note for section, note in left_out.items() if getattr(config, section)]
     if isinstance(config.solver, DiscreteSolver):
         notes.append(f"the solver's steps of {config.solver.time_step:g} s: this is the motion in continuous time")
     robots = {}
@@ -218,10 +218,10 @@ class _Rest:
         )
 
     def _expanded(self) -> AffineSystem:
-        given = self._diagram.get_input_port()
-        given.FixValue(self._context, self._inputs)
-        told = self._diagram.get_output_port().get_index()
-        return FirstOrderTaylorApproximation(self._diagram, self._context, given.get_index(), told)
+        port = self._diagram.get_input_port()
+        port.FixValue(self._context, self._inputs)
+        output = self._diagram.get_output_port().get_index()
+        return FirstOrderTaylorApproximation(self._diagram, self._context, port.get_index(), output)
 
     def _holds(self) -> bool:
         """Tell whether no motor is at its limit."""
@@ -259,9 +259,9 @@ class _Rest:
         others = [f"q.{name}" for name in plant.GetPositionNames()] + [f"v.{name}" for name in plant.GetVelocityNames()]
         for system in self._diagram.GetSystems():
             size, name = self._states_of(system), system.get_name()
-            told = others if name == "plant" else [name] if size == 1 else [f"{name}.{part}" for part in range(size)]
+            parts = others if name == "plant" else [name] if size == 1 else [f"{name}.{part}" for part in range(size)]
             for part in range(size):
-                found.setdefault(self._starts[name] + part, (told[part], 1.0))
+                found.setdefault(self._starts[name] + part, (parts[part], 1.0))
         turn = np.zeros((len(found), len(found)))
         for row, (place, (_, sign)) in enumerate(found.items()):
             turn[row, place] = sign

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle, product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +18,15 @@ from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector, finite
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 MODEL_FILE = "linear.yaml"
 _MATRICES, _POINT, _NAMES = ("A", "B", "C", "D"), ("x0", "u0", "y0"), ("states", "inputs", "outputs")
+_POINTS = 600
+_BEYOND = 10.0
+"""How many times slower and faster than the slowest and the fastest motion the frequencies go."""
+_LINES = "-", "--", ":"
 
 
 @dataclass(frozen=True)
@@ -141,16 +150,14 @@ class LinearModel:
         Raises:
             OutputError: the folder cannot be written, or exists.
         """
-        from simrob_drake.linear.bode import bode_figure  # matplotlib is loaded where it is needed
-
         target = Path(folder)
         with filled_at_once(target, marker=MODEL_FILE, force=force) as work:
-            (work / MODEL_FILE).write_text(yaml.safe_dump(self._told(), sort_keys=False, allow_unicode=True))
+            (work / MODEL_FILE).write_text(yaml.safe_dump(self._content(), sort_keys=False, allow_unicode=True))
             np.savez(work / "linear.npz", **{key: getattr(self, key) for key in (*_MATRICES, *_POINT, *_NAMES)})
             bode_figure(self).savefig(work / "bode.png", dpi=110)
         return target
 
-    def _told(self) -> dict[str, object]:
+    def _content(self) -> dict[str, object]:
         modes = [
             {
                 "pole": [mode.pole.real, mode.pole.imag],
@@ -165,13 +172,52 @@ class LinearModel:
         return {"station": self.name, "notes": list(self.notes), "modes": modes, **names, **at}
 
 
-def _places(kind: str, wanted: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
-    if wanted is None:
+def _places(kind: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
+    if names is None:
         return list(range(len(known)))
     places = []
-    for name in wanted:
+    for name in names:
         found = [place for place, other in enumerate(known) if other == name or other.rpartition(".")[0] == name]
         if not found:
             one_of(kind, name, [*dict.fromkeys(other.rpartition(".")[0] for other in known), *known])
         places += found
     return places
+
+
+def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = None) -> Figure:
+    """Draw magnitude [dB] and phase [deg] over frequency [Hz].
+
+    Args:
+        model: whose.
+        pairs: of an input and an output each; every axis from its reference to its position unless given.
+
+    Raises:
+        UnknownName: no such input or output.
+    """
+    from matplotlib.figure import Figure  # it is loaded where it is needed
+
+    from simrob_drake.results.plots.grid import COLOURS, style
+
+    looks = cycle((colour, line) for line, colour in product(_LINES, COLOURS))
+    chosen = list(_own_pairs(model) if pairs is None else pairs)
+    sizes = np.abs(model.poles[model.poles != 0]) / (2 * np.pi)
+    slowest, fastest = (sizes.min(), sizes.max()) if sizes.size else (1.0, 1.0)
+    frequencies = np.geomspace(slowest / _BEYOND, fastest * _BEYOND, _POINTS)
+    figure = Figure(figsize=(9, 6.5), layout="constrained")
+    magnitude, phase = figure.subplots(2, 1, sharex=True)
+    style(magnitude, f"{model.name}: Bode plot")
+    style(phase, "")
+    for (source, sink), (colour, line) in zip(chosen, looks, strict=False):
+        response = model.part(inputs=[source], outputs=[sink]).response(frequencies)[:, 0, 0]
+        size = 20 * np.log10(np.maximum(np.abs(response), 1e-30))
+        magnitude.semilogx(frequencies, size, line, color=colour, label=f"{source} → {sink}")
+        phase.semilogx(frequencies, np.rad2deg(np.unwrap(np.angle(response))), line, color=colour)
+    magnitude.set_ylabel("magnitude [dB]")
+    phase.set_ylabel("phase [deg]")
+    phase.set_xlabel("frequency [Hz]")
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return figure
+
+
+def _own_pairs(model: LinearModel) -> list[tuple[str, str]]:
+    return [(name, name.replace("reference.", "q.")) for name in model.inputs if "reference." in name]

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from pydrake.systems.framework import Diagram
 
 from simrob_drake.frames import Vector
 from simrob_drake.mujoco.coordinates import Coordinates
 from simrob_drake.mujoco.model import STEP, mujoco_model
 from simrob_drake.mujoco.names import Names
-from simrob_drake.mujoco.sensors import Told
+from simrob_drake.mujoco.sensors import OutputSensors
 from simrob_drake.signals import Signal
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
@@ -28,19 +29,20 @@ class BuiltStation:
 
     Attributes:
         station: what it is made of.
-        ports: its ports in Drake, which tell what its signals are.
+        diagram, ports: the station in Drake, whose ports tell what its signals are.
         spec, model: of MuJoCo.
-        told: how the model's sensors give outputs of the station, by their names.
+        outputs: how the model's sensors give outputs of the station, by their names.
         columns: of the sensors in their data, by their names.
         coordinates: between Drake's positions and velocities and MuJoCo's.
         step: length of a step [s].
     """
 
     station: ResolvedStation
+    diagram: Diagram
     ports: StationPorts
     spec: mujoco.MjSpec
     model: mujoco.MjModel
-    told: dict[str, Told]
+    outputs: dict[str, OutputSensors]
     columns: dict[str, slice]
     coordinates: Coordinates
     step: float
@@ -70,12 +72,14 @@ class BuiltStation:
         }
         plant = closed.ports.plant.plant
         coordinates = Coordinates.of(plant, made.model, Names(plant))
-        return cls(station, closed.ports, made.spec, made.model, dict(made.told), columns, coordinates, step)
+        return cls(
+            station, closed.diagram, closed.ports, made.spec, made.model, dict(made.outputs), columns, coordinates, step
+        )
 
     @property
     def signals(self) -> list[Signal]:
         """The station's signals that are known here."""
-        return [signal for signal in self.ports.signals if self._tells(signal)]
+        return [signal for signal in self.ports.signals if self._known(signal)]
 
     @property
     def left_out(self) -> list[str]:
@@ -92,8 +96,8 @@ class BuiltStation:
 
     def output(self, name: str, sensed: Vector) -> Vector:
         """Return an output (m, size) of the station by the sensors' data (m, k)."""
-        return self.told[name].of(self.columns, sensed)
+        return self.outputs[name].of(self.columns, sensed)
 
-    def _tells(self, signal: Signal) -> bool:
-        given = signal.role in ("reference", "applied")  # what went in is known
-        return signal.compute is None and (given or signal.output in self.told)
+    def _known(self, signal: Signal) -> bool:
+        went_in = signal.role in ("reference", "applied")  # what went in is known
+        return signal.compute is None and (went_in or signal.output in self.outputs)

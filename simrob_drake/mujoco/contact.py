@@ -56,7 +56,7 @@ _TINY = 1e-12
 
 
 @dataclass(frozen=True)
-class Surface:
+class TouchingPair:
     """What two surfaces are together: stiffness [N/m], Hunt and Crossley's D [s/m], coefficient of friction."""
 
     stiffness: float
@@ -106,7 +106,7 @@ def dry_friction(slope: float, inverse_inertia: float, step: float) -> Softness:
     return Softness((0.0, -slope * inverse_inertia * (1 - impedance)), min(impedance, LARGEST_IMPEDANCE))
 
 
-def ratio(surface: Surface, inverse_mass: float, speed: float, gravity: float) -> float:
+def ratio(surface: TouchingPair, inverse_mass: float, speed: float, gravity: float) -> float:
     """Return the damping ratio for Hunt and Crossley's D of a surface, as derived above.
 
     Args:
@@ -121,20 +121,20 @@ def ratio(surface: Surface, inverse_mass: float, speed: float, gravity: float) -
     return float(surface.dissipation * np.hypot(speed, gravity / swing) * part / 2)
 
 
-def surfaces(station: StationPlant) -> list[tuple[GeometryId, GeometryId, Surface]]:
+def surfaces(station: StationPlant) -> list[tuple[GeometryId, GeometryId, TouchingPair]]:
     """Return the pairs of shapes that may touch, with what they are together in Drake."""
     inspector, usual = station.scene_graph.model_inspector(), _usual(station)
     found = []
     for pair in touching_pairs(station):
         own = [inspector.GetProximityProperties(shape) for shape in pair]
-        (k1, d1), (k2, d2) = (_figures(properties, usual) for properties in own)
+        (k1, d1), (k2, d2) = (_stiffness_and_damping(properties, usual) for properties in own)
         rubs = [p.GetPropertyOrDefault("material", "coulomb_friction", CoulombFriction(1.0, 1.0)) for p in own]
         friction = CalcContactFrictionFromSurfaceProperties(*rubs).dynamic_friction()
-        found.append((*pair, Surface(k1 * k2 / (k1 + k2), (k2 * d1 + k1 * d2) / (k1 + k2), friction)))
+        found.append((*pair, TouchingPair(k1 * k2 / (k1 + k2), (k2 * d1 + k1 * d2) / (k1 + k2), friction)))
     return found
 
 
-def _figures(properties: ProximityProperties, usual: tuple[float, float]) -> tuple[float, float]:
+def _stiffness_and_damping(properties: ProximityProperties, usual: tuple[float, float]) -> tuple[float, float]:
     keys = "point_contact_stiffness", "hunt_crossley_dissipation"
     stiffness, dissipation = (
         properties.GetPropertyOrDefault("material", key, value) for key, value in zip(keys, usual, strict=True)

@@ -6,16 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from simrob_drake.blocks.references import Course, course_values
+from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.frames import Vector
-from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.parts.forces import ForceConfig
+from simrob_drake.parts.forces.push import Push
 from simrob_drake.parts.forces.sine import SineForce
 from simrob_drake.parts.site import StationPlant
 
 
 def controls(
     plant: StationPlant,
-    courses: Mapping[str, Course],
+    references: Mapping[str, Reference],
     forces: Mapping[str, ForceConfig | None],
     *,
     with_speeds: bool,
@@ -30,7 +31,7 @@ def controls(
 
     Args:
         plant: of the station.
-        courses: of its robots, by name.
+        references: of its robots, by name.
         forces: at the places that the model knows, in its order; None for one that does not act.
         with_speeds: whether references are followed in their speed, too.
         step: length of a step [s].
@@ -39,10 +40,10 @@ def controls(
     ends = np.asarray(step * np.arange(1, count + 1), dtype=float)
     columns = []
     for name, robot in plant.robots.items():
-        positions, gains = course_values(courses[name], ends), robot.gains
+        positions, gains = reference_values(references[name], ends), robot.gains
         if with_speeds:
             ahead = np.divide(gains.kd, gains.kp, out=np.zeros_like(gains.kd), where=gains.kp > 0)
-            positions = positions + ahead * course_values(courses[name], ends, 1)
+            positions = positions + ahead * reference_values(references[name], ends, 1)
         columns.append(positions)
     columns += [force_values(force, ends - step, ends) for force in forces.values()]
     return np.hstack([np.zeros((count, 0)), *columns])

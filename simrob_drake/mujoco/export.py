@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.folders import filled_at_once, replaced_at_once, writing
-from simrob_drake.given import as_path
 from simrob_drake.mujoco.model import STEP
-from simrob_drake.mujoco.runner import MujocoRunner, Wanted
+from simrob_drake.mujoco.runner import MujocoRunner, RunRequest
 from simrob_drake.stations.config import StationConfig
 
 CONTROLS = "controls.csv"
@@ -43,7 +43,7 @@ def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, fo
         raise OutputError(f"{file} exists already; choose another file or replace it with --force")
     runner = MujocoRunner(config, step=step, seen=True)
     spec, folder = runner.built.spec, file.with_name(f"{file.stem}_mjcf")
-    prepared = runner.prepared(config, Wanted())
+    prepared = runner.prepared(config, RunRequest())
     model = runner.built.model
     qpos, qvel = prepared.start[1 : 1 + model.nq], prepared.start[1 + model.nq :][: model.nv]
     spec.add_key(name="start", qpos=qpos, qvel=qvel, ctrl=prepared.controls[0])

@@ -7,11 +7,11 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from simrob_drake.blocks.references import course_values
+from simrob_drake.blocks.references import reference_values
 from simrob_drake.mujoco.built import BuiltStation
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import simulate
-from simrob_drake.stations.closed import station_courses
+from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
 
 
@@ -21,14 +21,14 @@ def inverse_run(config: StationConfig) -> SimulationResult:
     Raises:
         SimrobError: a station that cannot be.
     """
-    given = simulate(config, progress=False)
+    run = simulate(config, progress=False)
     built = BuiltStation.of(config, integrator="RK4", moved_by_torque=False)  # others count damping over a step
     built.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    courses, plant = station_courses(built.station), built.ports.plant.plant
-    q, v, a = np.zeros((3, len(given.times), plant.num_velocities()))
+    references, plant = station_references(built.station), built.ports.plant.plant
+    q, v, a = np.zeros((3, len(run.times), plant.num_velocities()))
     q[:] = plant.GetPositions(plant.CreateDefaultContext())
     for name, robot in built.ports.plant.robots.items():
-        orders = (course_values(courses[name], given.times, order) for order in range(3))
+        orders = (reference_values(references[name], run.times, order) for order in range(3))
         position, velocity, acceleration = orders
         q = robot.axis_map.spread_positions(position, q)
         v = robot.axis_map.spread_velocities(velocity, v)
@@ -40,7 +40,7 @@ def inverse_run(config: StationConfig) -> SimulationResult:
         mujoco.mj_inverse(built.model, data)
         mujoco.mj_sensorPos(built.model, data)
         forces[row], sensed[row] = data.qfrc_inverse[built.coordinates.velocities], data.sensordata
-    outputs = {name: built.output(name, sensed) for name in built.told}
+    outputs = {name: built.output(name, sensed) for name in built.outputs}
     for robot in built.ports.plant.robots.values():
         sliding = robot.model.friction * np.clip(
             robot.axis_map.velocities(v) / robot.model.drives.friction_speed, -1, 1
@@ -49,4 +49,4 @@ def inverse_run(config: StationConfig) -> SimulationResult:
     signals = [signal for signal in built.ports.signals if signal.compute is None and signal.output in outputs]
     columns = [outputs[s.output] if s.entries is None else outputs[s.output][:, s.entries] for s in signals]
     names = [name for signal in signals for name in signal.names]
-    return replace(given, names=names, signals=tuple(signals), values=np.hstack(columns))
+    return replace(run, names=names, signals=tuple(signals), values=np.hstack(columns))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.forces import Drag
+from simrob_drake.parts.forces.drag import Drag
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.stations.config import StationConfig
 
@@ -34,6 +34,8 @@ def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *,
     if config.contact is not None and config.contact.model != "point":
         expected = "point: MuJoCo knows no pressure over a surface"
         raise InvalidParameter("contact.model", config.contact.model, expected)
+    if config.prescribed:
+        raise InvalidParameter("prescribed", ", ".join(config.prescribed), "left out: MJCF moves all by forces")
     for name, force in config.forces.items():
         if isinstance(force, Drag):
             raise InvalidParameter(f"forces.{name}.kind", "drag", "push or sine: MJCF's forces know no target")

@@ -12,7 +12,7 @@ from pydrake.geometry import GeometryId
 from simrob_drake.mujoco.contact import (
     FOOT_SPEED,
     Softness,
-    Surface,
+    TouchingPair,
     dry_friction,
     inverse_mass,
     ratio,
@@ -23,7 +23,7 @@ from simrob_drake.mujoco.coordinates import Coordinates
 from simrob_drake.mujoco.drives import add_force, add_servos
 from simrob_drake.mujoco.limits import check_sayable
 from simrob_drake.mujoco.names import Names
-from simrob_drake.mujoco.sensors import Told, add_sensors
+from simrob_drake.mujoco.sensors import OutputSensors, add_sensors
 from simrob_drake.mujoco.shapes import add_shapes
 from simrob_drake.mujoco.tree import add_tree
 from simrob_drake.parts.forces.force import place_of
@@ -47,12 +47,12 @@ class MujocoModel:
     Attributes:
         spec: of the model, with the figures for its step.
         model: compiled.
-        told: how the model's sensors give outputs of the station, by their names.
+        outputs: how the model's sensors give outputs of the station, by their names.
     """
 
     spec: mujoco.MjSpec
     model: mujoco.MjModel
-    told: Mapping[str, Told]
+    outputs: Mapping[str, OutputSensors]
 
 
 def mujoco_model(
@@ -90,12 +90,12 @@ def mujoco_model(
         for robot in ports.plant.robots.values():
             add_servos(spec, robot, names)
         _add_forces(spec, ports, names)
-    told = add_sensors(spec, ports, names, shapes, moved_by_torque=moved_by_torque)
+    outputs = add_sensors(spec, ports, names, shapes, moved_by_torque=moved_by_torque)
     model = spec.compile()
     if moved_by_torque:
         _soften(spec, model, ports, names, [surface for _, _, surface in pairs])
         model = spec.compile()
-    return MujocoModel(spec, model, told)
+    return MujocoModel(spec, model, outputs)
 
 
 def _set_options(spec: mujoco.MjSpec, ports: StationPorts, step: float, integrator: str) -> None:
@@ -109,7 +109,7 @@ def _set_options(spec: mujoco.MjSpec, ports: StationPorts, step: float, integrat
 
 
 def _add_pairs(
-    spec: mujoco.MjSpec, shapes: Mapping[GeometryId, str], pairs: list[tuple[GeometryId, GeometryId, Surface]]
+    spec: mujoco.MjSpec, shapes: Mapping[GeometryId, str], pairs: list[tuple[GeometryId, GeometryId, TouchingPair]]
 ) -> None:
     for first, second, surface in pairs:
         rubs = surface.friction > 0
@@ -128,25 +128,25 @@ def _add_forces(spec: mujoco.MjSpec, ports: StationPorts, names: Names) -> None:
 
 
 def _soften(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, ports: StationPorts, names: Names, pairs: list[Surface]
+    spec: mujoco.MjSpec, model: mujoco.MjModel, ports: StationPorts, names: Names, pairs: list[TouchingPair]
 ) -> None:
     """Give contacts, joint stops and dry friction their figures, which need the inertias of the compiled model."""
     step, data = spec.option.timestep, mujoco.MjData(model)
     ahead = 0.0 if spec.option.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE else step
     mujoco.mj_kinematics(model, data)
-    given = list[Softness]()
+    softnesses = list[Softness]()
     for pair, surface in zip(spec.pairs, pairs, strict=True):
         geoms = model.geom(pair.geomname1).id, model.geom(pair.geomname2).id
         weight = _inverse_mass(model, geoms)
         speed = max(FOOT_SPEED, _falling_speed(model, data, geoms))
         damping = ratio(surface, weight, speed, float(np.linalg.norm(model.opt.gravity)))
-        given.append(softness(surface.stiffness, damping, weight, ahead))
-        pair.solref, pair.solimp = given[-1].solref, given[-1].solimp
-        pair.solreffriction = [0.0, -given[-1].impedance / step]
-    spec.option.impratio = _STICK / min((found.impedance for found in given), default=1.0)
+        softnesses.append(softness(surface.stiffness, damping, weight, ahead))
+        pair.solref, pair.solimp = softnesses[-1].solref, softnesses[-1].solimp
+        pair.solreffriction = [0.0, -softnesses[-1].impedance / step]
+    spec.option.impratio = _STICK / min((found.impedance for found in softnesses), default=1.0)
     _soften_joints(spec, model, ports, names, ahead)
     if ahead == 0.0:
-        _weigh_again(spec, ports, names, given)
+        _weigh_again(spec, ports, names, softnesses)
 
 
 def _soften_joints(spec: mujoco.MjSpec, model: mujoco.MjModel, ports: StationPorts, names: Names, step: float) -> None:
@@ -165,19 +165,19 @@ def _soften_joints(spec: mujoco.MjSpec, model: mujoco.MjModel, ports: StationPor
             _put(own, "limit", softness(stiffness, damping / 2 * np.sqrt(weight / stiffness), weight, step))
 
 
-def _weigh_again(spec: mujoco.MjSpec, ports: StationPorts, names: Names, given: list[Softness]) -> None:
+def _weigh_again(spec: mujoco.MjSpec, ports: StationPorts, names: Names, softnesses: list[Softness]) -> None:
     """Correct contacts by the inverse masses that ``discrete`` takes where the station begins."""
     model, plant = spec.compile(), ports.plant.plant
     model.pair_margin[:] = _FAR  # so that all touch
     data, context = mujoco.MjData(model), plant.CreateDefaultContext()
     start = plant.GetPositions(context), plant.GetVelocities(context)
     data.qpos[:], data.qvel[:] = Coordinates.of(plant, model, names).to_mujoco(*start)
-    asked = np.concatenate([np.zeros(0), *(robot.initial for robot in ports.plant.robots.values())])
-    data.ctrl[: len(asked)] = asked  # at their limits servos would not hold
+    targets = np.concatenate([np.zeros(0), *(robot.initial for robot in ports.plant.robots.values())])
+    data.ctrl[: len(targets)] = targets  # at their limits servos would not hold
     mujoco.mj_forward(model, data)
     found = {
         frozenset(model.geom(name).id for name in (pair.geomname1, pair.geomname2)): (pair, own)
-        for pair, own in zip(spec.pairs, given, strict=True)
+        for pair, own in zip(spec.pairs, softnesses, strict=True)
     }  # the model has them in another order
     for contact in data.contact:
         pair, own = found[frozenset(contact.geom.tolist())]

@@ -19,13 +19,13 @@ class Names:
 
     def body(self, body: RigidBody) -> str:
         """Return the name of a body."""
-        return self._told(body, self._bodies)
+        return self._unique(body, self._bodies)
 
     def joint(self, joint: Joint) -> str:
         """Return the name of a joint."""
-        return self._told(joint, self._joints)
+        return self._unique(joint, self._joints)
 
-    def _told(self, element: RigidBody | Joint, counted: Counter[str]) -> str:
+    def _unique(self, element: RigidBody | Joint, counted: Counter[str]) -> str:
         name: str = element.name()
         if counted[name] == 1:
             return name

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from simrob_drake.blocks.monitor import NOT_YET
-from simrob_drake.blocks.references import Course, course_values
+from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.frames import Vector
 from simrob_drake.mujoco.built import BuiltStation
 from simrob_drake.mujoco.controls import force_values
@@ -25,16 +25,17 @@ _ASTRAY = 1e6
 _ROUNDING = 1e-9  # s, and as a part
 _STABLE = 2.0
 """An explicit damper on a mass is stable while kd h / M stays below this."""
+Onsets = dict[str, float]
 
 
 @dataclass(frozen=True)
-class Stop:
+class Stopped:
     """How a monitor ends a run: who, when [s], why, and since when conditions had held one look before."""
 
     name: str
     time: float
     message: str
-    onsets: dict[str, float]
+    onsets: Onsets
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Stepped:
     Attributes:
         built: the station.
         config: as it was run.
-        courses: what the robots were asked, by name.
+        references: what the robots were asked, by name.
         states: MuJoCo's states before each step, shape (m, size).
         sensed: what the sensors told of them, shape (m, k).
         seconds: of wall-clock time.
@@ -53,7 +54,7 @@ class Stepped:
 
     built: BuiltStation
     config: StationConfig
-    courses: Mapping[str, Course]
+    references: Mapping[str, Reference]
     states: Vector
     sensed: Vector
     seconds: float
@@ -90,18 +91,19 @@ class Stepped:
             positions_at=lambda at: self._motion(steps, at)[0],
             stepping_time=self.seconds,
             signal_time=perf_counter() - began,
-            warnings=self._warnings(self.sensed[:count]),
+            solver_warnings=self._warnings(self.sensed[:count]),
             final_state=self._state(steps, float(times[-1])),
             start=self.start,
+            context=built.diagram.CreateDefaultContext,
         )
 
     def _outputs(self, steps: Vector, times: Vector) -> dict[str, Vector]:
         """Return the outputs that are known, by name, at times (m,)."""
         built = self.built
         sensed = _between(steps, self.sensed, times)
-        outputs = {name: built.output(name, sensed) for name in built.told}
+        outputs = {name: built.output(name, sensed) for name in built.outputs}
         for robot in built.ports.plant.robots.values():
-            outputs[f"{robot.prefix}reference"] = course_values(self.courses[robot.name], times)
+            outputs[f"{robot.prefix}reference"] = reference_values(self.references[robot.name], times)
         for name in built.station.config.forces:
             outputs[f"applied_force.{name}"] = force_values(self.config.forces.get(name), times, times + built.step)
         return outputs
@@ -112,7 +114,7 @@ class Stepped:
         states = _between(steps, self.states[:, 1 : 1 + model.nq + model.nv], times)
         return self.built.coordinates.to_drake(states[:, : model.nq], states[:, model.nq :])
 
-    def _stop(self, steps: Vector, times: Vector) -> Stop | None:
+    def _stop(self, steps: Vector, times: Vector) -> Stopped | None:
         """Return when a monitor ends the run: looked for at samples, then at the steps before the one that tells."""
         onsets = dict.fromkeys(self.built.ports.monitors, NOT_YET)
         found = self._looked(steps, times, dict(onsets), onsets)
@@ -121,7 +123,7 @@ class Stepped:
         between = steps[(steps > found.time - 1 / self.config.sample_rate) & (steps < found.time + _ROUNDING)]
         return self._looked(steps, between, found.onsets, dict(found.onsets)) or found
 
-    def _looked(self, steps: Vector, times: Vector, before: dict[str, float], onsets: dict[str, float]) -> Stop | None:
+    def _looked(self, steps: Vector, times: Vector, before: Onsets, onsets: Onsets) -> Stopped | None:
         """Ask the monitors at times (m,), in their order; ``onsets`` changes, ``before`` is that of one time before."""
         monitors = self.built.ports.monitors
         if not monitors:
@@ -133,15 +135,15 @@ class Stepped:
                 values = [outputs[output][row] for output in trigger.condition.watched]
                 onsets[name] = trigger.since(onsets[name], time, values)
                 if trigger.ends(onsets[name], time):
-                    return Stop(name, time, f"{trigger.condition.why(*values)}, at {time:.4g} s", dict(before))
+                    return Stopped(name, time, f"{trigger.condition.why(*values)}, at {time:.4g} s", dict(before))
         return None
 
-    def _outcome(self, stop: Stop | None, end: float, *, astray: bool) -> Outcome:
+    def _outcome(self, stop: Stopped | None, end: float, *, astray: bool) -> Outcome:
         if stop is not None:
             return Outcome("monitor", stop.name, stop.message)
         if astray:
-            told = f"diverged at {end:.4g} s: a state ran away to infinity; shorter steps may help"
-            return Outcome("diverged", DIVERGED, told)
+            message = f"diverged at {end:.4g} s: a state ran away to infinity; shorter steps may help"
+            return Outcome("diverged", DIVERGED, message)
         return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s")
 
     def _warnings(self, sensed: Vector) -> list[str]:
@@ -153,10 +155,10 @@ class Stepped:
             at_limit = torque >= robot.gains.torque_limit * (1 - _ROUNDING)
             jumps = at_limit & (robot.gains.kd * light * built.step > _STABLE)
             found += [f"{robot.prefix}{axis}" for axis, jumped in zip(robot.axes, jumps, strict=True) if jumped]
-        told = (
+        reached = (
             "reached the limit of torque, where MuJoCo takes no account of the damping within a step; take shorter ones"
         )
-        return [f"{', '.join(found)} {told}"] if found else []
+        return [f"{', '.join(found)} {reached}"] if found else []
 
     def _state(self, steps: Vector, time: float) -> State:
         """Return where the station was at a time [s], for another run to begin there, in Drake too."""
@@ -165,7 +167,7 @@ class Stepped:
         return State(
             positions={name: robot.axis_map.positions(q) for name, robot in robots.items()},
             velocities={name: robot.axis_map.velocities(v) for name, robot in robots.items()},
-            references={name: course_values(self.courses[name], np.array([time]))[0] for name in robots},
+            references={name: reference_values(self.references[name], np.array([time]))[0] for name in robots},
             joints={name: JointState(q[places], v[speeds]) for name, places, speeds in joints_of(plant)},
         )
 

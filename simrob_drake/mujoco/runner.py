@@ -14,24 +14,24 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from simrob_drake.blocks.references import Course
+from simrob_drake.arguments import positive
+from simrob_drake.blocks.references import Reference
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.given import positive
 from simrob_drake.mujoco.built import BuiltStation
 from simrob_drake.mujoco.controls import controls
 from simrob_drake.mujoco.model import STEP
 from simrob_drake.mujoco.reading import Stepped
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
-from simrob_drake.stations.closed import check_course, station_courses
+from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes
+from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
 from simrob_drake.stations.station import StationLike, config_of
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RunRequest:
     """One run that is asked for; what is None is as the station says.
 
     Attributes:
@@ -40,9 +40,13 @@ class Wanted:
         start: where it begins, such as the ``final_state`` of another result, also of one in Drake.
     """
 
-    reference: Reference | Mapping[str, Reference] | None = None
+    reference: ReferencesLike = None
     pushes: Mapping[str, Any] | None = None
     start: State | None = None
+
+
+Wanted = RunRequest
+"""Its former name."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +55,13 @@ class Prepared:
 
     Attributes:
         config: the station as it is run.
-        courses: what its robots are asked, by name.
+        references: what its robots are asked, by name.
         start: MuJoCo's state where it begins.
         controls: of each step, shape (count, nu).
     """
 
     config: StationConfig
-    courses: dict[str, Course]
+    references: dict[str, Reference]
     start: Vector
     controls: Vector
 
@@ -94,21 +98,22 @@ class MujocoRunner:
     def run(
         self,
         *,
-        reference: Reference | Mapping[str, Reference] | None = None,
+        reference: ReferencesLike = None,
         duration: float | None = None,
         pushes: Mapping[str, Any] | None = None,
         start: State | None = None,
+        strict: bool = False,
     ) -> SimulationResult:
         """Run the station once, as :meth:`simrob_drake.simulation.runner.Runner.run` does in Drake."""
-        return self.runs([Wanted(reference, pushes, start)], duration=duration)[0]
+        return self.runs([RunRequest(reference, pushes, start)], duration=duration)[0].check(strict)
 
     def runs(
-        self, wanted: Sequence[Wanted], *, duration: float | None = None, threads: int = 0
+        self, requests: Sequence[RunRequest], *, duration: float | None = None, threads: int = 0
     ) -> list[SimulationResult]:
         """Run the station several times.
 
         Args:
-            wanted: the runs.
+            requests: the runs.
             duration: of each, in place of the station's [s].
             threads: how many are stepped at the same time beside this one; with 0 they are stepped here in turn.
 
@@ -116,43 +121,44 @@ class MujocoRunner:
             SimrobError: a reference, push or start that does not fit the station.
         """
         config = with_duration(self.config, duration)
-        prepared = [self.prepared(config, one) for one in wanted]
+        prepared = [self.prepared(config, one) for one in requests]
         began = perf_counter()
         starts, rows = np.array([run.start for run in prepared]), np.array([run.controls for run in prepared])
         data = [mujoco.MjData(self.built.model) for _ in range(max(threads, 1))]
         with Rollout(nthread=threads) as loop:
             states, sensed = loop.rollout(self.built.model, data, starts, rows)
-        seconds = (perf_counter() - began) / len(wanted)
+        seconds = (perf_counter() - began) / len(requests)
         results = []
-        for run, after, told, one in zip(prepared, states, sensed, wanted, strict=True):
+        for run, after, sensors, one in zip(prepared, states, sensed, requests, strict=True):
             before = np.vstack([run.start, after[:-1]])  # sensors tell of the state before a step
-            results.append(Stepped(self.built, run.config, run.courses, before, told, seconds, one.start).result())
+            stepped = Stepped(self.built, run.config, run.references, before, sensors, seconds, one.start)
+            results.append(stepped.result())
         return results
 
-    def prepared(self, config: StationConfig, wanted: Wanted) -> Prepared:
+    def prepared(self, config: StationConfig, request: RunRequest) -> Prepared:
         """Return what a run of the station needs, its configuration with another duration perhaps."""
-        own, known = with_pushes(config, wanted.pushes), self.config.forces
+        own, known = with_pushes(config, request.pushes), self.config.forces
         for name, force in own.forces.items():
             if force.at != known[one_of("force", name, known)].at:
                 raise InvalidParameter(f"pushes: {name}.at", force.at, "as in the station: the places are built in")
-        start = State.at_start_of(config) if wanted.start is None else wanted.start
-        given, station = by_robot(own, wanted.reference), self.built.station
-        courses = station_courses(station, given, start.references if start else None)
+        start = State.at_start_of(config) if request.start is None else request.start
+        by_name, station = by_robot(own, request.reference), self.built.station
+        references = station_references(station, by_name, start.references if start else None)
         for robot in station.robots.values():
-            check_course(robot, courses[robot.name], own.duration)
+            check_reference(robot, references[robot.name], own.duration)
         count = int(np.ceil(own.duration / self.built.step - 1e-9)) + 1
         if count > MOST_SAMPLES:
             expected = f"at least {own.duration / MOST_SAMPLES:.2g} s for a duration of {own.duration:g} s"
             raise InvalidParameter("step", f"{self.built.step:g} s", expected)
         rows = controls(
             self.built.ports.plant,
-            courses,
+            references,
             {name: own.forces.get(name) for name in known},
             with_speeds="reference_velocity" in own.inputs,
             step=self.built.step,
             count=count,
         )
-        return Prepared(own, courses, self._start(start), rows)
+        return Prepared(own, references, self._start(start), rows)
 
     def _start(self, start: State | None) -> Vector:
         station = self.built.ports.plant

@@ -25,7 +25,7 @@ _FAR = 1e3  # m, of distances
 
 
 @dataclass(frozen=True)
-class Told:
+class OutputSensors:
     """How the sensors of a model give an output.
 
     Attributes:
@@ -50,26 +50,26 @@ class Told:
 
 def add_sensors(
     spec: mujoco.MjSpec, site: Site, names: Names, shapes: Mapping[GeometryId, str], *, moved_by_torque: bool = True
-) -> dict[str, Told]:
+) -> dict[str, OutputSensors]:
     """Add sensors for positions, velocities, torques, poses, and the station's sensors of force and distance.
 
     Returns:
         the outputs that the model tells, by the names of the station's ports.
     """
-    told: dict[str, Told] = {}
+    outputs: dict[str, OutputSensors] = {}
     for robot in site.plant.robots.values():
         if moved_by_torque:
-            told |= _of_servos(spec, robot)
+            outputs |= _of_servos(spec, robot)
         frames = {"base_pose": robot.root, **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()}}
         for output, frame in frames.items():
             place = f"{robot.prefix}{output.removesuffix('_pose').removeprefix('tcp_pose.')}"
             add_site(spec, frame, name=place, names=names)
-            told[f"{robot.prefix}{output}"] = _pose(spec, place, _OBJECTS.mjOBJ_SITE, place)
+            outputs[f"{robot.prefix}{output}"] = _pose(spec, place, _OBJECTS.mjOBJ_SITE, place)
         if robot.tcp:
-            told[f"{robot.prefix}tcp_pose"] = told[f"{robot.prefix}tcp_pose.{robot.tcp}"]
+            outputs[f"{robot.prefix}tcp_pose"] = outputs[f"{robot.prefix}tcp_pose.{robot.tcp}"]
     for piece, body in site.plant.free_pieces.items():
-        told[f"piece_pose.{piece}"] = _pose(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
-        told[f"piece_velocity.{piece}"] = _velocity(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
+        outputs[f"piece_pose.{piece}"] = _pose(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
+        outputs[f"piece_velocity.{piece}"] = _velocity(spec, f"piece.{piece}", _OBJECTS.mjOBJ_XBODY, names.body(body))
     pairs = {(pair.geomname1, pair.geomname2) for pair in spec.pairs}
     for name, section in site.station.sensors.items():
         if isinstance(section, Force | Distance) and site.station.has_contact:
@@ -78,12 +78,12 @@ def add_sensors(
             if section.other is not None:
                 others = [shapes.get(shape, "") for shape in shapes_of(site.plant, site.station, section.other)]
             found = [(a, b) for a in own for b in others if (a, b) in pairs or (b, a) in pairs]
-            told |= _of_shapes(spec, section.kind, name, found)
-    return told
+            outputs |= _of_shapes(spec, section.kind, name, found)
+    return outputs
 
 
-def _of_servos(spec: mujoco.MjSpec, robot: StationRobot) -> dict[str, Told]:
-    told = {}
+def _of_servos(spec: mujoco.MjSpec, robot: StationRobot) -> dict[str, OutputSensors]:
+    outputs = {}
     for output, column, sense in (
         ("position", "q", _SENSES.mjSENS_ACTUATORPOS),
         ("velocity", "v", _SENSES.mjSENS_ACTUATORVEL),
@@ -92,23 +92,23 @@ def _of_servos(spec: mujoco.MjSpec, robot: StationRobot) -> dict[str, Told]:
         sensors = [f"{robot.prefix}{column}.{axis}" for axis in robot.axes]
         for name, axis in zip(sensors, robot.axes, strict=True):
             spec.add_sensor(name=name, type=sense, objtype=_OBJECTS.mjOBJ_ACTUATOR, objname=f"{robot.prefix}{axis}")
-        told[f"{robot.prefix}{output}"] = Told(tuple(sensors))
-    return told
+        outputs[f"{robot.prefix}{output}"] = OutputSensors(tuple(sensors))
+    return outputs
 
 
-def _pose(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, of: str) -> Told:
+def _pose(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, of: str) -> OutputSensors:
     spec.add_sensor(name=f"{name}.position", type=_SENSES.mjSENS_FRAMEPOS, objtype=kind, objname=of)
     spec.add_sensor(name=f"{name}.quaternion", type=_SENSES.mjSENS_FRAMEQUAT, objtype=kind, objname=of)
-    return Told((f"{name}.position", f"{name}.quaternion"), "pose")
+    return OutputSensors((f"{name}.position", f"{name}.quaternion"), "pose")
 
 
-def _velocity(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, of: str) -> Told:
+def _velocity(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtObj, of: str) -> OutputSensors:
     spec.add_sensor(name=f"{name}.velocity", type=_SENSES.mjSENS_FRAMELINVEL, objtype=kind, objname=of)
     spec.add_sensor(name=f"{name}.angular_velocity", type=_SENSES.mjSENS_FRAMEANGVEL, objtype=kind, objname=of)
-    return Told((f"{name}.velocity", f"{name}.angular_velocity"))
+    return OutputSensors((f"{name}.velocity", f"{name}.angular_velocity"))
 
 
-def _of_shapes(spec: mujoco.MjSpec, kind: str, name: str, pairs: list[tuple[str, str]]) -> dict[str, Told]:
+def _of_shapes(spec: mujoco.MjSpec, kind: str, name: str, pairs: list[tuple[str, str]]) -> dict[str, OutputSensors]:
     """Add a sensor of force or distance as one for each pair of shapes that may touch."""
     sensors = tuple(f"{kind}.{name}.{number}" for number in range(len(pairs)))
     sense, geom = _SENSES.mjSENS_CONTACT if kind == "force" else _SENSES.mjSENS_GEOMDIST, _OBJECTS.mjOBJ_GEOM
@@ -120,4 +120,4 @@ def _of_shapes(spec: mujoco.MjSpec, kind: str, name: str, pairs: list[tuple[str,
             added.cutoff = _FAR
     if not sensors:
         return {}
-    return {f"{kind}.{name}": Told(sensors, "sum" if kind == "force" else "least")}
+    return {f"{kind}.{name}": OutputSensors(sensors, "sum" if kind == "force" else "least")}

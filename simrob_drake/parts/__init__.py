@@ -2,5 +2,5 @@
 
 A kind is a class of one of the families ``sensors``, ``monitors``, ``references``, ``forces`` and ``controllers``: a
 section of the station's file, checked as such. Its methods are called on the family's union, so that a kind that lacks
-one fails the type check.
+one fails the type check; at run time a kind is imported when a station names it, by the family's table ``KINDS``.
 """

@@ -47,7 +47,7 @@ def short(text: str) -> bool:
     return 0 < len(text) <= _WIDTH
 
 
-def figures(values: Vector) -> str:
+def shown_values(values: Vector) -> str:
     """Return the common value of ``values`` (n,), all of them where there are few, or their range."""
     shown = [f"{value:.4g}" for value in values]
     if len(set(shown)) == 1:
@@ -55,16 +55,16 @@ def figures(values: Vector) -> str:
     return ", ".join(shown) if len(shown) <= MANY else f"{values.min():.4g} to {values.max():.4g}"
 
 
-def limits_told(limits: Vector, units: list[str]) -> str:
+def shown_limits(limits: Vector, units: list[str]) -> str:
     """Return limits (n,) to both sides with their units: "±150 N·m"."""
-    return with_units(limits, units, lambda values: f"±{figures(values)}")
+    return with_units(limits, units, lambda values: f"±{shown_values(values)}")
 
 
-def positions_told(values: AxisValues, model: RobotModel) -> str:
+def shown_positions(values: AxisValues, model: RobotModel) -> str:
     """Return positions as they are written in a station, with their units."""
     if isinstance(values, dict):
         if len(values) > MANY:
             return f"given angles of {len(values)} axes"
         pairs = np.array([f"{axis} {position:g}" for axis, position in values.items()])
         return with_units(pairs, [model.unit_names[model.axis_index(axis)] for axis in values], ", ".join)
-    return with_units(model.axis_vector(values, "reference"), model.unit_names, figures)
+    return with_units(model.axis_vector(values, "reference"), model.unit_names, shown_values)

@@ -1,26 +1,78 @@
-"""Sections of a station file that come in kinds, which their key ``kind`` tells apart."""
+"""Sections of a station file that come in kinds, which their key ``kind`` tells apart.
 
-from typing import Any, get_args
+The modules of kinds are imported when a file names them: a station uses few of them, and classes of checked sections
+take long to make.
+"""
 
-from pydantic import BaseModel, BeforeValidator
+from collections.abc import Iterator, Mapping
+from functools import cached_property, lru_cache, reduce
+from importlib import import_module
+from operator import or_
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, Field, GetJsonSchemaHandler, TypeAdapter
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
 
-def models_by_kind(union: Any) -> dict[str, type[BaseModel]]:
-    """Return the models of a union that is annotated with its discriminator, by their kinds."""
-    models = get_args(get_args(union)[0])
-    return {get_args(model.model_fields["kind"].annotation)[0]: model for model in models}
+class Kinds:
+    """A family of kinds: as the annotation of a type it checks a section as the kind that the section names."""
 
+    def __init__(self, package: str, places: Mapping[str, str]) -> None:
+        """Take the package of a family, and by kind the class in it, as ``module.Class``."""
+        self._package, self._places = package, places
+        self._validator = lru_cache(self._validator_of)
 
-def named_by_kind(union: Any) -> BeforeValidator:
-    """Let an entry of a mapping of entries do without the key ``kind`` where its name is one."""
-    kinds = models_by_kind(union)
+    def __iter__(self) -> Iterator[str]:
+        """Yield the kinds."""
+        return iter(self._places)
 
-    def with_kinds(entries: Any) -> Any:
-        if not isinstance(entries, dict):
-            return entries
-        return {
-            name: {"kind": name, **(entry or {})} if name in kinds and isinstance(entry, dict | None) else entry
-            for name, entry in entries.items()
-        }
+    def model(self, kind: str) -> type[BaseModel]:
+        """Return the class of a kind, which is imported."""
+        module, _, name = self._places[kind].partition(".")
+        model: type[BaseModel] = getattr(import_module(f"{self._package}.{module}"), name)
+        return model
 
-    return BeforeValidator(with_kinds)
+    @cached_property
+    def models(self) -> dict[str, type[BaseModel]]:
+        """The classes of all kinds."""
+        return {kind: self.model(kind) for kind in self}
+
+    @property
+    def names_are_kinds(self) -> BeforeValidator:
+        """Of a mapping of sections: one may do without the key ``kind`` where its name is one."""
+
+        def with_kinds(entries: Any) -> Any:
+            if not isinstance(entries, dict):
+                return entries
+            return {
+                name: {"kind": name, **(entry or {})} if name in self and isinstance(entry, dict | None) else entry
+                for name, entry in entries.items()
+            }
+
+        return BeforeValidator(with_kinds)
+
+    def __contains__(self, name: object) -> bool:
+        """Tell whether there is such a kind."""
+        return isinstance(name, str) and name in self._places
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
+        """Check a section as the kind that it names, which is imported now."""
+        return core_schema.no_info_plain_validator_function(self._checked)
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Return the schema of a section of any kind."""
+        union: Any = Annotated[reduce(or_, self.models.values()), Field(discriminator="kind")]
+        return handler(TypeAdapter(union).core_schema)
+
+    def _checked(self, section: Any) -> Any:
+        kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
+        return self._validator(kind if kind in self else None).validate_python(section)
+
+    def _validator_of(self, kind: str | None) -> SchemaValidator:
+        """Return what checks a section of a kind; without one, what says which there are."""
+        models = self.models if kind is None else {kind: self.model(kind)}
+        for model in models.values():
+            model.model_rebuild()
+        choices = {name: model.__pydantic_core_schema__ for name, model in models.items()}
+        return SchemaValidator(core_schema.tagged_union_schema(choices, discriminator="kind"))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -10,20 +10,23 @@ from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
-from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
+from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.blocks.monitor import Trigger
+from simrob_drake.blocks.references import Reference
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
+from simrob_drake.lifetime import release_with
 from simrob_drake.parts.captions import BlockRole, Drawn
 from simrob_drake.parts.ground import Ground
-from simrob_drake.quantities import Pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.robots.pieces import TCP, PieceModel
+from simrob_drake.sections import Pose
 from simrob_drake.signals import Compute, Signal
 
 WORLD = "world"
@@ -61,6 +64,7 @@ class ResolvedRobot:
         tcp: the tool in use; empty without any.
         tcp_offset: pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``.
         feet: what it stands on; None without.
+        prescribed: references of axes whose motion is prescribed in a dynamic station, of one value each, by place.
     """
 
     name: str
@@ -77,6 +81,7 @@ class ResolvedRobot:
     tcp: str
     tcp_offset: Pose | None
     feet: FootContact | None
+    prescribed: Mapping[int, Reference]
 
     def __repr__(self) -> str:
         """Say in one line which robot it is."""
@@ -178,9 +183,12 @@ class StationRobot(ResolvedRobot):
         """Between its axes and the vectors of the plant, which is finalized."""
         return AxisMap.of_joints(self.plant, self.joints, [axis.sign for axis in self.model.axes.values()])
 
-    def free_inertias(self) -> Vector:
-        """Return the inertia (n,) [kg m² or kg] that each axis feels at the start while all others are free."""
-        mass = self.plant.CalcMassMatrix(self.plant.CreateDefaultContext())
+    def free_inertias(self, context: Context | None = None) -> Vector:
+        """Return the inertia (n,) [kg m² or kg] that each axis feels while all others are free, at the start or now.
+
+        The context is the plant's own.
+        """
+        mass = self.plant.CalcMassMatrix(self.plant.CreateDefaultContext() if context is None else context)
         return np.asarray(1 / np.diag(np.linalg.inv(mass))[self.axis_map.velocity_places])
 
 
@@ -253,12 +261,15 @@ class Site:
         outputs: output ports by name: ``position``, ``velocity``, ``torque`` (n), ``base_pose``, ``tcp_pose`` (7),
             ``piece_pose.<piece>`` (7), ``piece_velocity.<piece>`` (6), ``force.<sensor>`` (3) ...
         of_state: how the plant's state gives an output without its port, by the output's name.
+        lean: whether blocks that only report join the diagram when something reads them, and not before.
+        idle: those that have not joined it, with what they are to read, by the names of their outputs.
         later: what gives a sensor's output after the run, where it has no port, by the output's name.
         signals: what the outputs are, in the order of the columns of a result.
         monitors: when they end a run, by name; their conditions watch the outputs.
         notes: how a part was made, in words, by its name.
         edges: times at which a run must end a step: corners of references, edges of pushes [s].
         spatial_forces: what acts on the plant from outside, to be gathered into its port.
+        generalized_forces: what acts on the plant's joints beside their motors, likewise.
         drawn: by the name of a system, or the part of it before a dot, the block of the picture that it belongs to;
             None for wiring.
         blocks: controllers and others of the user's own, by name.
@@ -270,12 +281,15 @@ class Site:
     inputs: dict[str, InputPort] = field(default_factory=dict)
     outputs: dict[str, OutputPort] = field(default_factory=dict)
     of_state: dict[str, FromState] = field(default_factory=dict)
+    lean: bool = False
+    idle: dict[str, tuple[LeafSystem, OutputPort]] = field(default_factory=dict)
     later: dict[str, Compute] = field(default_factory=dict)
     signals: list[Signal] = field(default_factory=list)
     monitors: dict[str, Trigger] = field(default_factory=dict)
     notes: dict[str, dict[str, str]] = field(default_factory=dict)
     edges: list[float] = field(default_factory=list)
     spatial_forces: list[OutputPort] = field(default_factory=list)
+    generalized_forces: list[OutputPort] = field(default_factory=list)
     drawn: dict[str, Drawn | None] = field(default_factory=dict)
     blocks: dict[str, LeafSystem] = field(default_factory=dict)
 
@@ -289,6 +303,44 @@ class Site:
         self.signals.extend(signal for signal in signals if signal.names)
         if of_state is not None:
             self.of_state[output] = of_state
+
+    def add_report(
+        self, builder: DiagramBuilder, name: str, block: LeafSystem, source: OutputPort, *outputs: str
+    ) -> None:
+        """Add a block that only reports: it reads one port, and gives the outputs."""
+        block.set_name(name)
+        self.idle.update(dict.fromkeys(outputs, (block, source)))
+        if not self.lean:
+            self._join(builder, block)
+        elif isinstance(block, FramePoses):
+            release_with(self.plant.plant, block)
+
+    def port(self, builder: DiagramBuilder, output: str) -> OutputPort:
+        """Return an output for a block to read; what gives it joins the diagram if it is not there yet."""
+        if output in self.idle:
+            self._join(builder, self.idle[output][0])
+        return self.outputs[output]
+
+    def _join(self, builder: DiagramBuilder, block: LeafSystem) -> None:
+        joining = {output: source for output, (idle, source) in self.idle.items() if idle is block}
+        builder.AddSystem(block)
+        builder.Connect(next(iter(joining.values())), block.get_input_port(0))
+        for output in joining:
+            del self.idle[output]
+
+    def from_state(self, output: str) -> Callable[[Vector], Vector] | None:
+        """Return what gives an output (m, size) for states (m, nq + nv) of the plant; None if they do not tell it."""
+        if output in self.of_state:
+            return self.of_state[output].of
+        block, _ = self.idle.get(output, (None, None))
+        return partial(block.at, self.outputs[output].get_name()) if isinstance(block, FramePoses) else None
+
+    def value(self, output: str, context: Context) -> Vector:
+        """Return an output in a context of the diagram, from the plant's state where that tells it."""
+        rule, port = self.from_state(output), self.outputs[output]
+        read = port if rule is None else self.state
+        value = np.array(read.Eval(read.get_system().GetMyContextFromRoot(context)))
+        return value if rule is None else rule(value[np.newaxis])[0]
 
     def draw(self, name: str, role: BlockRole, label: str, robot: StationRobot | None = None, *, key: str = "") -> None:
         """Say in which block of the picture a system stands, with those whose names begin with its name and a dot.

@@ -30,6 +30,25 @@ def piece_of_shape(station: Surroundings, inspector: SceneGraphInspector, shape:
     return piece if found is not None and owner in (piece, found.carrier) else None
 
 
+def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
+    """Return what a shape belongs to: a piece, a link of a robot, the floor, or a box of its terrain."""
+    inspector = plant.scene_graph.model_inspector()
+    model, own = inspector.GetName(shape).partition("::")[0], own_name(inspector, shape)
+    robot, (piece, dot, _) = plant.robots.get(model), own.partition(".")
+    if dot and (piece == model if robot is None else piece in robot.carried):
+        return piece
+    body = plant.plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
+    return own if robot is None else f"{robot.prefix}{body.name()}"
+
+
+def owner_and_robot(plant: StationPlant, shape: GeometryId) -> tuple[str, str]:
+    """Return what a shape belongs to, all of the ground being the floor, and the robot that carries it, if any."""
+    owner, frame = owner_of_shape(plant, shape), plant.scene_graph.model_inspector().GetFrameId(shape)
+    model = plant.plant.GetBodyFromFrameId(frame).model_instance()
+    robot = next((robot.name for robot in plant.robots.values() if robot.instance == model), "")
+    return FLOOR if not robot and owner.partition(".")[0] == FLOOR else owner, robot
+
+
 def body_names(station: Surroundings) -> list[str]:
     """Return what a force or a distance can be measured at: robots, links, pieces, shapes of pieces, the floor."""
     pieces = [

@@ -10,8 +10,7 @@ from pydantic import Field, model_validator
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.frames import Vector
-from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.sections import Integer, NotNegative, Number, Positive, Strict
 
 _BELOW = 0.05
 """How far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]."""
@@ -21,7 +20,7 @@ _TILT = 0.25  # of rubble, at most [rad]
 
 
 @dataclass(frozen=True)
-class Block:
+class TerrainBox:
     """A box of a terrain.
 
     Attributes:
@@ -64,7 +63,7 @@ class Terrain(Strict):
     """Across it [m]."""
     heading_deg: Number = 0.0
     """Which way it lies, counterclockwise from the world's x [deg]."""
-    seed: int = Field(default=0, ge=0)
+    seed: Integer = Field(default=0, ge=0)
     """Of what is random: the same seed, the same ground."""
     soft: SoftPatch | None = None
     """What comes behind it; none unless given."""
@@ -84,7 +83,7 @@ class Terrain(Strict):
         """How far the plane of the floor lies below the level around the field [m]."""
         return self.height + _BELOW
 
-    def blocks(self, floor: float) -> list[Block]:
+    def blocks(self, floor: float) -> list[TerrainBox]:
         """Return the boxes, those of the level ground around the field included; ``floor`` is its side [m]."""
         soft = 0.0 if self.soft is None else self.soft.length
         far = max(floor / 2, self.start + self.length + soft + _AROUND)
@@ -106,23 +105,24 @@ class Terrain(Strict):
         random = np.random.default_rng(self.seed)
         made = {"steps": self._steps, "slope": self._ridges, "bumps": self._bars, "rubble": self._stones}[self.kind]
         turn = RigidTransform(RollPitchYaw(0.0, 0.0, np.deg2rad(self.heading_deg)), np.zeros(3))
-        return [Block(turn @ each.pose, each.half, each.modulus) for each in (*around, *made(middles, side, random))]
+        boxes = (*around, *made(middles, side, random))
+        return [TerrainBox(turn @ each.pose, each.half, each.modulus) for each in boxes]
 
     def _slab(
         self, along: tuple[float, float], across: tuple[float, float], top: float = 0.0, modulus: float | None = None
-    ) -> Block:
+    ) -> TerrainBox:
         """Return an upright box from below the floor to a height [m]."""
         low, high = np.array([along[0], across[0], -self.depth]), np.array([along[1], across[1], top])
-        return Block(RigidTransform((low + high) / 2), (high - low) / 2, modulus)
+        return TerrainBox(RigidTransform((low + high) / 2), (high - low) / 2, modulus)
 
-    def _steps(self, middles: Vector, side: float, random: np.random.Generator) -> list[Block]:
+    def _steps(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         tops, half = random.uniform(-self.height, self.height, len(middles)), self.size / 2
         return [
             self._slab((x - half, x + half), (y - half, y + half), top)
             for (x, y), top in zip(middles, tops, strict=True)
         ]
 
-    def _ridges(self, middles: Vector, side: float, random: np.random.Generator) -> list[Block]:
+    def _ridges(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         angle, thick = np.arctan2(self.height, self.size), self.height
         half = np.array([np.hypot(self.size, self.height) / 2, side, thick / 2])
         ways = np.unique(middles[:, 0])
@@ -131,15 +131,15 @@ class Terrain(Strict):
         for number, x in enumerate(ways):
             turn = RollPitchYaw(0.0, angle if number % 2 else -angle, 0.0).ToRotationMatrix()
             middle = np.array([x, 0.0, self.height / 2]) - turn.col(2) * thick / 2
-            blocks.append(Block(RigidTransform(turn, middle), half))
+            blocks.append(TerrainBox(RigidTransform(turn, middle), half))
         return blocks
 
-    def _bars(self, middles: Vector, side: float, random: np.random.Generator) -> list[Block]:
+    def _bars(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         ways = np.unique(middles[:, 0])
         tops, half = random.uniform(0.0, self.height, len(ways)), self.size / 8
         return [self._slab((x - half, x + half), (-side, side), top) for x, top in zip(ways, tops, strict=True)]
 
-    def _stones(self, middles: Vector, side: float, random: np.random.Generator) -> list[Block]:
+    def _stones(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         blocks = []
         for x, y in middles:
             at = np.array([x, y, 0.0]) + self.size * random.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.0))
@@ -149,5 +149,5 @@ class Terrain(Strict):
             reach = abs(turn.row(2)[:2]) @ half[:2]
             half[2] = self.height
             at[2] = top - reach - abs(turn.row(2)[2]) * half[2]
-            blocks.append(Block(RigidTransform(turn, at), half))
+            blocks.append(TerrainBox(RigidTransform(turn, at), half))
         return blocks

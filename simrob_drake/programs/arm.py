@@ -4,34 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, Unpack
+from typing import Any, Literal, Unpack, cast
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.math import RigidTransform
 
-from simrob_drake.dynamics import Dynamics
+from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import PoseLike, Vector, as_transform
-from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.registry import SolverLike, solver_for
-from simrob_drake.kinematics.solver import require
+from simrob_drake.frames import PoseLike
+from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.programs.arm_geometry import ArmGeometry
+from simrob_drake.programs.arm_program import perform, rehearse
 from simrob_drake.programs.automatic import pace_of, run_cells
-from simrob_drake.programs.branches import Branch, Branches
-from simrob_drake.programs.cell_robot import CellRobot
-from simrob_drake.programs.moves import MOVE_TIME, JointMove, move_of
+from simrob_drake.programs.moves.joints import JointMove, move_of
+from simrob_drake.programs.moves.kinds import move_from
+from simrob_drake.programs.moves.move import MOVE_TIME, Move
 from simrob_drake.programs.planner import Planner
-from simrob_drake.programs.targets import PoseTargets, WorkObject, is_single, world_poses
+from simrob_drake.programs.program import Program
+from simrob_drake.programs.recorded import STATION, RecordedStation
+from simrob_drake.programs.targets import PoseTargets, WorkObject
+from simrob_drake.programs.timeline import following
 from simrob_drake.programs.timing import How
-from simrob_drake.programs.together import collision, gaps
-from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.whole import joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 
 
-class Arm(CellRobot):
+class Arm(ArmGeometry):
     """A robot of a station: kinematics and torques of its tool, and moves that run the station.
 
     Every move begins where the reference of the last one ended, rests at its end, and returns the run. On a kinematic
@@ -85,13 +86,6 @@ class Arm(CellRobot):
             self.tool(tool)
         _ = self.chain  # of joints that can be followed
 
-    @property
-    def chain(self) -> Chain:
-        """The axes from the world to the tool centre point, with their limits."""
-        model = self.cell.model
-        robot = model.robots[self.name]
-        return model.chain(self.name, robot.tools[robot.tcp])
-
     def _described(self) -> list[str]:
         values = np.append(self.pose()[:3], np.rad2deg(self.pose()[3:])).round(6) + 0.0  # no -0
         place, angles = (" ".join(f"{value:.4g}" for value in part) for part in (values[:3], values[3:]))
@@ -110,132 +104,34 @@ class Arm(CellRobot):
         """
         self.cell.tool(self.name, tool)
 
-    def tool_pose(self) -> RigidTransform:
-        """Return where the tool centre point is now, in the world; :meth:`pose` gives it as numbers."""
-        return as_transform(self.chain.forward(self.position)[0])
-
-    def frame(self, wobj: WorkObject = None) -> RigidTransform:
-        """Return the pose of a work object in the world; see :class:`Arm`."""
-        if wobj is self or (isinstance(wobj, str) and wobj == self.name):
-            return as_transform(self.chain.forward(self.reference)[0])
-        return self.cell.frame(wobj)
-
-    def pose(self, q: npt.ArrayLike | None = None, wobj: WorkObject = None) -> Vector:
-        """Return where the tool is (forward kinematics; SimRob's Pose).
-
-        Args:
-            q: postures (n,) or (k, n) [rad or m]; where the arm is unless given.
-            wobj: the work object in whose frame the pose is wanted.
-
-        Returns:
-            [x y z Rz Ry Rx], shape (6,), or (k, 6) for rows.
-        """
-        return self._poses(self.chain, self.frame(wobj).inverse(), q)
-
-    def joint(
-        self,
-        pose: PoseTargets,
-        wobj: WorkObject = None,
-        solver: SolverLike | None = None,
-        *,
-        start: npt.ArrayLike | None = None,
-    ) -> Vector:
-        """Return postures that bring the tool to poses (inverse kinematics; SimRob's Joint).
-
-        Args:
-            pose: one or many, or places, which keep the orientation that the tool has.
-            wobj: the work object in whose frame they are.
-            solver: which; that of the arm unless given.
-            start: near which posture (n,) the first is wanted; the next ones near the last. Where the arm is unless
-                given.
-
-        Returns:
-            shape (n,), or (k, n) for rows [rad or m].
-
-        Raises:
-            Unreachable: names the pose, why, and how near the best posture comes.
-        """
-        chain, begin = self.chain, self.position if start is None else start
-        turn = chain.forward(self.position)[0, :3, :3]
-        targets = world_poses(pose, self.frame(wobj), turn, "pose")
-        found = require(solver_for(chain, self.solver if solver is None else solver).solve(targets, begin), "pose")
-        return np.asarray(found[0]) if is_single(pose) else found
-
-    def branches(
-        self,
-        pose: PoseTargets,
-        wobj: WorkObject = None,
-        *,
-        held: Mapping[str, npt.ArrayLike] | None = None,
-        start: npt.ArrayLike | None = None,
-    ) -> Branches:
-        """Return every posture that brings the tool to a pose, with torque, room to the limits and collision of each.
-
-        Args:
-            pose: one, or a place, which keeps the orientation that the tool has.
-            wobj: the work object in whose frame it is.
-            held: of an arm with more than six axes those that stay, by name, at one position [rad or m] or each of
-                several; see :func:`~simrob_drake.kinematics.branches`.
-            start: posture (n,) near to which whole turns are chosen; where the arm is unless given.
-
-        Returns:
-            as text a table; empty where nothing reaches the pose.
-        """
-        chain, begin = self.chain, self.position if start is None else start
-        target = world_poses(pose, self.frame(wobj), chain.forward(self.position)[0, :3, :3], "pose")
-        if len(target) != 1:
-            raise InvalidParameter("pose", f"{len(target)} poses", "one pose")
-        limit, model = self.cell.robot(self.name).gains.torque_limit, self.cell.collision_model
-        gap = gaps(model, self.name, chain)
-
-        def meant(q: Vector) -> Branch:
-            met = collision(model, self.name, self.reference, q)
-            return Branch.of(chain, q, self.inverse_dynamics(q), limit, met, gap(q))
-
-        return Branches.of(chain, target, begin, {} if held is None else held, meant)
-
-    def jacobian(self, q: npt.ArrayLike | None = None) -> Vector:
-        """Return what the axes' speeds give of the tool's: shape (6, n), or (k, 6, n) for rows.
-
-        Rows: velocity of the tool centre point along x, y, z of the world, then angular velocity about them.
-        """
-        rows = self.position if q is None else q
-        jacobians = self.chain.jacobian(rows)
-        return jacobians if np.ndim(rows) > 1 else np.asarray(jacobians[0])
-
-    @property
-    def dynamics(self) -> Dynamics:
-        """Inertia, gravity, payload and more of the arm as it is, with what it carries; others rest."""
-        return self.cell.model.dynamics(self.name)
-
-    def inverse_dynamics(
-        self, q: npt.ArrayLike | None = None, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
-    ) -> Vector:
-        """Return the torques of a motion with what the arm carries, others at rest (SimRob's IDin).
-
-        Args:
-            q: postures (n,) or (k, n) [rad or m]; where the arm is unless given.
-            v: velocities, of the same shape, or one number [rad/s].
-            a: accelerations, likewise [rad/s²].
-
-        Returns:
-            shape (n,), or (k, n) for rows [N·m or N].
-        """
-        return self.dynamics.inverse_dynamics(self.position if q is None else q, v, a)
-
     @property
     def plan(self) -> Planner:
         """Plan moves without running them: the methods of the same names; :meth:`Workcell.run` runs several at once."""
         model = self.cell.robot(self.name).model
         return Planner(
             robot=self.name,
+            model=model,
+            rate_limits=(model.speed_limits, model.accelerations),
             chain=self.chain,
             start=self.reference,
             solver=self.solver,
-            rate_limits=(model.speed_limits, model.accelerations),
             frame=self.frame,
             collide=self.cell.check_collisions,
         )
+
+    def do(self, move: Move | Mapping[str, Any]) -> SimulationResult | None:
+        """Do a move of any kind, as a program does it, and return its run; None of one that takes no time.
+
+        Args:
+            move: one, or what would stand in a program's file, such as ``{"move_l": [0.3, 0, 0.2]}``.
+
+        Raises:
+            SimrobError: it is wrong, or cannot be done.
+        """
+        run = move_from(move).perform(
+            self.cell, self.name, lambda plans, duration: self.cell.run(*plans, duration=duration)
+        )
+        return cast(SimulationResult | None, run)
 
     def move_abs_j(self, targets: npt.ArrayLike, *, stop: bool = False, **how: Unpack[How]) -> SimulationResult:
         """Move the axes to a posture (n,), or through many (k, n) [rad or m]; see :meth:`Planner.move_abs_j`."""
@@ -334,6 +230,7 @@ class Arm(CellRobot):
         *,
         duration: float | None = None,
         automatic: bool | Mapping[str, Any] = False,
+        strict: bool = False,
     ) -> SimulationResult:
         """Do again all that was recorded, on this station or another; see :meth:`Workcell.simulate`. The arm stays.
 
@@ -342,14 +239,15 @@ class Arm(CellRobot):
             duration: of the whole [s].
             automatic: run :attr:`references` instead, from the station's start and in the robot's own time; see
                 :meth:`LeggedRobot.simulate`.
+            strict: a run with warnings raises a :class:`~simrob_drake.errors.VerdictError`.
         """
         config = None if station is None else Workcell(station).config
         if automatic is False:
-            return self.cell.simulate(config, duration=duration)
+            return self.cell.simulate(config, duration=duration, strict=strict)
         if duration is not None:
             raise InvalidParameter("duration", duration, "left out: an automatic robot takes its own time")
         other = Workcell(self.cell.config if config is None else config)
-        other.progress = self.cell.progress
+        other.progress, other.strict = self.cell.progress, self.cell.strict or strict
         return run_cells(Arm(other, self.name), self.references, pace_of(automatic))
 
     def show(self, q: npt.ArrayLike | None = None) -> str:
@@ -361,3 +259,56 @@ class Arm(CellRobot):
         if q is not None:
             self.cell.draw({self.name: self.chain.postures(q, "q")[0]})
         return self.cell.show()
+
+
+class Workcell(RecordedStation):
+    """A station with arms, which share its state: see :class:`StatefulStation` and :class:`RecordedStation`."""
+
+    def arm(self, name: str | None = None, tool: str | PoseLike | None = None, *, solver: SolverLike = "auto") -> Arm:
+        """Return one of the station's robots, to be programmed.
+
+        Args:
+            name: of the robot; needed where there are several.
+            tool: see :meth:`Arm.tool`.
+            solver: of the inverse kinematics, where a move names none.
+        """
+        return Arm(self, name, tool, solver=solver)
+
+    def planning(self, robot: str | None) -> Planner:
+        """Return what plans moves of an arm from where it is; the only one need not be named."""
+        return self.arm(robot).plan
+
+    def take(
+        self, piece: str, robot: str | None = None, *, frame: str | None = None, pose: PoseLike | None = None
+    ) -> None:
+        """Let an arm take a piece; see :meth:`Arm.attach`."""
+        self.arm(robot).attach(piece, frame=frame, pose=pose)
+
+    def perform(self, program: Program | Path | str) -> SimulationResult:
+        """Do a program of arms from the state that the station is in, and return all of it as one result.
+
+        All of it is looked at before anything moves, up to a move that depends on where a piece comes to rest. A run
+        that does not go to its end, as a monitor ends it, is the last. What cannot be done leaves all as it was.
+
+        Args:
+            program: one, or the YAML file of one; see :class:`Program`.
+
+        Raises:
+            InvalidParameter: a program without a move that takes time, or with moves for legs.
+            InvalidConfig: a damaged file.
+            SimrobError: what the arms cannot do; names the move.
+        """
+        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
+        loaded, file = (program, "") if isinstance(program, Program) else (Program.load(program), str(program))
+        trial = Workcell(self.config)
+        trial.state = self.state
+        rehearse(trial, loaded, file)
+        config, state, entries = self.config, self.state, list(self.tape.entries)
+        try:
+            with following(self, loaded.grid, loaded.changes):
+                runs = perform(self, loaded, file)
+        except BaseException:
+            self._change(config)
+            self.state, self.tape.entries = state, entries
+            raise
+        return joined(runs, begun=(config, state), left=self.config, program=loaded.on(STATION).text())

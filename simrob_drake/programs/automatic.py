@@ -7,17 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.given import instance
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.sequencer import Cell, Pace, Sequencer
 from simrob_drake.programs.cell_robot import CellRobot
-from simrob_drake.programs.moves import JointMove
-from simrob_drake.quantities import Positive
+from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.sections import Positive, validated
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
-from simrob_drake.yaml_files import validated
 
 NAME = "automatic"
 """What the sequencer is called in the station that runs a program."""
@@ -30,19 +29,19 @@ class Automatic(Pace):
     """How long a cell may take [s]."""
 
 
-def pace_of(given: bool | Automatic | Mapping[str, Any]) -> Automatic:
+def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
     """Return how to go through cells, of what a user gave; True for as usual.
 
     Raises:
         InvalidConfig: a mapping that is wrong.
         InvalidParameter: something else.
     """
-    if given is True:
+    if value is True:
         return Automatic()
     expected = "True, or a mapping such as {'tolerance_deg': 3, 'timeout': 20}"
-    if isinstance(given, Automatic):
-        return given
-    return validated(Automatic, dict(instance(given, NAME, Mapping, expected)), NAME)
+    if isinstance(value, Automatic):
+        return value
+    return validated(Automatic, dict(instance(value, NAME, Mapping, expected)), NAME)
 
 
 def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> SimulationResult:

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from simrob_drake.arguments import instance
 from simrob_drake.frames import Vector
-from simrob_drake.given import instance
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.programs.checks import shown
@@ -69,8 +69,8 @@ class Branches:
         meaning: Callable[[Vector], Branch],
     ) -> "Branches":
         """Return all postures for a target (1, 4, 4), with axes held at one position or each of several."""
-        given = instance(held, "held", Mapping, "a mapping of axes to positions [rad or m]").values()
-        values = [np.ravel(value).tolist() or [value] for value in given]
+        positions = instance(held, "held", Mapping, "a mapping of axes to positions [rad or m]").values()
+        values = [np.ravel(value).tolist() or [value] for value in positions]
         ways = [dict(zip(held, row, strict=True)) for row in product(*values)]
         rows = np.concatenate([branches(chain, target, start, way)[0] for way in ways])
         return cls(chain, tuple(sorted(map(meaning, rows), key=lambda branch: not branch.usable)))

@@ -1,4 +1,4 @@
-"""A robot of an ongoing station, as arms and legged robots share it."""
+"""A robot of a station that keeps its state, as arms and legged robots share it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector, poses_from_matrices
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.programs.ongoing import OngoingStation
+from simrob_drake.programs.stateful_station import StatefulStation
 
 
 class CellRobot:
@@ -26,7 +26,7 @@ class CellRobot:
             raise AttributeError(f"{name} is a method of {type(self).__name__}: call {name}({value!r})")
         super().__setattr__(name, value)
 
-    def __init__(self, cell: OngoingStation, robot: str | None = None) -> None:
+    def __init__(self, cell: StatefulStation, robot: str | None = None) -> None:
         """Take a robot of a station.
 
         Args:

@@ -3,12 +3,10 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.parts.targets import own_name, piece_of_shape
 from simrob_drake.programs.errors import (
     AccelerationLimitExceeded,
     JointLimitExceeded,
@@ -133,11 +131,9 @@ def check_collisions(
     resting: set[frozenset[str]] = set()
     for row, time in enumerate(times):
         model.place_robots({name: postures[row] for name, postures in robots.items()})
-        query = model.query()
-        inspector = query.inspector()
         found = [
-            (float(pair.depth), (owner(model, inspector, pair.id_A), owner(model, inspector, pair.id_B)))
-            for pair in query.ComputePointPairPenetration()
+            (float(pair.depth), (model.owner(pair.id_A), model.owner(pair.id_B)))
+            for pair in model.query().ComputePointPairPenetration()
             if pair.depth > touch
         ]
         if row == 0:
@@ -146,15 +142,3 @@ def check_collisions(
             if frozenset(bodies) not in resting:
                 number, name = named(float(time))
                 raise PathCollision(name, point=number, time=float(time), bodies=bodies, depth=depth)
-
-
-def owner(model: StationModel, inspector: SceneGraphInspector, geometry: GeometryId) -> str:
-    """Return what a shape belongs to: a piece, a link of a robot, the floor."""
-    piece = piece_of_shape(model.resolved, inspector, geometry)
-    if piece is not None:
-        return piece
-    body = model.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
-    for robot in model.robots.values():
-        if body.model_instance() == robot.instance:
-            return f"{robot.prefix}{body.name()}"
-    return own_name(inspector, geometry)

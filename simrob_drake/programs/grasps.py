@@ -33,8 +33,8 @@ def taken(model: StationModel, piece: str, parent: str, *, frame: str | None = N
     carrier = model.resolved.pieces[parent].carrier if parent in model.resolved.pieces else parent
     if carrier in model.robots:
         mount = model.mount(parent, frame)
-        wanted = [_point(model.pose(mount)), *(_boxes_on(model, mount) if frame in links else ())]
-        distance = min(_gap(a, b) for a, b in product(wanted, _boxes_of(model, piece)))
+        holders = [_point(model.pose(mount)), *(_boxes_on(model, mount) if frame in links else ())]
+        distance = min(_gap(a, b) for a, b in product(holders, _boxes_of(model, piece)))
         if distance > REACH:
             where = f"{1e3 * distance:.0f} mm away from {frame or parent}"
             remedy = f"within {1e3 * REACH:g} mm: move there first, or give its pose there, to which it then jumps"
@@ -55,22 +55,22 @@ def let_go(
     if fixed or parent != WORLD or changed.mode == "kinematic":
         return changed
     free = changed.pieces[piece].model_copy(update={"free": True})
-    figures, missing = model.resolved.pieces[piece].model, ""
+    piece_model, missing = model.resolved.pieces[piece].model, ""
     if changed.contact is None:
         missing = "in a station without contact"
-    elif not any(shape.collides for shape in figures.shapes):
+    elif not any(shape.collides for shape in piece_model.shapes):
         missing = "without a shape that collides"
-    elif not (figures.mass > 0 and min(figures.inertia[:3]) > 0):
+    elif not (piece_model.mass > 0 and min(piece_model.inertia[:3]) > 0):
         missing = "without mass and inertia"
     if missing:
-        wanted = "a piece that can fall and come to rest; with fixed it stays in the air, where it is"
-        raise InvalidParameter(f"{piece}, to be let go,", missing, wanted)
+        expected = "a piece that can fall and come to rest; with fixed it stays in the air, where it is"
+        raise InvalidParameter(f"{piece}, to be let go,", missing, expected)
     changed = changed.model_copy(update={"pieces": {**changed.pieces, piece: free}})
     middles = np.array([box.translation() for box, _ in _boxes_of(model, piece)])
     ground = resolve(changed).ground
     if not any(ground.carries(middle[np.newaxis], np.inf) for middle in middles):
-        wanted = "over a floor or a fixed box, where it comes to rest; with fixed it stays where it is"
-        raise InvalidParameter(f"{piece}, to be let go,", "over nothing", wanted)
+        expected = "over a floor or a fixed box, where it comes to rest; with fixed it stays where it is"
+        raise InvalidParameter(f"{piece}, to be let go,", "over nothing", expected)
     return changed
 
 

@@ -1,33 +1,28 @@
 """The gaits of a robot as stages of its program: which suits it, a single step, and the way into its first posture."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydrake.math import RotationMatrix
 
 from simrob_drake.blocks.references import hermite, sequence
-from simrob_drake.errors import InvalidParameter, UnknownName, shown
+from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.checks import check_limits
+from simrob_drake.programs.gaits.gait import Gait, SolvedGait
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import Posing, load_gaits
-from simrob_drake.programs.gaits.registry import Section, carries, first_gait, gaits_of, made_for
+from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.legged_geometry import LeggedGeometry
-from simrob_drake.programs.moves import LegMove, Walk, WalkMove, checked, move_of
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import urdf_with_pieces
 from simrob_drake.stations.resolve import ResolvedStation, resolve
 
-SEQUENCE = "step"
-"""The sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one."""
-_PACES = ("step_time", "leg_time", "move_time")  # what gaits call the time of a step
 _READY_TIME, _SETTLE_TIME = 2.0, 0.5
 """Times to take the posture in which a gait begins, and to stand in it, from far away; nearer ones take less [s]."""
 _FAR = float(np.deg2rad(45.0))
@@ -35,8 +30,6 @@ _FAR = float(np.deg2rad(45.0))
 _SAME = 1e-9  # rad
 _AT_REST = 0.02
 """Largest error of a joint [rad] and speed [rad/s] of a robot that stands still; its weight alone costs up to 0.01."""
-_LONGEST = 1e4
-"""Time of a walk [s]: its reference is planned as a whole."""
 _NEAR = 0.05  # m from the soles down to what a robot stands on
 _DOWN = (0.0, 0.03, 0.06, 0.1)  # how much lower the hips may be under a load or on a slope, in parts of their height
 _SAMPLE = 0.01  # s between the samples of the way into it
@@ -71,63 +64,23 @@ def planned_gait(
     name = first_gait(model, worn, known) if name is None else name
     if name not in known:
         raise UnknownName(f"{what} of {model.name}", name, known)
-    section, gait = known[name]
+    gait = known[name]
     for key in changes:
         if key not in type(gait).model_fields:
             raise UnknownName(f"parameter of the {what} {name}", key, type(gait).model_fields)
-    paces = [value for key in _PACES if isinstance(value := changes.get(key, getattr(gait, key, 0)), (int, float))]
-    if (steps or 1) * max(paces) > _LONGEST:
-        raise InvalidParameter("steps", f"{steps} of {shown(max(paces))} s", f"at most {_LONGEST:g} s in all")
     situation = resolve(station or robot.cell.config)
-    _check_station(robot, situation, section, name, held=getattr(gait, "held", False))
+    _check_station(robot, situation, gait, name)
     walker = _walker(robot, situation)
-    made = changes.get("feet") or made_for(model, gait)
-    if section.on_feet and not carries(model, worn, made):
+    made = changes.get("feet") or gait.made_for(model)
+    if gait.on_feet and not carries(model, worn, made):
         raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made}, for {name}: set robot.feet to {made}")
-    plan = partial(section.plan, walker, *([] if steps is None else [steps]), name)
-    sizes = {} if steps is None else {"amplitude": amplitude}
-    motion = _within_reach(partial(plan, **sizes), gait, changes, bent=walker.differs)
+
+    def plan(**others: Any) -> JointMotion:
+        return gait.changed({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
+
+    motion = _within_reach(plan, gait, bent=walker.differs and "bearing" not in changes)
     check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
     return motion
-
-
-def step_moves(model: RobotModel, feet: str | None, move_time: float | None = None) -> list[LegMove]:
-    """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
-
-    Args:
-        model: the robot.
-        feet: those that it wears.
-        move_time: of each move of the sequence, or of each step of the gait [s]; their own unless given.
-
-    Raises:
-        InvalidParameter: a robot without feet or gaits, without a gait for the feet that it wears, or a time that is
-            not positive.
-    """
-    if model.feet is None:
-        raise InvalidParameter("robot", model.name, "one with legs: step() is for legged robots")
-    own = load_gaits(model).sequences.get(SEQUENCE)
-    if own is not None and carries(model, feet, made_for(model, own)):
-        return _moves_of(model, own, move_time)
-    known = gaits_of(model, steps=True)
-    _, gait = known[first_gait(model, feet, known)]
-    keys = type(gait).model_fields
-    changes: dict[str, Any] = {"ramp_steps": 0} if "ramp_steps" in keys else {}  # the first step has its full length
-    if move_time is not None:
-        changes |= {key: move_time for key in _PACES if key in keys}
-    return [WalkMove(walk=checked(Walk, steps=1, **changes))]
-
-
-def _moves_of(model: RobotModel, sequence: Posing, move_time: float | None) -> list[LegMove]:
-    times = np.diff([0.0, *(target.time for target in sequence.targets)])
-    return [
-        move_of(
-            target.target_deg
-            if isinstance(target.target_deg, dict)
-            else dict(zip(model.axes, model.axis_vector(target.target_deg, SEQUENCE).tolist(), strict=True)),
-            float(time) if move_time is None else move_time,
-        )
-        for target, time in zip(sequence.targets, times, strict=True)
-    ]
 
 
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
@@ -143,16 +96,14 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     return result
 
 
-def _within_reach(
-    plan: Callable[..., JointMotion], gait: Any, changes: Mapping[str, Any], *, bent: bool
-) -> JointMotion:
+def _within_reach(plan: Callable[..., JointMotion], gait: Gait, *, bent: bool) -> JointMotion:
     """Return a planned motion; with ``bent`` knees the hips come down as far as the legs need it, and not too far."""
-    if not bent or "bearing" in changes or not hasattr(gait, "bearing"):
-        return plan(**changes)
+    if not bent or not isinstance(gait, SolvedGait):
+        return plan()
     own = gait.bearing
     for down in _DOWN:
         try:
-            return plan(**changes, bearing=own.model_copy(update={"height": own.height * (1 - down)}).model_dump())
+            return plan(bearing=own.model_copy(update={"height": own.height * (1 - down)}).model_dump())
         except OutOfReach:
             if down == _DOWN[-1]:
                 raise
@@ -161,7 +112,7 @@ def _within_reach(
 
 def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
     """Return what planners know of a robot: its bodies with what it carries, and gravity as it feels it on a slope."""
-    own, gaits = station.robots[robot.name], load_gaits(robot.model)
+    own, gaits = station.robots[robot.name], gaits_file(robot.model)
     skeleton = skeleton_of(own.model, urdf_with_pieces(station, own) if own.carried else None)
     from_floor = station.ground.tilt.rotation().inverse()
     turn = (from_floor @ robot.base_pose.rotation()).matrix()
@@ -171,17 +122,17 @@ def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
     return Walker(skeleton, gaits, gravity, differs=bool(own.carried or station.ground.incline))
 
 
-def _check_station(robot: LeggedGeometry, station: ResolvedStation, section: Section, name: str, *, held: bool) -> None:
+def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, name: str) -> None:
     """Check that a robot stands, or hangs, as a gait needs it."""
     model, config = robot.model, station.config
     floats = robot.cell.model.floats(robot.name)
-    if held and floats:
+    if gait.hangs and floats:
         raise InvalidParameter("station", config.name, f"one that holds {model.name} by its trunk, for {name}")
-    if section.on_feet and not (floats and config.contact and station.ground.carries(robot.soles, _NEAR)):
-        wanted = (
+    if gait.on_feet and not (floats and config.contact and station.ground.carries(robot.soles, _NEAR)):
+        expected = (
             f"a dynamic one with contact and a floor, or a box that is fixed, under {model.name}'s feet, for {name}"
         )
-        raise InvalidParameter("station", config.name, wanted)
+        raise InvalidParameter("station", config.name, expected)
 
 
 def _from_here(robot: LeggedGeometry, motion: JointMotion) -> tuple[Vector, Vector, Vector]:

@@ -11,7 +11,7 @@ from simrob_drake.frames import PoseLike, Vector, as_transform
 from simrob_drake.kinematics import Chain, NumericSolver, require
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.programs.cell_robot import CellRobot
-from simrob_drake.programs.ongoing import one_posture
+from simrob_drake.programs.stateful_station import one_posture
 from simrob_drake.programs.targets import PoseTargets, is_place, is_single, world_poses
 from simrob_drake.robots.catalog import RobotModel
 
@@ -159,9 +159,9 @@ class LeggedGeometry(CellRobot):
 
     def targets_deg(self, q: npt.ArrayLike) -> dict[str, float]:
         """Return a posture (n,) [rad] as targets of a move [deg]: the axes that differ from where the reference is."""
-        wanted = one_posture(q, len(self.axes), "q")
-        moved = np.abs(wanted - self.reference) > 0
-        values = wanted / self.model.user_units
+        target = one_posture(q, len(self.axes), "q")
+        moved = np.abs(target - self.reference) > 0
+        values = target / self.model.user_units
         return {axis: float(value) for axis, value, new in zip(self.axes, values, moved, strict=True) if new}
 
     def _place_of(self, frame: str) -> RigidTransform:

@@ -6,39 +6,31 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+from simrob_drake.arguments import instance, truth
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.given import instance, truth
-from simrob_drake.programs.legged_moves import LeggedMoves
-from simrob_drake.programs.legged_stages import (
-    Stage,
-    check_program,
-    goes_on,
-    joint_reference,
-    leg_moves,
-    stages_of,
-    stages_of_program,
-)
-from simrob_drake.programs.moves import (
-    MOVE_TIME,
-    JointMove,
-    LegMove,
-    any_move,
-    move_of,
-)
-from simrob_drake.programs.one_move import targets_on
+from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.parts.site import WORLD
+from simrob_drake.programs.arm import Workcell
+from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.moves.go import GO_TIME
+from simrob_drake.programs.moves.joints import move_of, targets_on
+from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, Stage, checked
 from simrob_drake.programs.program import Program, counted
 from simrob_drake.programs.snapshot import Snapshot
+from simrob_drake.programs.stages import check_program, joint_reference, leg_moves, stages_of, step_moves
+from simrob_drake.programs.stages import stages_of_program as program_stages
+from simrob_drake.programs.stateful_station import GOES_ON
 from simrob_drake.programs.timeline import following
-from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.record.state import State
+from simrob_drake.results.record.walks import fallen
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
-from simrob_drake.simulation import Reference
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.station import StationLike
 
 
-class LeggedRobot(LeggedMoves):
+class LeggedRobot(LeggedGeometry):
     """A robot with legs, told by joint angles what to do: each move runs the station and returns its result.
 
     Axes go by name or alias, angles are absolute and in degrees, and the axes of a move go together, at constant speed
@@ -50,7 +42,7 @@ class LeggedRobot(LeggedMoves):
 
     Changes of the program move nothing.
 
-    Attributes of :class:`LeggedMoves`, and:
+    Attributes of :class:`LeggedGeometry`, and:
         program: the moves and cells that are stored.
         runs: what the last move or program was made of, in order.
     """
@@ -76,6 +68,150 @@ class LeggedRobot(LeggedMoves):
         feet = [] if self.worn_feet is None else [f"feet {self.worn_feet}"]
         return [*super()._described(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
 
+    def do(self, move: Move | Mapping[str, Any], *, store: bool = False) -> SimulationResult | None:
+        """Do a move of any kind from the last state, and return its run; None of one that takes no time.
+
+        Args:
+            move: one, or what would stand in a program's file, such as ``{"act": "bow"}``.
+            store: at the end of the program.
+
+        Raises:
+            SimrobError: it is wrong, or cannot be done.
+        """
+        runs = self._perform_moves([move_from(move)], store=store)
+        return runs[-1] if runs else None
+
+    def test_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
+        """Move from the last state, and store nothing (TestMove); :meth:`undo` goes back to before it.
+
+        Args:
+            target_deg: where axes go [deg], by name or alias.
+            duration: how long it takes [s].
+
+        Raises:
+            UnknownName: no such axis; proposes the nearest.
+            JointLimitExceeded: tells which axis, and by how much.
+            InvalidParameter: an angle that is no number, or a duration that is not positive.
+        """
+        return self._run(move_of(target_deg, duration))
+
+    def add_move(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> SimulationResult:
+        """Move from the last state, and store the move at the end of the program (AddMove).
+
+        A run that diverges or in which the robot falls is not stored. Arguments and errors are those of
+        :meth:`test_move`.
+        """
+        return self._run(move_of(target_deg, duration), True)
+
+    def step(self, move_time: float | None = None) -> SimulationResult:
+        """Go one step ahead, and store it (Paso).
+
+        A robot whose ``gaits.yaml`` has a sequence ``step``, as the humanoid of MATLAB, goes through its postures by
+        moves of joints: the step of the thesis with the left leg, four moves (p. 94), made for its large feet. The
+        others take one step of the first gait for their feet, of full length, and bring their feet together.
+
+        Args:
+            move_time: of each of the moves [s], 1 in the thesis; or of each step of the gait. Their own unless given.
+
+        Raises:
+            SimrobError: as :meth:`walk`; or a time that is not positive.
+        """
+        return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[-1]
+
+    def walk(
+        self,
+        steps: int,
+        amplitude: float = 1.0,
+        gait: str | None = None,
+        *,
+        store: bool = False,
+        **changes: Any,
+    ) -> SimulationResult:
+        """Walk from the last state (Marcha).
+
+        The robot first takes the posture in which its gait begins, in up to 2.5 s; if it stands so, it walks at once.
+        Servos and floor are those of the gait while it walks, and steps of the solver are 10 ms at most; the floor
+        stays as large as it had to become.
+
+        Args:
+            steps: how many step lengths ahead; the steps of the ramps (``ramp_steps``) and the last one, which brings
+                the feet together, come in addition. Legs in turn for a crawl.
+            amplitude: scales the length of the steps and, where the gait has them, way sideways and turn; of a march,
+                how far all joints go.
+            gait: a walk, trot, crawl or march of the robot's ``gaits.yaml``; the first for its feet unless given.
+            store: at the end of the program.
+            changes: other parameters of the gait to change, such as ``step_time``.
+
+        Raises:
+            UnknownName: no such gait, or no such parameter of it; proposes the nearest.
+            OutOfReach, JointLimitExceeded: steps that the legs cannot do; tells by how much.
+            SimrobError: other feet or another station than the gait needs, or a parameter that cannot be.
+        """
+        return self._run(checked(WalkMove, steps=steps, amplitude=amplitude, gait=gait, **changes), store)
+
+    def go(
+        self,
+        ahead: float = 0.0,
+        sideways: float = 0.0,
+        turn: float = 0.0,
+        duration: float = GO_TIME,
+        *,
+        strict: bool = False,
+        store: bool = False,
+    ) -> SimulationResult:
+        """Walk by a command from the last state, in steps that are made while it goes and answer what disturbs it.
+
+        It does not stop at the end: another call goes on in the middle of the step, and one without speeds stops.
+
+        Args:
+            ahead: [m/s].
+            sideways: to the left [m/s].
+            turn: to the left [rad/s].
+            duration: [s].
+            strict: refuse what the legs cannot follow; it is clipped otherwise, and the result's summary says so.
+            store: at the end of the program.
+
+        Raises:
+            InvalidParameter: a robot without a walk by commands, or numbers that cannot be.
+        """
+        return self._run(GoMove.at(ahead, sideways, turn, duration=duration, strict=strict), store)
+
+    def act(self, name: str, *, store: bool = False, **changes: Any) -> SimulationResult:
+        """Go through postures from the last state, or stand on three legs.
+
+        The robot first takes the posture in which the act begins, in up to 2.5 s, or at once if it stands so.
+
+        Args:
+            name: one of the sequences and stands of the robot's ``gaits.yaml``, such as ``bow``.
+            store: at the end of the program.
+            changes: its parameters to change, such as ``repeat``, or ``foot`` of ``three_legs``.
+
+        Raises:
+            SimrobError: as :meth:`walk`.
+        """
+        return self._run(checked(ActMove, name=name, **changes), store)
+
+    def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
+        """Take a piece with a tool of the robot; see :meth:`Workcell.attach`.
+
+        Args:
+            piece: which.
+            tool: one of :attr:`tools`, such as ``left_hand``, or a link, such as ``trunk``; the first tool unless
+                given, on the humanoids the right hand, and the trunk of a quadruped.
+            pose: its pose in the hand, to put it there; it keeps its place in the world unless given.
+            store: at the end of the program.
+
+        Raises:
+            UnknownName: no such piece or tool; proposes the nearest.
+            InvalidParameter: a piece that is more than 30 mm away, and no pose.
+        """
+        place = None if pose is None else pose_from_transform(as_transform(pose))
+        self.do(checked(AttachMove, piece=piece, tool=tool, pose=place), store=store)
+
+    def release(self, piece: str, parent: str = WORLD, *, fixed: bool = False, store: bool = False) -> None:
+        """Let go of a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
+        self.do(checked(ReleaseMove, piece=piece, parent=parent, fixed=fixed), store=store)
+
     def run(self, program: Program | Path | str) -> SimulationResult:
         """Run another program from the last state, as :meth:`simulate` runs the stored one, and store nothing.
 
@@ -83,28 +219,25 @@ class LeggedRobot(LeggedMoves):
             program: one, or the YAML file of one; it may have been made with another robot.
 
         Raises:
-            InvalidParameter: a program without moves.
-            InvalidConfig: a damaged file.
-            SimrobError: as :meth:`test_move`, naming the move.
+            SimrobError: a program without moves, a damaged file, or as :meth:`test_move`, naming the move.
         """
         instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
-        given = program if isinstance(program, Program) else Program.load(program)
-        file = "" if given is program else str(program)
-        return self._perform_all(given, self.cell.config, file)
+        loaded = program if isinstance(program, Program) else Program.load(program)
+        file = "" if loaded is program else str(program)
+        with following(self.cell, loaded.grid, loaded.changes):
+            return self._perform(program_stages(self, loaded, self.cell.config, file))[-1]
 
-    def planned(self, program: Program) -> tuple[Reference, float]:
+    def planned(self, program: Program) -> tuple[ReferenceLike, float]:
         """Return the reference that a program of joint moves is from where the robot is, and its duration [s].
 
-        Nothing moves.
-
-        With several robots in a workcell, ``cell.follow({robot.name: reference, ...}, duration)`` runs theirs at once.
+        Nothing moves. ``cell.follow({robot.name: reference, ...}, duration)`` runs those of several robots at once.
 
         Raises:
             SimrobError: as :meth:`run`; or a program with a walk, an act or a piece.
         """
         return joint_reference(self, leg_moves(instance(program, "program", Program, "a Program")))
 
-    def simulate(self, *, automatic: bool | Mapping[str, Any] | None = None) -> SimulationResult:
+    def simulate(self, *, automatic: bool | Mapping[str, Any] | None = None, strict: bool = False) -> SimulationResult:
         """Run all that is stored from the start (Sim); the robot goes on from its end.
 
         Moves of joints that follow each other are one run, and so is each walk and act, which has servos and solver
@@ -117,16 +250,17 @@ class LeggedRobot(LeggedMoves):
         Args:
             automatic: whether to do that, or how, such as ``{"tolerance_deg": 3, "timeout": 20}``, the keys of
                 :class:`~simrob_drake.programs.automatic.Automatic`; as the program says unless given.
+            strict: a run with warnings raises a ``VerdictError``, and leaves robot and program as they were.
 
         Returns:
             the last run; :attr:`runs` has all of them, and :meth:`film` shows them as one.
 
         Raises:
-            InvalidParameter: an empty program.
-            SimrobError: what cannot be done from the start; names the move.
+            SimrobError: an empty program, or what cannot be done from the start; names the move.
         """
         program = self.program if automatic is None else self.program.with_automatic(automatic)
-        return self._perform_all(program, self._start, from_start=True)
+        with following(self.cell, program.grid, program.changes, strict=truth(strict, "strict")):
+            return self._perform(program_stages(self, program, self._start), from_start=True)[-1]
 
     def add_reference(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> None:
         """Store targets as a cell for :meth:`simulate` with ``automatic`` (AddRef), which lasts until they are reached.
@@ -139,16 +273,12 @@ class LeggedRobot(LeggedMoves):
         self.program = self.program.with_reference(cell)
 
     def remove(self, index: int = -1) -> None:
-        """Take a stored move out of the program, the last unless given; the robot stays where it is.
-
-        Raises:
-            InvalidParameter: no such move.
-        """
+        """Take a stored move out of the program, the last unless given; the robot stays where it is."""
         program = self.program.removed(index)
         self._remember()
         self.program = program
 
-    def edit(self, index: int, move: LegMove | Mapping[str, Any] | None = None, duration: float | None = None) -> None:
+    def edit(self, index: int, move: Move | Mapping[str, Any] | None = None, duration: float | None = None) -> None:
         """Change a stored move; the robot stays where it is.
 
         Args:
@@ -162,10 +292,10 @@ class LeggedRobot(LeggedMoves):
         self.program.removed(index)  # there is one
         old = leg_moves(self.program)[index]
         before = (old.target_deg, old.duration) if isinstance(old, JointMove) else (old, MOVE_TIME)
-        new = any_move(before[0] if move is None else move, duration, otherwise=before[1])
+        new = move_from(before[0] if move is None else move, duration, otherwise=before[1])
         self._replace(self.program.edited(index, new))
 
-    def insert(self, index: int, move: LegMove | Mapping[str, Any], duration: float | None = None) -> None:
+    def insert(self, index: int, move: Move | Mapping[str, Any], duration: float | None = None) -> None:
         """Put a move before the stored one of number ``index``; the robot stays where it is.
 
         Args:
@@ -177,14 +307,10 @@ class LeggedRobot(LeggedMoves):
         Raises:
             SimrobError: no such place, a move that is wrong, or a program that the robot cannot do from its start.
         """
-        self._replace(self.program.inserted(index, any_move(move, duration)))
+        self._replace(self.program.inserted(index, move_from(move, duration)))
 
     def undo(self) -> None:
-        """Take back the last thing that was done, a test, a run or a change of the program: robot and program.
-
-        Raises:
-            InvalidParameter: nothing was done.
-        """
+        """Take back the last thing that was done, a test, a run or a change of the program: robot and program."""
         if not self._past:
             raise InvalidParameter("undo", "asked for before anything was done", "called after a move or a change")
         self._restore(self._past.pop())
@@ -197,17 +323,12 @@ class LeggedRobot(LeggedMoves):
         """Take the program of a YAML file in place of the stored one; the robot stays where it is.
 
         Raises:
-            InvalidConfig: a damaged file.
-            SimrobError: a program that this robot cannot do; names the file and the move.
+            SimrobError: a damaged file, or a program that this robot cannot do; names the file and the move.
         """
         self._replace(Program.load(file), str(file))
 
     def result(self) -> SimulationResult:
-        """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.whole.joined`.
-
-        Raises:
-            InvalidParameter: nothing was run.
-        """
+        """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.whole.joined`."""
         return joined(self.runs)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
@@ -221,18 +342,15 @@ class LeggedRobot(LeggedMoves):
         self._back_to_start()
         self.program = kept
 
-    def _do(self, moves: Sequence[LegMove], *, store: bool = False) -> list[SimulationResult]:
+    def _run(self, move: Move, store: bool = False) -> SimulationResult:
+        return self._perform_moves([move], store=store)[-1]
+
+    def _perform_moves(self, moves: Sequence[Move], *, store: bool = False) -> list[SimulationResult]:
         """Do moves from the last state, perhaps store them, and return the runs."""
         return self._perform(stages_of(self, moves, self.cell.config), store=moves if truth(store, "store") else ())
 
-    def _perform_all(
-        self, program: Program, station: StationConfig, file: str = "", *, from_start: bool = False
-    ) -> SimulationResult:
-        with following(self.cell, program.grid, program.changes):
-            return self._perform(stages_of_program(self, program, station, file), from_start=from_start)[-1]
-
     def _perform(
-        self, stages: Sequence[Stage], *, store: Sequence[LegMove] = (), from_start: bool = False
+        self, stages: Sequence[Stage], *, store: Sequence[Move] = (), from_start: bool = False
     ) -> list[SimulationResult]:
         """Do stage after stage, and return the runs; what goes wrong leaves robot and program as they were."""
         snapshot, runs = self._snapshot(), list[SimulationResult]()
@@ -249,7 +367,7 @@ class LeggedRobot(LeggedMoves):
             self._restore(snapshot)
             raise
         self.runs = runs or self.runs
-        if runs and not goes_on(runs[-1]):
+        if runs and (runs[-1].ending not in GOES_ON or fallen(runs[-1]) is not None):
             self._restore(snapshot)
             return runs
         self._remember(snapshot)

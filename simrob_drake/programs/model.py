@@ -65,7 +65,7 @@ class StationModel(PosedStation):
             joint = None if state is None else state.joints.get(free_joint(name))
             if joint is not None:
                 pose = transform_from_xyz_quaternion(np.roll(joint.position, 3))
-                self.plant.SetFreeBodyPose(self._context, body, pose)
+                self.plant.SetFreeBodyPose(self.context, body, pose)
 
     def motion(self, piece: str, state: State) -> JointState:
         """Return where a piece is that a robot carries, and how fast it moves in a state, as a free piece."""
@@ -73,9 +73,9 @@ class StationModel(PosedStation):
         pose, angular, linear = self.pose(frame), np.zeros(3), np.zeros(3)
         if carrier in self.robots:
             own = self.robots[carrier]
-            plant.SetVelocities(self._context, own.axis_map.spread_velocities(state.velocities[carrier]))
-            speed = frame.CalcSpatialVelocityInWorld(self._context)
-            plant.SetVelocities(self._context, np.zeros(plant.num_velocities()))
+            plant.SetVelocities(self.context, own.axis_map.spread_velocities(state.velocities[carrier]))
+            speed = frame.CalcSpatialVelocityInWorld(self.context)
+            plant.SetVelocities(self.context, np.zeros(plant.num_velocities()))
             turned = self._moved.get(own.instance, RigidTransform()).rotation()
             angular, linear = turned @ speed.rotational(), turned @ speed.translational()
             base = state.joints.get(self._base_joint(own)) if self.floats(carrier) else None
@@ -164,7 +164,7 @@ class StationModel(PosedStation):
     def dynamics(self, robot: str) -> Dynamics:
         """Return the dynamics of a robot with what it carries, while the others stay as they are."""
         own = self.robots[robot]
-        tool, placed = own.tools.get(own.tcp), self.plant.GetPositions(self._context)
+        tool, placed = own.tools.get(own.tcp), self.plant.GetPositions(self.context)
         return Dynamics(
             own.model, self.plant, own.joints, tool=tool, torque_limit=own.gains.torque_limit, positions=placed
         )
@@ -195,8 +195,8 @@ def reparented(
     above = parent
     while above in config.pieces:
         if above == piece:
-            wanted = "world, a robot, or a piece that does not hang on it"
-            raise InvalidParameter(f"parent of {piece}", "the piece itself" if parent == piece else parent, wanted)
+            expected = "world, a robot, or a piece that does not hang on it"
+            raise InvalidParameter(f"parent of {piece}", "the piece itself" if parent == piece else parent, expected)
         above = model.resolved.pieces[above].parent
     mount = model.pose(model.mount(parent, frame))
     place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)

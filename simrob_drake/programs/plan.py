@@ -1,8 +1,9 @@
 """A move that is planned and checked."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -12,7 +13,6 @@ from simrob_drake.errors import shortened
 from simrob_drake.frames import Vector
 from simrob_drake.programs.segments import named_point
 from simrob_drake.programs.trajectories import Stretch, trajectory
-from simrob_drake.yaml_files import Strict
 
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions."""
@@ -29,7 +29,7 @@ class Plan:
         arrivals: when each target is reached, shape (k,) [s].
         points: on the way to each target.
         check: what was looked at; collisions are again with the moves that are run at the same time.
-        told: what the file of a program would say; None if none can say it.
+        entry: what a program's file has of it; None if no file can say it.
         frame: where the work object was when the move was planned; None without one.
     """
 
@@ -38,7 +38,7 @@ class Plan:
     arrivals: Vector
     points: int
     check: Check = "limits"
-    told: Strict | None = None
+    entry: Mapping[str, Any] | None = None
     frame: RigidTransform | None = None
 
     def __repr__(self) -> str:

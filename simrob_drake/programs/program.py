@@ -7,25 +7,26 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import yaml
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, PlainSerializer, model_validator
 
-from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted, shortened
+from simrob_drake.arguments import as_path, instance
+from simrob_drake.errors import InvalidParameter, shortened
 from simrob_drake.folders import written_at_once
-from simrob_drake.given import as_path, instance
-from simrob_drake.programs.arm_moves import ARM_KINDS, ArmMove
+from simrob_drake.importer.packages import Border
 from simrob_drake.programs.automatic import Automatic, pace_of
-from simrob_drake.programs.moves import LEG_KINDS, JointMove, LegMove
+from simrob_drake.programs.moves.joints import JointMove
+from simrob_drake.programs.moves.kinds import KINDS, AnyMove, check_entry
+from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import Change
-from simrob_drake.quantities import Duration
-from simrob_drake.yaml_files import Strict, parse_yaml, read_yaml, validated
+from simrob_drake.sections import Duration, Strict, validated
+from simrob_drake.stations.located import located_changes
+from simrob_drake.yaml_files import parse_yaml, read_yaml
 
-AnyMove = LegMove | ArmMove
-KINDS: dict[str, type[AnyMove]] = {**LEG_KINDS, **ARM_KINDS}
-"""By the key that tells them apart."""
+Cell = Annotated[JointMove, PlainSerializer(JointMove.entry)]
 
 
-def _as_usual(given: Any) -> Any:
-    return ({} if given else None) if isinstance(given, bool) else given
+def _as_usual(value: Any) -> Any:
+    return ({} if value else None) if isinstance(value, bool) else value
 
 
 class Program(Strict):
@@ -34,8 +35,8 @@ class Program(Strict):
     A move is ``{target_deg, duration}``, ``{walk: {steps, amplitude, gait, ...}}``, ``{act: bow}``, ``{attach: box}``,
     ``{release: box}``, ``{wait: 0.5}`` or ``{play: 5}``; of an arm also ``{move_l: {targets, wobj, speed, ...}}``,
     likewise ``move_abs_j``, ``move_j`` and ``move_c``, ``{tool: pencil}`` or ``{together: [...]}``.
-    :mod:`simrob_drake.programs.moves` and :mod:`simrob_drake.programs.arm_moves` have all keys,
-    :mod:`simrob_drake.programs.timeline` those of changes.
+    The files beside :mod:`simrob_drake.programs.moves.kinds` have all keys, :mod:`simrob_drake.programs.timeline` those
+    of changes.
     """
 
     description: str = ""
@@ -46,11 +47,11 @@ class Program(Strict):
     """Which robot of that station; needed where there are several. Moves of arms may name others."""
     moves: tuple[AnyMove, ...] = ()
     """One after the other, from where the robot stands at the start."""
-    references: tuple[JointMove, ...] = ()
+    references: tuple[Cell, ...] = ()
     """Cells (SimRob's ``joint{k}``) that a sequencer goes through, each for as long as it takes."""
     grid: Duration | None = None
     """Runs are cut at multiples of this time [s], from each of which they can be repeated; 0.05 with changes."""
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Annotated[Change, PlainSerializer(Change.entry)], ...] = ()
     """What happens to the station while the moves run: settings, pushes, drags."""
     automatic: Annotated[Automatic | None, BeforeValidator(_as_usual)] = None
     """How references are run instead of moves, in the robot's own time: `{tolerance_deg: 3}`, or `true`."""
@@ -68,19 +69,19 @@ class Program(Strict):
 
     def __repr__(self) -> str:
         """Say in one line what it holds."""
-        moves = ", ".join(next(iter(type(move).model_fields)) for move in self.moves)
+        moves = ", ".join(move.key for move in self.moves)
         held = f"{counted(len(self.moves), 'move')}{shortened(f': {moves}') if moves else ''}"
         references = f"; {counted(len(self.references), 'reference')}" if self.references else ""
         return f"<Program of {held}{references}>"
 
     __str__ = __repr__
 
-    def added(self, *moves: AnyMove) -> Program:
+    def added(self, *moves: Move) -> Program:
         """Return the program with moves behind it."""
         _check_moves(*moves)
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
-    def inserted(self, index: int, move: AnyMove) -> Program:
+    def inserted(self, index: int, move: Move) -> Program:
         """Return the program with a move before the one of number ``index``, counted from 0; its length: at the end.
 
         Raises:
@@ -99,7 +100,7 @@ class Program(Strict):
         place = self._place(index, len(self.moves) - 1)
         return self.model_copy(update={"moves": (*self.moves[:place], *self.moves[place + 1 :])})
 
-    def edited(self, index: int, move: AnyMove) -> Program:
+    def edited(self, index: int, move: Move) -> Program:
         """Return the program with another move in place of one.
 
         Raises:
@@ -109,13 +110,13 @@ class Program(Strict):
         place = self._place(index, len(self.moves) - 1)
         return self.model_copy(update={"moves": (*self.moves[:place], move, *self.moves[place + 1 :])})
 
-    def with_automatic(self, given: bool | Automatic | Mapping[str, Any]) -> Program:
+    def with_automatic(self, pace: bool | Automatic | Mapping[str, Any]) -> Program:
         """Return the program with another way to be run.
 
         Raises:
             SimrobError: as :func:`pace_of`.
         """
-        return self.model_copy(update={"automatic": None if given is False else pace_of(given)})
+        return self.model_copy(update={"automatic": None if pace is False else pace_of(pace)})
 
     def on(self, station: str) -> Program:
         """Return the program with another station that it is to run on."""
@@ -150,20 +151,27 @@ class Program(Strict):
             InvalidConfig: a file that cannot be read or is damaged; names the file, the move and the key, or the line.
         """
         source = as_path(file, "file")
-        return cls._of(read_yaml(source), source)
+        program, folder, border = cls.of_content(read_yaml(source), source), source.absolute().parent, Border(source)
+        changes = tuple(
+            change.model_copy(update={"set": located_changes(change.set, folder, border)}) if change.set else change
+            for change in program.changes
+        )
+        return program.model_copy(update={"changes": changes}) if changes else program
 
     @classmethod
     def of_text(cls, text: str, where: str = "the program") -> Program:
         """Return the program that a YAML text holds, likewise; errors call it as ``where`` says."""
         content = parse_yaml(text, where)
-        return cls._of(instance(content, where, dict, "a mapping with moves"), where)
+        return cls.of_content(instance(content, where, dict, "a mapping with moves"), where)
 
     @classmethod
-    def _of(cls, content: dict[str, Any], source: Path | str) -> Program:
+    def of_content(cls, content: dict[str, Any], source: Path | str) -> Program:
+        """Return the program of a mapping, likewise; errors call it as ``source`` says."""
         for key in ("moves", "references"):
             entries = content.get(key)
             for number, entry in enumerate(entries if isinstance(entries, list) else []):
-                _check_entry(entry, key, f"{source}: {key}[{number}]")
+                kinds = {JointMove.key: JointMove} if key == "references" else KINDS
+                check_entry(entry, f"{source}: {key}[{number}]", kinds)
         return validated(cls, content, source)
 
     def _place(self, index: int, last: int) -> int:
@@ -178,22 +186,9 @@ class Program(Strict):
 
 def _check_moves(*moves: object) -> None:
     for move in moves:
-        instance(move, "move", tuple(KINDS.values()), "a move, such as JointMove(target_deg={'waist': 10})")
+        instance(move, "move", Move, "a move, such as JointMove(target_deg={'waist': 10})")
 
 
 def counted(count: int, thing: str) -> str:
     """Return how many things there are, in words of messages."""
     return f"{count} {thing}{'' if count == 1 else 's'}"
-
-
-def _check_entry(entry: Any, key: str, where: str) -> None:
-    """Check one move or cell of a file by itself, so that messages can name it."""
-    if not isinstance(entry, dict):
-        raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")
-    told = JointMove if key == "references" else next((kind for name, kind in KINDS.items() if name in entry), None)
-    kind: type[Strict] | None = told
-    strange = next((name for name in entry if name not in JointMove.model_fields), None)
-    if kind is None and strange is not None:
-        known = [*KINDS, *JointMove.model_fields]
-        raise InvalidConfig(where, str(strange), f"unknown key{nearest(str(strange), known)}")
-    validated(kind or JointMove, entry, where)

@@ -5,17 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, Unpack
 
-from simrob_drake.programs.hands import apply
-from simrob_drake.programs.ongoing import GOES_ON, OngoingStation
 from simrob_drake.programs.program import Program
+from simrob_drake.programs.stateful_station import GOES_ON, StatefulStation
+from simrob_drake.programs.tape import Entry
 from simrob_drake.results.files import Saved
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
 from simrob_drake.stations.station import StationLike, config_of
 
 
-class RecordedStation(OngoingStation):
-    """An :class:`OngoingStation` that records what is done with it, from :meth:`record` on."""
+class RecordedStation(StatefulStation):
+    """An :class:`StatefulStation` that records what is done with it, from :meth:`record` on."""
 
     def record(self) -> None:
         """Forget what was recorded, and record everything from now on (SimRob's ``Rec()``)."""
@@ -63,7 +63,9 @@ class RecordedStation(OngoingStation):
         """Write all that was recorded as a film; see :meth:`SimulationResult.film`."""
         return self.result().film(file, frames=frames)
 
-    def simulate(self, station: StationLike | None = None, *, duration: float | None = None) -> SimulationResult:
+    def simulate(
+        self, station: StationLike | None = None, *, duration: float | None = None, strict: bool = False
+    ) -> SimulationResult:
         """Do again all that was recorded, on this station or another (SimRob's ``Sim``); this one stays as it is.
 
         Moves that follow each other are one run; what is attached and let go in between is so there, too.
@@ -72,23 +74,33 @@ class RecordedStation(OngoingStation):
             station: another one with robots and pieces of the same names, such as the dynamic one; it begins at its
                 own initial posture if the recording began at that of its station.
             duration: of the whole [s]; as recorded unless given.
+            strict: as the station's own.
 
         Raises:
+            VerdictError: with ``strict`` a run that has warnings.
             InvalidParameter: nothing was recorded, or the takes do not join: such a tape can be replayed.
             SimrobError: a piece that cannot be taken or let go there.
         """
         stages, first = self.tape.stages(duration), self.tape.takes[0]
         cell = type(self)(first.config if station is None else config_of(station))
-        cell.state, cell.progress = first.start or cell.state, self.progress
+        cell.state, cell.progress, cell.strict = first.start or cell.state, self.progress, self.strict or strict
         runs: list[SimulationResult] = []
         for stage in stages:
             if not isinstance(stage, tuple):
-                apply(cell, stage)
+                cell._redo(stage)
                 continue
             runs.append(cell.follow(*stage))
             if runs[-1].ending not in GOES_ON:
                 break
         return runs[0] if len(runs) == 1 else joined(runs, left=cell.config)
+
+    def _redo(self, entry: Entry) -> None:
+        """Do again what a tape noted between runs: a piece taken or let go, or another tool."""
+        ((key, content),) = entry.items()
+        if key == "tool":
+            self.tool(self.robot_name(content["robot"]), content.get("name") or content["pose"])
+        else:
+            (self.attach if key == "attach" else self.release)(**content)
 
 
 STATION = "station.yaml"

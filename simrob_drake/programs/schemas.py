@@ -3,12 +3,11 @@
 from typing import Any
 
 from simrob_drake.paths import models_root
-from simrob_drake.programs.gaits.parameters import Gaits
+from simrob_drake.programs.gaits.registry import Gaits
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import PieceModel
-from simrob_drake.walking.figures import WalkingFigures
-from simrob_drake.yaml_files import file_schema, write_schema
+from simrob_drake.sections import file_schema, write_schema
 
 
 def model_schemas() -> dict[str, dict[str, Any]]:
@@ -20,7 +19,6 @@ def model_schemas() -> dict[str, dict[str, Any]]:
         del schema["properties"]["folder"]
     others = {
         "gaits.schema.json": file_schema(Gaits),
-        "walking.schema.json": file_schema(WalkingFigures),
         "program.schema.json": file_schema(Program),
     }
     return {"robot.schema.json": robot, "piece.schema.json": piece, **others}

@@ -46,16 +46,16 @@ class Segment:
 def joint_way(chain: Chain, start: Vector, end: Vector) -> Way:
     """Return the straight way in the space of the joints between two postures (n,)."""
 
-    def course(parts: Vector) -> Vector:
+    def curve(parts: Vector) -> Vector:
         return np.asarray(start + parts[:, np.newaxis] * (end - start))
 
-    return Way(course, tool_length(chain, course(np.linspace(0.0, 1.0, _LEAST_POINTS + 1))))
+    return Way(curve, tool_length(chain, curve(np.linspace(0.0, 1.0, _LEAST_POINTS + 1))))
 
 
 def joint_segment(way: Way, *, points: int) -> Segment:
     """Return the postures of a way in the space of the joints."""
     parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
-    return Segment(parts, way.course(parts), way.length, way.passes)
+    return Segment(parts, way.curve(parts), way.length, way.passes)
 
 
 def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str) -> Segment:
@@ -73,7 +73,7 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
             postures, as far as it says, if it comes to the end.
         BrokenPath: points that no continuous motion joins.
     """
-    chain, poses = solver.chain, way.course
+    chain, poses = solver.chain, way.curve
     stray = solver.stray if isinstance(solver, IncrementalSolver) else 0.0
     count = max(points, _LEAST_POINTS)
     if isinstance(solver, IncrementalSolver):  # it follows small turns only
@@ -93,11 +93,11 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
             raise _broken(chain, postures, parts, points, target)
         between = (parts[1:] + parts[:-1]) / 2
         guesses = np.clip(free_spline(parts, postures)(between), chain.lower, chain.upper)
-        wanted = poses(between)
-        if _away(chain, guesses, wanted) < PATH_TOLERANCE:
+        desired = poses(between)
+        if _away(chain, guesses, desired) < PATH_TOLERANCE:
             break
-        solutions = solver.solve(wanted, guesses)
-        _require(solutions, between, wanted, points, target)
+        solutions = solver.solve(desired, guesses)
+        _require(solutions, between, desired, points, target)
         order = np.argsort(np.concatenate([parts, between]), kind="stable")
         parts, postures = np.concatenate([parts, between])[order], np.vstack([postures, solutions.positions])[order]
     return Segment(parts, postures, way.length, way.passes)

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
+from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.given import seconds
-from simrob_drake.programs.arm_moves import ArmMove, ToolMove
-from simrob_drake.programs.moves import AttachMove, ReleaseMove
+from simrob_drake.arguments import seconds
+from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.targets import WorkObject, pose_numbers
 from simrob_drake.programs.trajectories import Stretch, trajectory
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation import Reference, simulate
+from simrob_drake.simulation import ReferenceLike, simulate
 from simrob_drake.stations.config import StationConfig
 
+_SAME = 1e-12  # m and parts of a rotation: rounding
 _JOINS = 1e-9  # rad or m between the end of a move and the beginning of the next
 
-Change: TypeAlias = AttachMove | ReleaseMove | ToolMove
-"""What takes no time."""
-Stage: TypeAlias = tuple[Mapping[str, Reference], float]
+Entry: TypeAlias = dict[str, Any]
+"""A move as a program's file has it; between runs one that takes no time."""
+Stage: TypeAlias = tuple[Mapping[str, ReferenceLike], float]
 """References by robot, and for how long they are followed [s]."""
 
 
@@ -33,11 +35,11 @@ class Take:
 
     config: StationConfig  # the station, with its pieces where they hung then
     start: State | None  # where it began; None at the configuration's initial posture
-    references: Mapping[str, Reference]  # of every robot
+    references: Mapping[str, ReferenceLike]  # of every robot
     duration: float  # of the run [s]
     result: SimulationResult
     stretches: Mapping[str, tuple[Stretch, ...]] | None = None  # the motions of every robot, where moves were planned
-    move: ArmMove | None = None  # what a program's file would say; None if none can
+    entry: Entry | None = None  # what a program's file has of it; None if no file can say it
 
     def run(self) -> SimulationResult:
         """Run it again, from the same state: the same motion, sample by sample."""
@@ -52,7 +54,7 @@ class Tape:
     A result holds all signals and states of its run, so they are kept from then on only.
     """
 
-    entries: list[Take | Change] = field(default_factory=list)  # what was recorded; it begins with a run
+    entries: list[Take | Entry] = field(default_factory=list)  # what was recorded; it begins with a run
     running: bool = False  # whether what comes next is recorded too
     whole: bool = True  # whether a program's file can say all that happened since the first run
 
@@ -67,11 +69,11 @@ class Tape:
 
     def keep(self, take: Take) -> None:
         """Keep a run, if the tape is running."""
-        self.whole = self.whole and (self.running or not self.entries) and take.move is not None
+        self.whole = self.whole and (self.running or not self.entries) and take.entry is not None
         if self.running:
             self.entries.append(take)
 
-    def note(self, change: Change | None) -> None:
+    def note(self, change: Entry | None) -> None:
         """Keep a change of the station, None for one that no file can say; the first run knows those before it."""
         if self.entries:
             self.whole = self.whole and self.running and change is not None
@@ -79,9 +81,9 @@ class Tape:
                 self.entries.append(change)
 
     def moves(self) -> list[Any]:
-        """Return what a program's file would say of all that was recorded; nothing if none can say it."""
-        said = [entry.move if isinstance(entry, Take) else entry for entry in self.entries]
-        return said if self.whole else []
+        """Return what a program's file has of all that was recorded; nothing if no file can say it."""
+        moves = [entry.entry if isinstance(entry, Take) else entry for entry in self.entries]
+        return moves if self.whole else []
 
     def replay(self) -> list[SimulationResult]:
         """Run every take again from the state that it began in (SimRob's ``Rep()``); nothing else changes."""
@@ -96,7 +98,7 @@ class Tape:
         if not self.entries:
             raise InvalidParameter("the recording", "empty", "begun with record() before the moves")
 
-    def stages(self, duration: float | None = None) -> list[Stage | Change]:
+    def stages(self, duration: float | None = None) -> list[Stage | Entry]:
         """Return all that was recorded to be done again, runs that follow each other as one.
 
         Args:
@@ -115,7 +117,7 @@ class Tape:
             gaps = [np.abs(own[-1].postures[-1] - after[robot][0].postures[0]) for robot, own in one.stretches.items()]
             if max(gap.max() for gap in gaps) > _JOINS:
                 raise InvalidParameter("the recording", "with gaps", "replayed take by take: replay()")
-        found: list[Stage | Change] = []
+        found: list[Stage | Entry] = []
         for runs, group in groupby(self.entries, lambda entry: isinstance(entry, Take)):
             entries = list(group)
             found += [_as_one([entry for entry in entries if isinstance(entry, Take)], factor)] if runs else []
@@ -137,3 +139,48 @@ def _as_one(takes: list[Take], factor: float) -> Stage:
             motions.setdefault(robot, []).extend(stretch.at(begin, factor) for stretch in own)
         begin += factor * take.duration
     return {robot: trajectory(own) for robot, own in motions.items()}, begin
+
+
+def run_entry(
+    plans: Sequence[Plan],
+    duration: float | None,
+    frame: Callable[[WorkObject], RigidTransform],
+    *,
+    several: bool,
+) -> Entry | None:
+    """Return what a program's file has of planned moves that are run at the same time; None if no file can say it.
+
+    Args:
+        plans: the moves.
+        duration: of the run, where it was given [s].
+        frame: gives the pose of a work object now: one that has moved since the move was planned becomes a pose.
+        several: whether the station has several robots.
+    """
+    if not plans:
+        return {"wait": float(duration or 0.0)}
+    moves = []
+    for plan in plans:
+        if plan.entry is None:
+            return None
+        ((key, content),) = plan.entry.items()
+        wobj = content.get("wobj")
+        if plan.frame is not None and isinstance(wobj, str) and wobj != plan.robot:
+            try:
+                moved = not frame(wobj).IsNearlyEqualTo(plan.frame, _SAME)
+            except SimrobError:  # a robot of another station
+                moved = True
+            if moved:
+                content = {**content, "wobj": pose_numbers(plan.frame)}
+        moves.append({key: {name: value for name, value in content.items() if several or name != "robot"}})
+    if duration is None:
+        return moves[0] if len(moves) == 1 else {"together": moves}
+    return {"together": moves, "duration": float(duration)}
+
+
+def in_words(plans: Sequence[Plan], duration: float | None, *, several: bool) -> str:
+    """Return what a run of planned moves does, in a few words; whose moves they are where there are several robots."""
+    names = [next(iter(plan.entry)) if plan.entry else "" for plan in plans]
+    if not all(names):
+        return ""
+    words = (f"{name} of {plan.robot}" if several else name for name, plan in zip(names, plans, strict=True))
+    return ", ".join(words) or "wait"

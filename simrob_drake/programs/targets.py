@@ -1,14 +1,22 @@
 """What users give as targets of moves, as poses in the world."""
 
 from collections.abc import Sequence
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import PoseLike, Vector, finite
+from simrob_drake.frames import (
+    POSE_SIZE,
+    PoseLike,
+    Vector,
+    as_transform,
+    finite,
+    pose_from_transform,
+    poses_from_matrices,
+)
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.poses import Targets, pose_matrices
 
@@ -77,3 +85,21 @@ def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
 def is_single(targets: PoseTargets) -> bool:
     """Tell whether targets are one pose or place, not rows of them."""
     return isinstance(targets, RigidTransform) or np.shape(targets) in ((3,), (6,), (4, 4))
+
+
+def pose_numbers(pose: PoseLike) -> list[float]:
+    """Return a pose as a file has it, [x y z Rz Ry Rx]; numbers that it was given by are kept to the last bit."""
+    if not isinstance(pose, RigidTransform) and np.shape(pose) == (POSE_SIZE,):
+        return [float(value) for value in np.asarray(pose)]
+    return [float(value) for value in pose_from_transform(as_transform(pose))]
+
+
+def row_numbers(targets: Any) -> Any:
+    """Return targets as numbers: those that were given, or pose vectors in place of matrices and transforms."""
+    if is_place(targets):
+        return np.asarray(targets, dtype=float).tolist()
+    try:
+        values: Vector = np.asarray(targets, dtype=float)
+    except (TypeError, ValueError):  # transforms
+        values = np.zeros((4, 4))
+    return values.tolist() if values.shape[-2:] != (4, 4) else poses_from_matrices(pose_matrices(targets, "")).tolist()

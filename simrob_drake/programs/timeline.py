@@ -13,9 +13,10 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.parts.forces import Drag, ForceConfig, Push
-from simrob_drake.programs.moves import Brief
-from simrob_drake.quantities import Duration, Instant, Positive, Triple
+from simrob_drake.parts.forces import ForceConfig
+from simrob_drake.parts.forces.drag import Drag
+from simrob_drake.parts.forces.push import Push
+from simrob_drake.sections import Duration, Instant, Positive, Strict, Triple
 from simrob_drake.simulation import Moment
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
@@ -26,7 +27,7 @@ GRID = 0.05
 _SERVO = "servo."
 
 
-class PushNow(Brief):
+class PushNow(Strict):
     """A constant force for a while; see :class:`~simrob_drake.parts.forces.push.Push`."""
 
     at: str | None = None
@@ -37,7 +38,7 @@ class PushNow(Brief):
     """How long it lasts [s]."""
 
 
-class DragNow(Brief):
+class DragNow(Strict):
     """A spring that pulls a point after a target; see :class:`~simrob_drake.parts.forces.drag.Drag`."""
 
     at: str | None = None
@@ -50,7 +51,7 @@ class DragNow(Brief):
     """Of the spring [N/m]; a quarter of a metre pulls with the weight of the robot or piece unless given."""
 
 
-class Change(Brief):
+class Change(Strict):
     """Something that happens while a program runs."""
 
     time: Instant
@@ -67,6 +68,10 @@ class Change(Brief):
         if sum(thing is not None for thing in (self.set, self.push, self.drag)) != 1:
             raise ValueError("a change is one of set, push and drag")
         return self
+
+    def entry(self) -> dict[str, Any]:
+        """Return what a program's file has of it, without the values that are as they would be anyway."""
+        return self.model_dump(mode="json", exclude_defaults=True)
 
 
 class Timeline:
@@ -118,8 +123,8 @@ class Timeline:
     def settings(self) -> dict[str, Any]:
         """Return the settings that hold now, by key."""
         now = self.steps(self.now)
-        told = [change.set for change in self.changes if change.set and self.steps(change.time) <= now]
-        return {key: value for one in told for key, value in one.items()}
+        settings = [change.set for change in self.changes if change.set and self.steps(change.time) <= now]
+        return {key: value for one in settings for key, value in one.items()}
 
     def station(self, config: StationConfig, duration: float) -> StationConfig:
         """Return a station as it is from now on for a time [s] in which no setting changes.
@@ -178,16 +183,17 @@ class Timeline:
 
 
 @contextmanager
-def following(holder: Any, grid: float | None, changes: Sequence[Change]) -> Iterator[None]:
-    """Let a station (what has a ``timeline``) follow the one of a program meanwhile, unless it follows one already."""
-    before = holder.timeline
+def following(holder: Any, grid: float | None, changes: Sequence[Change], *, strict: bool = False) -> Iterator[None]:
+    """Let a station follow the timeline of a program meanwhile, unless it follows one already; and be ``strict``."""
+    before, was_strict = holder.timeline, holder.strict
+    holder.strict = was_strict or strict
     if before.grid is None:
         holder.timeline = Timeline(grid, changes)
         holder.timeline.check(holder.config)
     try:
         yield
     finally:
-        holder.timeline = before
+        holder.timeline, holder.strict = before, was_strict
 
 
 def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str, Any]:

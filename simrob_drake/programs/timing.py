@@ -6,11 +6,11 @@ from typing import Literal, TypedDict, get_args
 import numpy as np
 import numpy.typing as npt
 
+from simrob_drake.arguments import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law
 from simrob_drake.blocks.references import PEAK
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, numbers
-from simrob_drake.given import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.programs.checks import rate_ratio
 from simrob_drake.programs.plan import Check, Plan
 from simrob_drake.programs.segments import Segment
@@ -165,9 +165,9 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector
     Raises:
         InvalidParameter: more than one of duration, times and speed; or one that cannot be.
     """
-    given = [key for key in ("duration", "times", "speed") if key in how]
-    if len(given) > 1:
-        raise InvalidParameter("the time of the move", f"given by {' and '.join(given)}", "given by one of them")
+    stated = [key for key in ("duration", "times", "speed") if key in how]
+    if len(stated) > 1:
+        raise InvalidParameter("the time of the move", f"given by {' and '.join(stated)}", "given by one of them")
     if "times" in how:
         return _checked_times(how["times"], len(segments)), False
     if "duration" in how:
@@ -202,8 +202,8 @@ def _checked_times(times: npt.ArrayLike, count: int) -> Vector:
     return _apart(values, "times", times)
 
 
-def _apart(times: Vector, name: str, given: object) -> Vector:
+def _apart(times: Vector, name: str, value: object) -> Vector:
     """Check that times (k,) [s] rise from 0, and are times that a station knows."""
     if not ((np.diff(times, prepend=0.0) >= SHORTEST).all() and times[-1] <= LONGEST):
-        raise InvalidParameter(name, given, f"such that each target has its time, up to {LONGEST:g} s")
+        raise InvalidParameter(name, value, f"such that each target has its time, up to {LONGEST:g} s")
     return times

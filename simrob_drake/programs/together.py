@@ -6,12 +6,12 @@ from itertools import combinations
 import numpy as np
 from pydrake.geometry import Role
 
+from simrob_drake.arguments import instance
 from simrob_drake.blocks.distance_sensor import Distances
 from simrob_drake.frames import Vector
-from simrob_drake.given import instance
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import random_postures
-from simrob_drake.programs.checks import check_collisions, owner
+from simrob_drake.programs.checks import check_collisions
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan, look_times
@@ -76,7 +76,7 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tu
             return np.inf, "", ""
         found = np.where(changes, distances(posture), np.inf)
         nearest = int(found.argmin())
-        first, second = (owner(model, inspector, shape) for shape in near.pairs[nearest])
+        first, second = (model.owner(shape) for shape in near.pairs[nearest])
         return float(found[nearest]), first, second
 
     return gap

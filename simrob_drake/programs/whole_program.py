@@ -1,12 +1,13 @@
 """A program as one run, whoever does it: arms together, or a robot with legs."""
 
-from simrob_drake.programs.arm_program import ARM_ONLY
+from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION
-from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.whole import joined
+from simrob_drake.simulation import simulate
+from simrob_drake.stations.config import StationConfig
 
 
 def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResult:
@@ -20,12 +21,31 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     Raises:
         SimrobError: what they cannot do; names the move.
     """
-    given = file or program
+    source = file or program
     if of_arms(cell, program):
-        return cell.perform(given)
+        return cell.perform(source)
     robot, begun = LeggedRobot(cell, program.robot), (cell.config, cell.state)
-    robot.run(given)
+    robot.run(source)
     return joined(robot.runs, begun=begun, left=cell.config, program=program.on(STATION).text())
+
+
+def carried_program(config: StationConfig) -> Program | None:
+    """Return the program that a station carries; None if it has none.
+
+    Raises:
+        InvalidConfig: a program that cannot be; names the move and the key.
+    """
+    return None if config.program is None else Program.of_content(config.program, f"{config.name}: program")
+
+
+def run_whole(config: StationConfig) -> SimulationResult:
+    """Run a station with the program that it carries, or along its references.
+
+    Raises:
+        SimrobError: what cannot be run; of a program the message names the move.
+    """
+    program = carried_program(config)
+    return simulate(config, progress=False) if program is None else perform(Workcell(config), program)
 
 
 def of_arms(cell: Workcell, program: Program) -> bool:
@@ -35,4 +55,4 @@ def of_arms(cell: Workcell, program: Program) -> bool:
     robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]
     models = [cell.robot(name).model for name in robots]
     legless = all(model.base == "fixed" and model.feet is None and model.tools for model in models)
-    return legless or any(isinstance(move, ARM_ONLY) for move in program.moves)
+    return legless or not all(move.of_legs for move in program.moves)

@@ -15,9 +15,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from simrob_drake.arguments import positive
 from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.frames import Vector
-from simrob_drake.given import positive
 from simrob_drake.interpolation import stacked
 
 _LARGEST = 200  # mm, of RAPID's zones
@@ -25,7 +25,7 @@ _SMALLEST = 3e-4  # m: z0
 _KNOWN = f"'fine', 'z0' to 'z{_LARGEST}' for so many millimetres, or a number from {_SMALLEST:g} [m]"
 _TOO_WIDE = 1 + 1e-9
 
-Course = Callable[[Vector], Vector]
+Curve = Callable[[Vector], Vector]
 """Gives postures (k, n), or poses (k, 4, 4), at parts (k,) of a way."""
 
 
@@ -33,7 +33,7 @@ Course = Callable[[Vector], Vector]
 class Way:
     """A way to one target, or past several: where it leads at its parts, how long it is [m], where the targets are."""
 
-    course: Course
+    curve: Curve
     length: float
     passes: Vector = field(default_factory=lambda: np.ones(1))
 
@@ -67,10 +67,10 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
     for index, pair in enumerate(pairwise(ways)):
         most = min(way.length for way in pair) / 2
         if zone > most * _TOO_WIDE:
-            told = f"at most {1e3 * most:.4g} mm at targets[{index}]: half of the shorter way that meets there"
-            raise InvalidParameter("zone", f"{1e3 * zone:.4g} mm", told)
+            expected = f"at most {1e3 * most:.4g} mm at targets[{index}]: half of the shorter way that meets there"
+            raise InvalidParameter("zone", f"{1e3 * zone:.4g} mm", expected)
 
-    def course(parts: Vector) -> Vector:
+    def curve(parts: Vector) -> Vector:
         gone = parts * ends[-1]
         number = np.minimum(np.searchsorted(ends, gone), len(ways) - 1)
         shares = [(way, gone[number == row] - ends[row]) for row, way in enumerate(ways)]  # parts rise
@@ -80,15 +80,15 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
             if near.any():
                 x = (gone[near] - corner) / zone
                 left, entered = _on(before, -zone * _gone(-x)), _on(after, zone * _gone(x) - after.length)
-                found[near] = _laid_over(left, before.course(np.ones(1))[0], entered)
+                found[near] = _laid_over(left, before.curve(np.ones(1))[0], entered)
         return found
 
-    return Way(course, float(ends[-1]), ends / ends[-1])
+    return Way(curve, float(ends[-1]), ends / ends[-1])
 
 
 def _on(way: Way, short_of: Vector) -> Vector:
     """Return where a way leads at distances (k,) before its end, which are negative [m]."""
-    return way.course(np.clip(1 + short_of / way.length, 0.0, 1.0))
+    return way.curve(np.clip(1 + short_of / way.length, 0.0, 1.0))
 
 
 def _gone(x: Vector) -> Vector:

@@ -9,15 +9,16 @@ from typing import Literal, TypedDict
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.beside import done_beside
-from simrob_drake.blocks.references import Samples, SineCourse, hermite_samples
+from simrob_drake.blocks.references import Samples, SineReference, hermite_samples
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.table import TIME_COLUMN, Interpolation, Table, speed_columns
+from simrob_drake.results.background import in_background
 from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.events import all_events
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.summary import summary_of
+from simrob_drake.results.verdict.verdict import Verdict
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
 
@@ -48,6 +49,7 @@ def default_folder(station: str) -> Path:
 
 def save_result(
     result: RecordedRun,
+    verdict: Verdict,
     folder: Path,
     *,
     force: bool = False,
@@ -56,7 +58,7 @@ def save_result(
     frames: int | Literal["events"] | None = None,
     plots: PlotFormat = "png",
 ) -> Path:
-    """Write summary, signals, plots, film strip, recording and the resolved station.
+    """Write summary, signals, plots, film strip, recording and the resolved station, with the files that it names.
 
     Of a program that is the station in which it began; ``events.csv`` tells what happened when, and ``program.yaml``,
     where one can say it, does it all again on that station. What somebody commanded meanwhile is in the station, and
@@ -64,6 +66,7 @@ def save_result(
 
     Args:
         result: the run.
+        verdict: what became of what was asked of it.
         folder: where to; it appears at once, when everything is in it.
         force: replace a result that is there.
         recording: write ``recording.html`` and ``film_strip.png``.
@@ -89,7 +92,7 @@ def save_result(
     if video:
         frame_writer()
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
-        summary = json.dumps(summary_of(result), indent=2, ensure_ascii=False)
+        summary = json.dumps(summary_of(result, verdict), indent=2, ensure_ascii=False)
         (work / SUMMARY).write_text(summary + "\n", encoding="utf-8")
         write_table(work / "signals.csv", result.names, result.times, result.values)
         if result.runs:
@@ -101,8 +104,10 @@ def save_result(
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
             config = config.model_copy(update={"start": Path(START)})
-        (work / "station.yaml").write_text(station_yaml(config), encoding="utf-8")
-        with done_beside(lambda: _save_plots(result, work / "plots", plots)):
+        from simrob_drake.stations.carried import carried  # the importer, which a run alone does not need
+
+        (work / "station.yaml").write_text(station_yaml(carried(config, work)), encoding="utf-8")
+        with in_background(lambda: _save_plots(result, work / "plots", plots)):
             if recording:
                 save_recording(result, work / "recording.html")
                 save_film_strip(result, work / "film_strip.png", frames=shown)
@@ -136,16 +141,16 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     """Write the references that are no part of the configuration as tables, and return one that names them."""
     config = (result.begun or result.config).model_copy(update={"duration": result.config.duration})
     for robot in config.robots:
-        reference, given = config.reference_of(robot), result.references.get(robot)
+        reference, played = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes
         way: Interpolation = "cubic" if config.follows_speed(robot) else "linear"  # as simulate() joins samples
-        if isinstance(given, Trajectory):
-            way, samples = "hermite", _rows_of(given, config.duration)
-        elif isinstance(given, SineCourse):
+        if isinstance(played, Trajectory):
+            way, samples = "hermite", _rows_of(played, config.duration)
+        elif isinstance(played, SineReference):
             times = np.linspace(0.0, config.duration, int(config.duration * _TRAJECTORY_RATE) + 2)
-            way, samples = "cubic", (times, given.values(times))
-        elif given is not None:
-            samples = given
+            way, samples = "cubic", (times, played.values(times))
+        elif played is not None:
+            samples = played
         elif isinstance(reference, Table):
             way, samples = reference.interpolation, reference.rows(axes)
         else:

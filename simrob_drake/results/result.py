@@ -3,18 +3,21 @@
 from base64 import b64encode
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter, shortened
-from simrob_drake.given import as_path, truth
+from simrob_drake.arguments import as_path, truth
+from simrob_drake.errors import InvalidParameter, VerdictError, shortened
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.plots.formats import PlotFormat
-from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
+from simrob_drake.results.verdict.judge import verdict_of
+from simrob_drake.results.verdict.verdict import Verdict, joined
 
 _WIDTH = 100  # characters of a line
 
@@ -56,12 +59,23 @@ class SimulationResult(RecordedRun):
     Attributes: those of :class:`RecordedRun`.
     """
 
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What was asked of the run against what became of it; see ``verdict:`` in a station's file."""
+        if self.runs:
+            return joined([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
+        return verdict_of(self)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Why the result may be wrong, or other than was asked, though the run went to its end, in words."""
+        return [*self.solver_warnings, *self.verdict.warnings]
+
     def __repr__(self) -> str:
-        """Return three lines: how the run ended, how much of it there is, and what its columns are called."""
-        steps, speed = len(self.step_times) - 1, f"{self.realtime_rate:.0f} × real time"
-        samples = f"{len(self.times)} samples to {self.stop_time:.4g} s, {steps} steps, {speed}"
-        columns = shortened(f"{len(self.names)} columns: {', '.join(self.names)}", _WIDTH)
-        return f"{self.config.name}: {self.message}\n{samples}\n{columns}"
+        """Return three lines: how the run ended, how much of it there is, and what became of what was asked."""
+        samples = f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
+        judged = shortened("; ".join(self.warnings) or str(self.verdict), _WIDTH)
+        return f"{self.config.name}: {self.message}\n{samples}, {self.pace}\n{judged}"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: these lines, a film strip and where all ended."""
@@ -92,7 +106,7 @@ class SimulationResult(RecordedRun):
         target = default_folder(self.config.name) if folder is None else as_path(folder, "folder")
         kinds = {"force": force, "recording": recording, "video": video}
         kept = {name: truth(value, name) for name, value in kinds.items()}
-        return save_result(self, target, frames=frames, plots=plots, **kept)
+        return save_result(self, self.verdict, target, frames=frames, plots=plots, **kept)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
         """Write the motion as a film, and return its file.
@@ -115,6 +129,18 @@ class SimulationResult(RecordedRun):
             raise InvalidParameter("file", target.name, "one that ends in .html, .png, .mp4")
         return (save_recording if target.suffix == ".html" else save_video)(self, target)
 
+    def check(self, strict: bool = True) -> Self:
+        """Return the run; with ``strict`` only if it did what was asked.
+
+        Raises:
+            VerdictError: it has warnings, diverged, or a block failed in it; the error holds it as ``result``.
+        """
+        if truth(strict, "strict"):
+            wrong = [self.message] if self.ending in (DIVERGED, FAILED) else self.warnings
+            if wrong:
+                raise VerdictError(f"{self.config.name}: {'; '.join(wrong)}", self)
+        return self
+
     def summary(self) -> dict[str, Any]:
         """Return what ``summary.json`` holds."""
-        return summary_of(self)
+        return summary_of(self, self.verdict)

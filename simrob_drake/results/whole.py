@@ -87,7 +87,7 @@ def joined(
         notes={name: note for run in runs for name, note in run.notes.items()},
         start=start,
         references={},
-        warnings=list(dict.fromkeys(warning for run in runs for warning in run.warnings)),
+        solver_warnings=list(dict.fromkeys(warning for run in runs for warning in run.solver_warnings)),
         contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
         did="",
         runs=tuple(runs),
@@ -140,9 +140,9 @@ def _plant_of(config: StationConfig, runs: Sequence[RecordedRun]) -> StationPlan
 
 def _positions_at(run: RecordedRun, plant: StationPlant, wandering: Sequence[str], times: Vector) -> Vector:
     """Return positions of a program's plant at times of one of its runs, shape (k, nq)."""
-    given = run.positions_at(times)
+    positions = run.positions_at(times)
     carried = [piece for piece in wandering if piece not in run.plant.free_pieces]
-    known = _by_joint(run.plant.plant, given) | _carried(run, carried, given)
+    known = _by_joint(run.plant.plant, positions) | _carried(run, carried, positions)
     rows = np.empty((len(times), plant.plant.num_positions()))
     for name, places, _ in joints_of(plant.plant):
         rows[:, places] = known[name]
@@ -170,9 +170,9 @@ def _marks(runs: Sequence[RecordedRun], stations: Sequence[StationConfig], begin
     marks, ends = list[Event](), begins[1:].tolist()
     for run, end, before, after in zip(runs, ends, stations[:-1], stations[1:], strict=False):
         changes = [name for name, piece in after.pieces.items() if before.pieces[name].parent != piece.parent]
-        told = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
-        if told or len(marks) < len(runs) - 1:
-            marks.append((end, told or f"{run.did or 'move'} ends"))
+        attached = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
+        if attached or len(marks) < len(runs) - 1:
+            marks.append((end, attached or f"{run.did or 'move'} ends"))
     return tuple(marks)
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from simrob_drake.yaml_files import Number
+from simrob_drake.sections import Number
 
 AxisValues = Number | list[Number] | dict[str, Number]
 """One number for all axes, a list in axis order, or a mapping by axis name or alias."""

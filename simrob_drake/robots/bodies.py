@@ -19,7 +19,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, mass_of, name_of, outward, root_link
 from simrob_drake.robots.urdf_elements import add_frame, moments_of, place, pose_of, set_inertia
 
-_USUAL = re.compile(r"tool|tcp|flange|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
+_USUAL = re.compile(r"tool|tcp|flange|attachment|end_?effector|(^|_)ee(_|f?$)|tip|grasp", re.IGNORECASE)
 """Names that published robots give to the place of the tool."""
 _SHAPES = ("visual", "collision")
 
@@ -118,9 +118,9 @@ def _inertia(link: ET.Element) -> _Inertia | None:
 def tool_links(root: ET.Element) -> list[str]:
     """Return the links of a robot, at least one joint of which moves, that can carry a tool, the likeliest first.
 
-    These are the ends of the kinematic chains: of every chain the link with a usual name (``tool0``, ``tcp`` ...) that
-    is rigidly attached to its last moving link, else the outermost such link. Chains whose end has a usual name come
-    first, then those with more joints, then file order.
+    These are the ends of the kinematic chains: of every chain the link or frame with a usual name (``tool0``, ``tcp``
+    ...) that is rigidly attached to its last moving link, else the outermost such link. Chains whose end has a usual
+    name come first, then those with more joints, then file order.
     """
     carrier, starts = carriers(root), joints_at(root)
     moving = [joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
@@ -132,6 +132,7 @@ def tool_links(root: ET.Element) -> list[str]:
     for end in [link_of(joint, "child") for joint in moving]:
         if end not in inner:
             attached = [end, *(link_of(joint, "child") for joint in outward(starts, end, rigid=True))]
-            usual = [link for link in attached if _USUAL.search(link)]
+            frames = [name_of(frame) for frame in root.iterfind("frame") if frame.get("link") in attached]
+            usual = [name for name in (*frames, *attached) if _USUAL.search(name)]
             ends.append((not usual, -counts[end], (usual or attached)[-1]))
     return [tool for _, _, tool in sorted(ends, key=lambda end: end[:2])]

@@ -12,10 +12,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.given import as_path
-from simrob_drake.paths import models_root
+from simrob_drake.paths import ROBOT_FILE, models_root, robot_files
 from simrob_drake.robots.axis_values import AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.dh import DhTable, described_by_table
@@ -30,13 +30,11 @@ from simrob_drake.robots.urdf import (
     joint_speed,
     movable_joints,
     name_of,
-    read_urdf,
     root_link,
 )
-from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.yaml_files import FileName, Strict, is_file_name, read_yaml, validated
-
-ROBOT_FILE = "robot.yaml"
+from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
+from simrob_drake.sections import FileName, Strict, default_of, is_file_name, validated
+from simrob_drake.yaml_files import read_yaml
 
 
 class Axis(Strict):
@@ -103,12 +101,12 @@ class RobotModel(Strict):
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
     """Where its axes are at the start of a station [deg, or m of a prismatic axis]."""
-    drives: Drives = Drives()
+    drives: Drives = default_of(Drives)
     """Its motors, gears and friction, which a station may change."""
     acceleration_deg: PositiveAxisValues | None = None
     """Largest acceleration of its axes [deg/s², or m/s² of a prismatic axis]; `drake:acceleration` of the URDF's limits
     unless given, and without these none."""
-    servo: Gains = Gains()
+    servo: Gains = default_of(Gains)
     """Gains of its servos, which a station may change."""
     feet: Feet | None = None
     """What it stands on."""
@@ -122,6 +120,8 @@ class RobotModel(Strict):
     def _one_origin(self) -> RobotModel:
         if (self.urdf is None) == (self.dh is None):
             raise ValueError("a robot has either a urdf or a dh table")
+        if self.urdf is not None and not self.urdf_path.resolve().is_relative_to(self.folder.resolve()):
+            raise ValueError(f"the urdf {self.urdf} lies outside of the robot's folder; copy it there")
         return self
 
     def __repr__(self) -> str:
@@ -141,9 +141,14 @@ class RobotModel(Strict):
 
         Raises:
             InvalidModel: the file cannot be read or has a defect.
+            InvalidParameter: its root is another link.
         """
-        root = read_urdf(self.urdf_path) if self.dh is None else dh_robot(self.name, self.dh)
-        check_urdf(root, self.urdf_path)
+        if self.dh is None:
+            root = checked_urdf(self.urdf_path)
+        else:
+            check_urdf(root := dh_robot(self.name, self.dh), self.urdf_path)
+        if self.root != root_link(root):
+            raise InvalidParameter("root", self.root, f"{root_link(root)}, the root link of {self.urdf_path}")
         joints = [axis.joint for axis in self.axes.values()]
         for key in ("rotor_inertia", "gear_ratio", "damping", "friction"):
             if (values := getattr(self.drives, key)) is not None:
@@ -166,7 +171,7 @@ class RobotModel(Strict):
                 changes[key] = {
                     axis: value for axis, value in zip(self.axes, vector.tolist(), strict=True) if np.isfinite(value)
                 }
-        return RobotModel.model_validate({**dict(self), "drives": self.drives.model_copy(update=changes)})
+        return self.model_copy(update={"drives": self.drives.model_copy(update=changes)})
 
     @property
     def links(self) -> list[str]:
@@ -178,7 +183,7 @@ class RobotModel(Strict):
         """Moving links that have no inertia, which only a kinematic station can take."""
         return links_without_inertia(self.element, floating=self.base == "floating")
 
-    @property
+    @cached_property
     def joints(self) -> list[Element]:
         """The ``joint`` elements of the axes, in order.
 
@@ -296,7 +301,7 @@ class RobotModel(Strict):
 
 def robot_names() -> list[str]:
     """Return the names of the robots that come with the package."""
-    return sorted(file.parent.name for file in models_root().glob(f"*/{ROBOT_FILE}"))
+    return list(robot_files())
 
 
 def load_robot(name: str) -> RobotModel:
@@ -334,8 +339,7 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
     described = described_robot(path)
     if described is not None:
         return described
-    root = read_urdf(path)
-    check_urdf(root, path)
+    root = checked_urdf(path)
     if not movable_joints(root):
         raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
     robot = RobotModel(
@@ -361,8 +365,8 @@ def _midway(robot: RobotModel) -> dict[str, float]:
 
 def described_robot(path: Path) -> RobotModel | None:
     """Return the robot of the ``robot.yaml`` beside a URDF if it describes this file."""
-    beside = path.parent / ROBOT_FILE
-    if not isfile(beside):
+    file = path.parent / ROBOT_FILE
+    if not isfile(file):
         return None
-    described = load_robot_file(beside)
+    described = load_robot_file(file)
     return described if described.urdf_path.resolve() == path.resolve() else None

@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.frames import transform_from_pose
-from simrob_drake.quantities import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.sections import ORIGIN, Colour, Inertia, NotNegative, Number, Pose, Positive, Strict, Triple
 
 BASE_LINK, TOOL_LINK = "base_link", "tool0"
 _JOINT = "joint_{}"
@@ -60,13 +59,13 @@ class DhRow(Strict):
         revolute = self.type == "revolute"
         own, other = ("limit_deg", "limit") if revolute else ("limit", "limit_deg")
         spared = "velocity" if revolute else "velocity_deg"
-        given = getattr(self, own)
-        if given is None:
+        limits = getattr(self, own)
+        if limits is None:
             raise ValueError(f"a {self.type} joint needs {own}")
         if getattr(self, other) is not None or getattr(self, spared) is not None:
             raise ValueError(f"a {self.type} joint has {own} and {own.replace('limit', 'velocity')}")
-        if given[0] >= given[1]:
-            raise ValueError(f"{own} is not a lower and a higher figure: {given[0]:g}, {given[1]:g}")
+        if limits[0] >= limits[1]:
+            raise ValueError(f"{own} is not a lower and a higher figure: {limits[0]:g}, {limits[1]:g}")
         return self
 
     @property

@@ -2,16 +2,15 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from copy import deepcopy
 from typing import Annotated
 
 from pydantic import Field
 from pydrake.math import RigidTransform
 
 from simrob_drake.robots.axis_values import AxisValues, every_axis
-from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf import DRAKE, copied, name_of
 from simrob_drake.robots.urdf_elements import add_joint, child_of, set_inertia, written
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.sections import Number, Strict
 
 PLAY = "_play"
 """How the joints end, after the names of their motors' sides, between which links are free."""
@@ -73,7 +72,7 @@ def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
         ends = {"parent": name_of(gear), "child": child.get("link", "")}
         kind = "prismatic" if joint.get("type") == "prismatic" else "revolute"
         loose = add_joint(robot, name + PLAY, kind=kind, pose=RigidTransform(), **ends)
-        loose.extend(deepcopy(joint.findall("axis")))
+        loose.extend(map(copied, joint.findall("axis")))
         ET.SubElement(loose, "limit", lower=written(-half), upper=written(half), effort="0")
         child.set("link", name_of(gear))
 

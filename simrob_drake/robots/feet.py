@@ -15,11 +15,10 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.quantities import NotNegative, Positive, Triple
 from simrob_drake.robots.solids import Solid
 from simrob_drake.robots.urdf import name_of
 from simrob_drake.robots.urdf_elements import add_contact, add_solid
-from simrob_drake.yaml_files import Strict
+from simrob_drake.sections import NotNegative, Positive, Strict, Triple
 
 
 class Sole(Strict):
@@ -122,10 +121,10 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
             sole = feet.boxes[name]
             solids = [Solid(RigidTransform(np.array(sole.centre)), Box(*sole.size))]
         for number, solid in enumerate(solids):
-            add_contact(add_solid(link, "collision", f"{name}_contact_{number}", solid), _contact_figures(feet))
+            add_contact(add_solid(link, "collision", f"{name}_contact_{number}", solid), _contact_properties(feet))
 
 
-def _contact_figures(feet: FootContact) -> dict[str, float | None]:
+def _contact_properties(feet: FootContact) -> dict[str, float | None]:
     """Return Drake's contact figures; those of point and of hydroelastic contact do not disturb each other."""
     static, dynamic = feet.friction
     return {

@@ -5,7 +5,6 @@ The plant is a station's, or one of the robot alone: for what can be said or sho
 
 import re
 import xml.etree.ElementTree as ET
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +21,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.bodies import merge_fixed_links
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.urdf import drop_collision, with_absolute_meshes
+from simrob_drake.robots.urdf import copied, drop_collision, with_absolute_meshes
 
 
 def add_urdf(
@@ -40,7 +39,7 @@ def add_urdf(
     Raises:
         InvalidModel: Drake cannot read the robot.
     """
-    reduced = deepcopy(robot)
+    reduced = copied(robot)
     if not collision:
         drop_collision(reduced)
     for actuator in reduced.iterfind("transmission/actuator"):
@@ -53,8 +52,8 @@ def add_urdf(
     try:
         return parser.AddModelsFromString(ET.tostring(reduced, encoding="unicode"), "urdf")[0]
     except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
-        said = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
-        raise InvalidModel(where, "", f"Drake cannot read it: {said}") from problem
+        message = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
+        raise InvalidModel(where, "", f"Drake cannot read it: {message}") from problem
 
 
 def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[MultibodyPlant, Frame]:

@@ -16,13 +16,24 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel, UnknownName
 from simrob_drake.frames import pose_from_transform, transform_from_pose
-from simrob_drake.paths import models_root
-from simrob_drake.quantities import ORIGIN, Colour, Inertia, NotNegative, Pose, Positive, Triple
+from simrob_drake.paths import PIECE_FILE, models_root, piece_files
 from simrob_drake.robots.solids import Solid, solid_inertia
 from simrob_drake.robots.urdf import mesh_file
-from simrob_drake.yaml_files import Strict, read_yaml, validated
+from simrob_drake.sections import (
+    ORIGIN,
+    Colour,
+    Inertia,
+    Integer,
+    NotNegative,
+    Pose,
+    Positive,
+    Strict,
+    Triple,
+    check_plain,
+    validated,
+)
+from simrob_drake.yaml_files import read_yaml
 
-PIECE_FILE = "piece.yaml"
 TCP = "tcp"
 """The frame that every piece has."""
 
@@ -71,10 +82,10 @@ class PieceShape(Strict):
         return self
 
 
-class Step(Strict):
+class Repeat(Strict):
     """How often a frame is repeated, and by which motion in the piece's frame."""
 
-    count: Annotated[int, Field(ge=1, le=_MOST_FRAMES)]
+    count: Annotated[Integer, Field(ge=1, le=_MOST_FRAMES)]
     """How many frames there are in this direction."""
     step: Pose
     """From each to the next, [x y z Rz Ry Rx] in the piece's frame."""
@@ -85,7 +96,7 @@ class FrameSeries(Strict):
 
     pose: Pose
     """Of the first, [x y z Rz Ry Rx] in the piece's frame."""
-    series: Annotated[tuple[Step, ...], Field(min_length=1)]
+    series: Annotated[tuple[Repeat, ...], Field(min_length=1)]
     """One step for a row, two for rows and columns."""
 
 
@@ -126,8 +137,7 @@ class PieceModel(Strict):
             raise ValueError(f"a series of frames has at most {_MOST_FRAMES}")
         names = [name for name, _ in self._named_poses()]
         for index, name in enumerate(names):
-            if not name.isidentifier():
-                raise ValueError(f"the frame '{name}' has no plain name (letters, digits and _)")
+            check_plain(name)
             if name in names[:index]:
                 raise ValueError(f"the frame '{name}' stands twice")
         return self
@@ -151,7 +161,7 @@ class PieceModel(Strict):
 
 def piece_names() -> list[str]:
     """Return the names of the pieces that come with the package."""
-    return sorted(file.parent.name for file in (models_root() / "pieces").glob(f"*/{PIECE_FILE}"))
+    return list(piece_files())
 
 
 def piece_file(name: str) -> Path:
@@ -210,8 +220,8 @@ def weighed(piece: PieceModel) -> PieceModel:
     Raises:
         InvalidModel: a mesh cannot be read; with a density, a mesh does not enclose a volume, or there are no shapes.
     """
-    given, shapes = piece.model_fields_set, piece.shapes
-    if piece.density is None and ("inertia" in given or piece.mass == 0 or not shapes):
+    stated, shapes = piece.model_fields_set, piece.shapes
+    if piece.density is None and ("inertia" in stated or piece.mass == 0 or not shapes):
         return piece
     if not shapes:
         raise InvalidModel(piece.folder, "density", "is given, but the piece has no shapes to fill")
@@ -222,7 +232,7 @@ def weighed(piece: PieceModel) -> PieceModel:
         "com": tuple(whole.centre.tolist()),
         "inertia": tuple((density * whole.moments).tolist()),
     }
-    update = {key: value for key, value in found.items() if key not in given}
+    update = {key: value for key, value in found.items() if key not in stated}
     return piece.model_copy(update={**update, "density": None})
 
 

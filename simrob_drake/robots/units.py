@@ -25,7 +25,7 @@ class AxisUnit:
     effort: str
     digits: str
 
-    def told(self, position: float) -> str:
+    def shown(self, position: float) -> str:
         """Return a position [rad or m] in the user's unit: "110.0 deg"."""
         return f"{position / self.size:{self.digits}} {self.name}"
 
@@ -34,7 +34,7 @@ REVOLUTE = AxisUnit(float(np.deg2rad(1.0)), "deg", "rad", "N·m", ".1f")
 PRISMATIC = AxisUnit(1.0, "m", "m", "N", ".4g")
 
 
-def with_units(values: Vector, units: Sequence[str], told: Callable[[Vector], str]) -> str:
-    """Return values (n,) or (n, k) as ``told`` writes them, those of each unit together with it."""
+def with_units(values: Vector, units: Sequence[str], written: Callable[[Vector], str]) -> str:
+    """Return values (n,) or (n, k) as ``written`` writes them, those of each unit together with it."""
     kinds = list(dict.fromkeys(units))
-    return ", ".join(f"{told(values[[unit == kind for unit in units]])} {kind}" for kind in kinds)
+    return ", ".join(f"{written(values[[unit == kind for unit in units]])} {kind}" for kind in kinds)

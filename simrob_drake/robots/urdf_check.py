@@ -5,12 +5,22 @@ import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from graphlib import CycleError, TopologicalSorter
+from os.path import isfile
 from pathlib import Path
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.robots.urdf import DRAKE, LIMITED_JOINTS, MOVABLE_JOINTS, link_of, mass_of, name_of
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    LIMITED_JOINTS,
+    MOVABLE_JOINTS,
+    copied,
+    link_of,
+    mass_of,
+    name_of,
+    read_urdf,
+)
 from simrob_drake.robots.urdf_elements import MOMENTS, impossible, moments_of
 
 NUMBER_COUNTS = {
@@ -40,6 +50,28 @@ _WORLD = "world"  # Drake's own link
 
 Refuse = Callable[[str, str], InvalidModel]
 """Makes the error for an element and what is wrong with it."""
+
+
+def checked_urdf(path: Path) -> ET.Element:
+    """Return the ``robot`` element of a URDF file, as :func:`~simrob_drake.robots.urdf.read_urdf`, without a defect.
+
+    Raises:
+        InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
+    """
+    state = path.stat() if isfile(path) else None
+    changed = state and (state.st_dev, state.st_ino, state.st_mtime_ns, state.st_size)
+    return copied(_checked(path, changed))
+
+
+@lru_cache(maxsize=64)
+def _checked(path: Path, changed: object) -> ET.Element:
+    """Read a file once for each time that it was ``changed``: stations ask for their robots again and again.
+
+    Which file it is belongs to that: a relative path leads elsewhere from another folder.
+    """
+    root = read_urdf(path)
+    check_urdf(root, path)
+    return root
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
@@ -241,8 +273,8 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
             missing = "has no <transmission>, so no motor can move it; add one"
             raise refuse(where, "has two transmissions" if own else missing)
         if not (own[0].findtext("type") or "").strip().endswith("SimpleTransmission"):
-            wanted = "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission"
-            raise refuse(where, wanted)
+            expected = "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission"
+            raise refuse(where, expected)
         limit = joint.find("limit")
         if limit is None or float(limit.get("effort", 0)) <= 0:
             raise refuse(f"{where} <limit>", "effort is not positive [N·m], so its motor could not move it")

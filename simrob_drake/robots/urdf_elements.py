@@ -102,10 +102,10 @@ def add_colour(owner: ET.Element, name: str, rgba: Iterable[float]) -> ET.Elemen
     return material
 
 
-def add_contact(collision: ET.Element, figures: Mapping[str, float | None]) -> None:
+def add_contact(collision: ET.Element, values: Mapping[str, float | None]) -> None:
     """Add Drake's contact figures to a ``collision``, by their names there; None for one that is a name alone."""
     properties = ET.SubElement(collision, f"{DRAKE}proximity_properties")
-    for key, value in figures.items():
+    for key, value in values.items():
         ET.SubElement(properties, f"{DRAKE}{key}", {} if value is None else {"value": written(value)})
 
 

@@ -1,9 +1,9 @@
 """Run stations: build their diagrams, step them, and make results of what was recorded."""
 
+from simrob_drake.simulation.arguments import ReferenceLike
 from simrob_drake.simulation.by_hand import Hands
 from simrob_drake.simulation.run import OnStep
 from simrob_drake.simulation.runner import Runner, simulate, simulate_diagram
 from simrob_drake.simulation.stepping import Moment, Ticks
-from simrob_drake.simulation.wanted import Reference
 
-__all__ = ["Hands", "Moment", "OnStep", "Reference", "Runner", "Ticks", "simulate", "simulate_diagram"]
+__all__ = ["Hands", "Moment", "OnStep", "ReferenceLike", "Runner", "Ticks", "simulate", "simulate_diagram"]

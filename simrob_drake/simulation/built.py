@@ -6,11 +6,12 @@ from functools import cached_property
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from simrob_drake.blocks.references import Course, SineCourse, corner_times, hold
+from simrob_drake.blocks.references import Reference, SineReference, corner_times, hold
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
-from simrob_drake.parts.controllers.own import DRIVABLE, driven_inputs
-from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.parts.controllers.own import driven_inputs
+from simrob_drake.parts.forces import ForceConfig
+from simrob_drake.parts.forces.push import Push
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.resolve import ResolvedStation
 
@@ -27,7 +28,7 @@ class StationDiagrams:
     def __init__(
         self,
         station: ResolvedStation,
-        courses: Mapping[str, Course],
+        references: Mapping[str, Reference],
         blocks: Mapping[str, LeafSystem],
         *,
         watched: bool = False,
@@ -36,38 +37,39 @@ class StationDiagrams:
 
         Args:
             station: resolved.
-            courses: what each robot is asked.
+            references: what each robot is asked.
             blocks: the station's controllers and other blocks of the user's own, by name.
             watched: step the one with everything, since somebody looks at it meanwhile.
         """
         self._station, self._blocks, self._watched = station, blocks, watched
-        self.courses, self.forces = dict(courses), dict(station.config.forces)
+        self.references, self.forces = dict(references), dict(station.config.forces)
 
-    def fits(self, courses: Mapping[str, Course]) -> bool:
+    def fits(self, references: Mapping[str, Reference]) -> bool:
         """Tell whether these references can be played: those that are sines stay as they are."""
-        return all(_same_kind(self.courses[robot], course) for robot, course in courses.items())
+        return all(_same_kind(self.references[robot], reference) for robot, reference in references.items())
 
-    def play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
+    def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
         """Let all diagrams give other references, and other pushes at the same places."""
-        self.courses, self.forces = dict(courses), dict(forces)
-        self._play(courses, forces)
+        self.references, self.forces = dict(references), dict(forces)
+        self._play(references, forces)
 
     def forget(self) -> None:
         """Let the sources of all diagrams forget their trajectories, which may be long."""
         self._play({robot.name: hold(np.zeros(len(robot.axes))) for robot in self._station.robots.values()}, {})
 
-    def _play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
+    def _play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
         for name in ("whole", "_lean", "_unpushed"):
             if name in self.__dict__:
-                self.__dict__[name].play(courses, forces)
+                self.__dict__[name].play(references, forces)
 
     @property
     def edges(self) -> list[float]:
         """Times at which a step must end: corners of references, edges of pushes [s]."""
         driven = driven_inputs(self._blocks)
         robots = self._station.robots.values()
-        asked = [self.courses[robot.name] for robot in robots if f"{robot.prefix}reference" not in driven]
-        corners = {time for course in asked for time in corner_times(course)}
+        played = [self.references[robot.name] for robot in robots if f"{robot.prefix}reference" not in driven]
+        played += [reference for robot in robots for reference in robot.prescribed.values()]
+        corners = {time for reference in played for time in corner_times(reference)}
         return sorted(corners | {edge for force in self.forces.values() for edge in force.edges})
 
     def stepped(self, time: float) -> ClosedStation:
@@ -101,23 +103,17 @@ class StationDiagrams:
 
     def _built(self, *, sensors: list[str] | None = None, forces: bool = True) -> ClosedStation:
         kept = self._stepped_sensors if sensors is None else sensors
-        leave = {"forces": forces, "monitors": False}
-        made = closed_station(self._station, self.courses, sensors=kept, blocks=self._blocks, **leave)
+        leave = {"forces": forces, "monitors": False, "lean": not self._watched}
+        made = closed_station(self._station, self.references, sensors=kept, blocks=self._blocks, **leave)
         made.play_forces(self.forces)  # which may be others by now than the station's own
         return made
 
 
-def needed_inputs(blocks: Mapping[str, LeafSystem]) -> list[str]:
-    """Return the inputs of robots that blocks drive, and that a station has only where they are asked for."""
-    names = {output.rpartition(".")[2] for output in driven_inputs(blocks)}
-    return [name for name in DRIVABLE if name in names and name not in ("reference", "reference_acceleration")]
-
-
-def _same_kind(old: Course, new: Course) -> bool:
-    if isinstance(old, SineCourse) or isinstance(new, SineCourse):
+def _same_kind(old: Reference, new: Reference) -> bool:
+    if isinstance(old, SineReference) or isinstance(new, SineReference):
         return (
-            isinstance(old, SineCourse)
-            and isinstance(new, SineCourse)
+            isinstance(old, SineReference)
+            and isinstance(new, SineReference)
             and old.frequency == new.frequency
             and all(np.array_equal(getattr(old, key), getattr(new, key)) for key in ("centre", "amplitude", "phase"))
         )

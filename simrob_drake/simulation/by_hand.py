@@ -1,17 +1,21 @@
 """Walks that somebody commands while a run is under way, and the table of commands by which it can be repeated."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from math import degrees
-from typing import TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pydrake.systems.framework import Context, Diagram
 
+from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.frames import numbers
-from simrob_drake.given import instance
-from simrob_drake.parts.controllers.walk import Walk, WalkingLoop
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.walking.commands import Commanded
+
+if TYPE_CHECKING:
+    from simrob_drake.parts.controllers.walk import Walk, WalkingLoop
+    from simrob_drake.walking.commands import Commanded
 
 Hands: TypeAlias = Mapping[str, Callable[[float], Sequence[float] | None]]
 """By the name of a controller of kind ``walk``, what it is asked for at a time [s]: speeds ahead and to the left [m/s],
@@ -29,8 +33,8 @@ class ByHand:
             InvalidParameter: something else than functions by name, or a name of something that is no walk.
         """
         self._hands = {} if hands is None else instance(hands, "commands", Mapping, "a mapping by controller")
-        self._rows = dict[str, list[Commanded]]()
-        walks = [name for name, section in config.controllers.items() if isinstance(section, Walk)]
+        self._rows: dict[str, list[Commanded]] = {}
+        walks = [name for name, section in config.controllers.items() if section.kind == "walk"]
         for name, ask in self._hands.items():
             one_of("walk", name, walks)
             if not callable(ask):
@@ -44,17 +48,17 @@ class ByHand:
         """
         time = context.get_time()
         for name, ask in self._hands.items():
-            if not time or (wanted := ask(time)) is None:
+            if not time or (command := ask(time)) is None:
                 continue
-            row, rows = _row(name, time, wanted), self._rows.setdefault(name, [])
+            row, rows = _row(name, time, command), self._rows.setdefault(name, [])
             if not rows or row.command != rows[-1].command:
                 rows.append(row)
-                loop = cast(WalkingLoop, diagram.GetSubsystemByName(f"controller.{name}"))
+                loop = cast("WalkingLoop", diagram.GetSubsystemByName(f"controller.{name}"))
                 loop.command_by_hand(loop.GetMyMutableContextFromRoot(context), row.command)
 
     def commanded(self, config: StationConfig) -> StationConfig:
         """Return a station whose tables hold what was commanded: run again, it does the same."""
-        sections = {name: cast(Walk, config.controllers[name]).commanded(rows) for name, rows in self._rows.items()}
+        sections = {name: cast("Walk", config.controllers[name]).commanded(rows) for name, rows in self._rows.items()}
         return config.model_copy(update={"controllers": {**config.controllers, **sections}}) if sections else config
 
     @property
@@ -63,10 +67,12 @@ class ByHand:
         return tuple(self._rows)
 
 
-def _row(name: str, time: float, wanted: Sequence[float]) -> Commanded:
-    values = numbers(wanted)
+def _row(name: str, time: float, command: Sequence[float]) -> Commanded:
+    from simrob_drake.walking.commands import Commanded  # loaded where a walk is commanded: most stations have none
+
+    values = numbers(command)
     if values.shape != (3,) or not all(abs(value) < float("inf") for value in values):
         expected = "three numbers: speeds ahead and to the left [m/s], turn [rad/s]"
-        raise InvalidParameter(f"commands: {name} at {time:g} s", quoted(wanted), expected)
+        raise InvalidParameter(f"commands: {name} at {time:g} s", quoted(command), expected)
     ahead, left, turn = values.tolist()
     return Commanded(time=time, ahead=ahead, sideways=left, turn_deg=round(degrees(turn), _DIGITS))

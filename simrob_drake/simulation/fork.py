@@ -5,12 +5,12 @@ from typing import Any
 
 from pydrake.systems.framework import LeafSystem
 
-from simrob_drake.given import drake_asserts
+from simrob_drake.arguments import drake_asserts
 from simrob_drake.results.record.state import State
+from simrob_drake.simulation.arguments import with_pushes
 from simrob_drake.simulation.built import StationDiagrams
 from simrob_drake.simulation.run import watched
 from simrob_drake.simulation.stepping import Outcome, Stepper
-from simrob_drake.simulation.wanted import with_pushes
 from simrob_drake.stations.config import StationConfig
 
 
@@ -34,7 +34,7 @@ class Fork:
     ) -> None:
         """Step a station up to a moment ``at`` [s]; its diagrams play its references and pushes."""
         self._config, self._diagrams, self._blocks = config, diagrams, blocks
-        self._courses = diagrams.courses
+        self._references = diagrams.references
         self._stepper = self._stepping(config.model_copy(update={"duration": at}))
         if start is not None:
             start.put(
@@ -52,7 +52,7 @@ class Fork:
         if self.begun.ending != "completed":
             return self.begun
         config = with_pushes(self._config, pushes)
-        self._diagrams.play(self._courses, config.forces)
+        self._diagrams.play(self._references, config.forces)
         return self._outcome(self._stepping(config, reached=self._stepper.simulator.get_context()))
 
     def _stepping(self, config: StationConfig, **more: Any) -> Stepper:

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, OutputPort
 
-from simrob_drake.blocks.references import Course, Samples
+from simrob_drake.arguments import truth
+from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.frames import Vector
-from simrob_drake.given import truth
 from simrob_drake.progress import note, progress_bar
-from simrob_drake.results.record.history import History, Recorder
+from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
 from simrob_drake.results.record.signals import Sampler, sampled
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.watch import Watch, cut_at_stop
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.pace import pace_watcher
+from simrob_drake.simulation.pace import PaceWatch
 from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
@@ -26,7 +26,7 @@ from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.stations.steps import step_findings
 
 OnStep = Callable[[float, Vector], None]
-_NOTHING = History(np.zeros(1), np.zeros((1, 0)))
+_NOTHING = StateHistory(np.zeros(1), np.zeros((1, 0)))
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Run:
         *,
         progress: bool,
         on_step: OnStep | None,
-        references: dict[str, Course | Samples],
+        references: dict[str, Reference | Samples],
         start: State | None,
         hand: Callable[[Context], None] | None = None,
     ) -> SimulationResult:
@@ -63,20 +63,21 @@ class Run:
         with progress_bar(
             f"simulating {self.config.name}", self.config.duration, shown=truth(progress, "progress")
         ) as show:
-            if show is not None:
-                watchers.append(pace_watcher(self.config, show))
+            stepper = self.stepper
+            pace = PaceWatch(self.config, lambda: stepper.built, own_blocks=stepper.has_own_blocks, show=show)
+            watchers.append(pace)
             recorder, watch = watched(self.stepper, self.whole, *watchers)
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
-        told: dict[str, Any] = {"stepping_time": stepping_time, "references": references, "start": start}
+        known: dict[str, Any] = {"stepping_time": stepping_time, "references": references, "start": start}
         try:
-            return self._evaluated(recorder, watch, outcome, **told)
+            return self._evaluated(recorder, watch, outcome, **known)
         except KeyboardInterrupt:  # the run is not to be lost
             note("interrupted; the signals are computed first, interrupt again to abandon them", shown=progress)
-            return self._evaluated(recorder, watch, interrupted(self.config, recorder), **told)
+            return self._evaluated(recorder, watch, interrupted(self.config, recorder), **known)
 
-    def _evaluated(self, recorder: Recorder, watch: Watch, outcome: Outcome, **told: Any) -> SimulationResult:
+    def _evaluated(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
         """Sample the signals of a run that has been stepped."""
         began = perf_counter()
         ports, stop = self.whole.ports, watch.stop if outcome.ending == "monitor" else None
@@ -91,11 +92,11 @@ class Run:
         )
         if stop is not None and not (isinstance(self.config.solver, DiscreteSolver) and self.config.mode == "dynamic"):
             hold = ports.monitors[stop.name].hold
-            asked = Sampler(self.whole.diagram, ports, history, prepare=self.prepare)
+            probe = Sampler(self.whole.diagram, ports, history, prepare=self.prepare)
             cut_at_stop(
-                asked, lambda s, time: watch.holds(stop.name, s, time), self.stepper.step, onset=stop.onset, hold=hold
+                probe, lambda s, time: watch.holds(stop.name, s, time), self.stepper.step, onset=stop.onset, hold=hold
             )
-            sampler.history = asked.history
+            sampler.history = probe.history
         self.forget()
         if outcome.ending == "monitor":
             outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
@@ -120,14 +121,16 @@ class Run:
             positions_at=lambda at: sampler.sample([ports.state], at)[0][:, :positions],
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
-            warnings=self._warnings(),
+            solver_warnings=self._warnings(),
+            context=None if self.config.mode == "kinematic" else lambda: sampler.looked_at,
+            shortened=self.stepper.shortened,
             final_state=State.of(
                 self.whole.diagram,
                 ports,
                 sampler.context_at(sampler.history.end),
                 tolerant=outcome.ending == FAILED,
             ),
-            **told,
+            **known,
         )
         self.forget()
         return result

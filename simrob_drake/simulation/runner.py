@@ -5,25 +5,27 @@ from copy import copy
 from dataclasses import replace
 from typing import Any, Self
 
+import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
-from simrob_drake.blocks.references import Course, Samples
+from simrob_drake.arguments import drake_asserts, instance
+from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.given import drake_asserts, instance
 from simrob_drake.parts.controllers import own_blocks
-from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks
-from simrob_drake.parts.forces import Push
+from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
+from simrob_drake.parts.forces.push import Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.built import StationDiagrams, needed_inputs
+from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes
+from simrob_drake.simulation.built import StationDiagrams
 from simrob_drake.simulation.by_hand import ByHand, Hands
 from simrob_drake.simulation.fork import Fork
 from simrob_drake.simulation.run import OnStep, Run
 from simrob_drake.simulation.stepping import Stepper, Ticks
-from simrob_drake.simulation.wanted import Reference, by_robot, with_duration, with_pushes
-from simrob_drake.stations.closed import ClosedStation, check_course, station_courses
+from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.prescribed import alone_on, begin_on_prescribed
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.station import StationLike, config_of
 
@@ -34,13 +36,14 @@ _NOT_OWN = ("pydrake", "simrob_drake")
 def simulate(
     config_or_station: StationLike,
     *,
-    reference: Reference | Mapping[str, Reference] | None = None,
+    reference: ReferencesLike = None,
     duration: float | None = None,
     blocks: Blocks = (),
     start: State | None = None,
     progress: bool = True,
     on_step: OnStep | None = None,
     commands: Hands | None = None,
+    strict: bool = False,
 ) -> SimulationResult:
     """Run a station and return what happened.
 
@@ -65,16 +68,18 @@ def simulate(
             of the controller a function that returns it at a time [s] after each step, as speeds ahead and to the left
             [m/s] and turn [rad/s], or None to leave it as it is. The sections of the result's configuration hold it
             as a table: run again, it does the same to the last bit.
+        strict: take warnings of the result for errors.
 
     Returns:
         the result, also when a monitor ended the run, when the simulation diverged, or when a block failed.
 
     Raises:
         SimrobError: input that cannot be run at all.
+        VerdictError: with ``strict`` a run that has warnings, diverged, or in which a block failed.
     """
     runner = Runner(config_or_station, blocks=blocks)
-    given: dict[str, Any] = {"reference": reference, "duration": duration, "start": start}
-    return runner.run(**given, progress=progress, on_step=on_step, commands=commands)
+    arguments: dict[str, Any] = {"reference": reference, "duration": duration, "start": start}
+    return runner.run(**arguments, progress=progress, on_step=on_step, commands=commands, strict=strict)
 
 
 class Runner:
@@ -97,8 +102,8 @@ class Runner:
         self.config = config_of(station)
         made = own_blocks(self.config.controllers)
         self._blocks = {**made, **named_blocks(blocks)}
-        needed = [name for name in needed_inputs(self._blocks) if name not in self.config.inputs]
-        self._station = resolve(self.config.model_copy(update={"inputs": (*self.config.inputs, *needed)}))
+        inputs = with_driven(self.config.inputs, self._blocks)
+        self._station = resolve(self.config.model_copy(update={"inputs": inputs}))
         self._diagrams: dict[Any, StationDiagrams] = {}
 
     def __repr__(self) -> str:
@@ -122,7 +127,7 @@ class Runner:
     def run(
         self,
         *,
-        reference: Reference | Mapping[str, Reference] | None = None,
+        reference: ReferencesLike = None,
         duration: float | None = None,
         start: State | None = None,
         pushes: Mapping[str, Any] | None = None,
@@ -130,6 +135,7 @@ class Runner:
         on_step: OnStep | None = None,
         commands: Hands | None = None,
         ticks: Ticks | None = None,
+        strict: bool = False,
     ) -> SimulationResult:
         """Run the station, as :func:`simulate` does.
 
@@ -142,33 +148,32 @@ class Runner:
             on_step: as of :func:`simulate`.
             commands: likewise.
             ticks: even times at which stepping begins anew, and may end.
+            strict: as of :func:`simulate`.
 
         Raises:
-            SimrobError: input that cannot be run at all.
+            SimrobError: as of :func:`simulate`.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
         if on_step is not None and not callable(on_step):
             raise InvalidParameter("on_step", on_step, "a function of time and positions")
-        start, hand = _checked_start(config, start), ByHand(config, commands)
-        given = by_robot(config, reference)
-        diagrams = self._playing(config, given, start, watched=ticks is not None)
-        courses = diagrams.courses
+        start, hand = self._started(config, start), ByHand(config, commands)
+        requested = by_robot(config, reference)
+        diagrams = self._playing(config, requested, start, watched=ticks is not None)
+        references = diagrams.references
         stepper = Stepper(config, diagrams.stepped, diagrams.edges, blocks=self._blocks, ticks=ticks)
         if start is not None:
             start.put(stepper.built.diagram, stepper.built.ports, stepper.simulator.get_mutable_context())
         whole = diagrams.whole
-        run = Run(config, whole, stepper, lambda: whole.play(courses, config.forces), diagrams.forget)
+        run = Run(config, whole, stepper, lambda: whole.play(references, config.forces), diagrams.forget)
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
         watch = (lambda context: hand.look(stepper.built.diagram, context)) if commands else None
-        result = run.result(progress=progress, on_step=on_step, references=given, start=start, hand=watch)
+        result = run.result(progress=progress, on_step=on_step, references=requested, start=start, hand=watch)
         config = hand.commanded(result.config.model_copy(update={"controllers": own}))
-        return replace(result, config=config, commanded=hand.names)
+        return replace(result, config=config, commanded=hand.names).check(strict)
 
     @drake_asserts()
-    def fork(
-        self, at: float, *, reference: Reference | Mapping[str, Reference] | None = None, duration: float | None = None
-    ) -> Fork:
+    def fork(self, at: float, *, reference: ReferencesLike = None, duration: float | None = None) -> Fork:
         """Run the station up to a moment, from which runs with other pushes go on.
 
         Args:
@@ -182,48 +187,82 @@ class Runner:
         config = with_duration(self.config, duration)
         if not 0 < at < config.duration:
             raise InvalidParameter("at", at, f"a moment within the run, over 0 and below {config.duration:g} s")
-        start = _checked_start(config, None)
+        start = self._started(config, None)
         return Fork(config, at, self._playing(config, by_robot(config, reference), start), self._blocks, start)
 
-    def courses(self, reference: Reference | Mapping[str, Reference] | None, start: State | None) -> dict[str, Course]:
+    @drake_asserts()
+    def check(self, reference: ReferencesLike = None) -> None:
+        """Check, without a run, that the state it would begin in can be read and fits, and that robots can follow.
+
+        Args:
+            reference: as of :func:`simulate`.
+
+        Raises:
+            SimrobError: they cannot.
+        """
+        start = _checked_start(self.config, None)
+        self._check_references(self.references(reference, start), self.config.duration)
+        if start is not None:
+            built = self._playing(self.config, by_robot(self.config, reference), start).stepped(0.0)
+            start.put(built.diagram, built.ports, built.diagram.CreateDefaultContext())
+
+    def references(self, reference: ReferencesLike, start: State | None) -> dict[str, Reference]:
         """Return what each robot is asked in a run that begins in a state, as :meth:`run` takes them all.
 
         Raises:
             SimrobError: a reference that does not fit its robot.
         """
-        return station_courses(self._station, by_robot(self.config, reference), start.references if start else None)
+        return station_references(self._station, by_robot(self.config, reference), start.references if start else None)
+
+    def _started(self, config: StationConfig, start: State | None) -> State | None:
+        """Return the state in which a run begins, prescribed axes on their references; None for that of the station."""
+        start, robots = _checked_start(config, start), self._station.robots
+        if not any(robot.prescribed for robot in robots.values()):
+            return start
+        rest = {name: np.zeros(len(robot.axes)) for name, robot in robots.items()}
+        initial = {name: robot.initial for name, robot in robots.items()}
+        start = start or State(initial, rest, initial)
+        for name, robot in robots.items():
+            before = start.positions.get(name, robot.initial), start.velocities.get(name, rest[name])
+            start = start.with_axes(robot, *begin_on_prescribed(robot, *before))
+        return start
 
     def _playing(
         self,
         config: StationConfig,
-        given: Mapping[str, Course | Samples],
+        requested: Mapping[str, Reference | Samples],
         start: State | None,
         *,
         watched: bool = False,
     ) -> StationDiagrams:
         """Return the diagrams for a run, which play its references and pushes."""
-        courses = station_courses(self._station, given, start.references if start else None)
+        references = station_references(self._station, requested, start.references if start else None)
+        self._check_references(references, config.duration)
+        diagrams = self._diagrams_of(config, references, watched=watched)
+        diagrams.play(references, config.forces)
+        return diagrams
+
+    def _check_references(self, references: Mapping[str, Reference], duration: float) -> None:
         driven = driven_inputs(self._blocks)
         for robot in self._station.robots.values():
             if f"{robot.prefix}reference" not in driven:
-                check_course(robot, courses[robot.name], config.duration)
-        diagrams = self._diagrams_for(config, courses, watched=watched)
-        diagrams.play(courses, config.forces)
-        return diagrams
+                check_reference(robot, references[robot.name], duration)
+            for place, reference in robot.prescribed.items():
+                check_reference(alone_on(robot, place), reference, duration)
 
-    def _diagrams_for(self, config: StationConfig, courses: Mapping[str, Course], *, watched: bool) -> StationDiagrams:
+    def _diagrams_of(self, config: StationConfig, played: Mapping[str, Reference], *, watched: bool) -> StationDiagrams:
         """Return the diagrams for a run: those of other runs, if forces act at the same places."""
         places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
         known = self._diagrams.get(places)
-        if known is None or not known.fits(courses):
+        if known is None or not known.fits(played):
             if self._diagrams and self._blocks:
-                told = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
-                raise SimrobError(told)
+                message = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
+                raise SimrobError(message)
             station = self._station
             if config.forces != self.config.forces:
                 station = resolve(station.config.model_copy(update={"forces": config.forces}))
                 check_parts(station)
-            known = self._diagrams[places] = StationDiagrams(station, courses, self._blocks, watched=watched)
+            known = self._diagrams[places] = StationDiagrams(station, played, self._blocks, watched=watched)
         return known
 
 

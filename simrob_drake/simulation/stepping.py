@@ -11,9 +11,10 @@ import numpy as np
 from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, LeafSystem
 
+from simrob_drake.blocks.sampled import BlockFails
 from simrob_drake.frames import Vector
 from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.results.record.history import History, Recorder
+from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.watch import Watch
@@ -21,7 +22,7 @@ from simrob_drake.simulation.flight import Flight
 from simrob_drake.simulation.pace import creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solve import apply_solver, stepped_by
+from simrob_drake.stations.solve import apply_solver, controlled_by, stepped_by
 from simrob_drake.stations.steps import likely_cause
 
 _ROUNDING = 1e-9  # s
@@ -42,8 +43,7 @@ class Moment:
 
     def value(self, output: str) -> Vector:
         """Return what an output of the station gives now, such as ``position``."""
-        port = self._built.ports.outputs[output]
-        return np.array(port.Eval(port.get_system().GetMyContextFromRoot(self._context)))
+        return self._built.ports.value(output, self._context)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
         """Let pushes and drags go on in another way from now on."""
@@ -93,6 +93,7 @@ class Stepper:
 
     Attributes:
         built: the diagram that is stepped now.
+        shortened: how often the solver has tried a step again, shorter; None where all steps are of one length.
     """
 
     def __init__(
@@ -125,6 +126,7 @@ class Stepper:
         self.built = diagram_at(first)
         used = {id(built): built for built in map(diagram_at, [first, *self._edges[:-1]])}
         self._simulators = {key: self._simulator(built) for key, built in used.items()}
+        self.shortened = None if controlled_by(config) is None else 0
         self._in_motion = reached is not None
         if reached is not None:
             _copy_state(reached, self.simulator.get_mutable_context())
@@ -133,6 +135,11 @@ class Stepper:
     def simulator(self) -> Simulator:
         """That of the diagram that is stepped now."""
         return self._simulators[id(self.built)]
+
+    @property
+    def has_own_blocks(self) -> bool:
+        """Whether there are blocks of the user's own."""
+        return bool(self._blocks)
 
     def pace(self) -> Callable[[Context], None] | None:
         """Return what is to look at each step from now on, and changes the length of the next, if anything does."""
@@ -143,6 +150,7 @@ class Stepper:
         try:
             return self._outcome(recorder, watch)
         finally:
+            self._count_steps()
             for simulator in self._simulators.values():
                 simulator.clear_monitor()  # it holds who watches, who may hold it: no collector sees through Drake
 
@@ -168,7 +176,7 @@ class Stepper:
             return Outcome("monitor", status.system().get_name().rpartition(".")[2], status.message())
         return Outcome("completed", None, f"ran to its end at {self.simulator.get_context().get_time():.6g} s")
 
-    def step(self, history: History, time: float) -> History:
+    def step(self, history: StateHistory, time: float) -> StateHistory:
         """Return the state at ``time`` [s], stepped anew from the last recorded one before it.
 
         Raises:
@@ -207,6 +215,7 @@ class Stepper:
         """Let the simulator forget all but the state: it takes an integrator that is new."""
         context = self.simulator.get_mutable_context()
         time = context.get_time()
+        self._count_steps()
         apply_solver(self.simulator, self._config)
         context.SetTime(time)  # which a new integrator sets to zero
         recorder.attach(self.simulator, self.pace())
@@ -218,10 +227,18 @@ class Stepper:
         built = self._diagram_at(context.get_time())
         if built is self.built:
             return
+        self._count_steps()
         self.built = built
         _copy_state(context, self.simulator.get_mutable_context())
         recorder.attach(self.simulator, self.pace())
         self._initialize_in_motion()
+
+    def _count_steps(self) -> None:
+        """Count what the present integrator has shortened, before it begins anew."""
+        if self.shortened is not None:
+            integrator = self.simulator.get_integrator()
+            self.shortened += integrator.get_num_step_shrinkages_from_error_control()
+            self.shortened += integrator.get_num_step_shrinkages_from_substep_failures()
 
     def _initialize_in_motion(self) -> SimulatorStatus:
         """Let the simulator go on with long steps, since nothing begins here."""
@@ -243,20 +260,22 @@ class Stepper:
         return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
 
     def failed(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
-        """Return how a block of the user's own ended the run by an exception; None if none of them did.
+        """Return how a block of the user's own, or one that cannot go on, ended the run; None if none of them did.
 
         Args:
             problem: the exception.
             context: of the diagram, as it was then.
             time: of the failure [s].
         """
+        if isinstance(problem, BlockFails):
+            return Outcome("failed", problem.block, f"{problem.block} failed at {time:.4g} s: it {problem}")
         for frame, line in reversed(list(walk_tb(problem.__traceback__))):
             for name, block in self._blocks.items():
                 within = frame.f_code.co_qualname.startswith(f"{type(block).__qualname__}.")  # such as a lambda
                 if frame.f_locals.get("self", block if within else None) is block:
                     where = _failing_port(block, context, type(problem)) or frame.f_code.co_name
-                    told = f"{type(problem).__name__}: {problem} (line {line})"
-                    return Outcome("failed", name, f"the block {name} failed at {time:.4g} s in {where}: {told}")
+                    cause = f"{type(problem).__name__}: {problem} (line {line})"
+                    return Outcome("failed", name, f"the block {name} failed at {time:.4g} s in {where}: {cause}")
         return None
 
     def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
@@ -267,8 +286,8 @@ class Stepper:
 
 def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
     """Return the outcome of a run that its user interrupted."""
-    told = creeping(config, recorder.times)
-    return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s" + (told and f"; {told}"))
+    slow = creeping(config, recorder.times)
+    return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s" + (slow and f"; {slow}"))
 
 
 def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:

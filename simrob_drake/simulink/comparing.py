@@ -5,24 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from simrob_drake import simulate
-from simrob_drake.csv_files import column_names, read_columns
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.files import column_names, read_columns
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.given import as_path
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulink.values.functions import matrix
-from simrob_drake.simulink.values.workspace import given_variables
+from simrob_drake.simulink.values.workspace import variables_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-
-if TYPE_CHECKING:
-    pass
 
 TIMES = ("time", "tout", "t")
 """What the column of times may be called."""
@@ -31,7 +28,7 @@ NUMBERS = "differences.csv"
 
 
 @dataclass(frozen=True)
-class Difference:
+class SignalDifference:
     """How one signal differs.
 
     Attributes:
@@ -66,8 +63,9 @@ def read_log(file: Path | str, names: Mapping[str, str]) -> tuple[Vector, dict[s
     """Return the times (m,) [s] and the signals of a log, by our names.
 
     Args:
-        file: `.csv` with a header, or `.mat`; of a matrix, ``yout.1`` is the first column; variables of another
-            length than the times are no signals.
+        file: `.csv` with a header, of commas or semicolons, or `.mat`; of a matrix, ``yout.1`` is the first column;
+            a structure with time, of To Workspace, goes by its label or its own name; variables of another length than
+            the times are no signals.
         names: ours by theirs, for those that are called otherwise.
 
     Raises:
@@ -78,10 +76,13 @@ def read_log(file: Path | str, names: Mapping[str, str]) -> tuple[Vector, dict[s
     columns = _of_mat(file) if file.suffix.lower() == ".mat" else _of_csv(file)
     clock = next((name for name in TIMES if name in columns), None)
     if clock is None:
-        raise InvalidParameter("--with", str(file), f"a log with a column {', '.join(TIMES)}")
+        expected = f"a log with a column {', '.join(TIMES)}"
+        if file.suffix.lower() == ".mat":
+            expected += "; of a timeseries, in MATLAB: tout = simout.Time; yout = simout.Data; save log.mat tout yout"
+        raise InvalidParameter("--with", str(file), expected)
     times = columns.pop(clock)
-    if len(times) < 2 or np.any(np.diff(times) <= 0) or not np.all(np.isfinite(times)):
-        raise InvalidParameter("--with", str(file), "a log whose times rise")
+    if len(times) < 2 or not np.all(np.isfinite(times)) or times[0] < 0 or np.any(np.diff(times) <= 0):
+        raise InvalidParameter("--with", str(file), "a log of two moments or more, whose times rise from 0 or later")
     for theirs in names:
         if theirs not in columns:
             raise UnknownName("signal of the log", theirs, columns)
@@ -96,20 +97,29 @@ def _of_csv(file: Path) -> dict[str, Vector]:
 
 def _of_mat(file: Path) -> dict[str, Vector]:
     columns: dict[str, Vector] = {}
-    for name, value in given_variables({}, [file]).items():
-        if isinstance(value, str | dict):
-            continue
-        array = matrix(value)
-        if 1 in array.shape:
-            columns[name] = array.reshape(-1)
-        else:
-            columns |= {f"{name}.{index + 1}": column for index, column in enumerate(array.T)}
+    for name, value in variables_of({}, [file]).items():
+        signals = value.get("signals") if isinstance(value, dict) else None
+        if isinstance(signals, dict) and "values" in signals:  # a structure of To Workspace
+            label = signals.get("label")
+            columns |= _columns(label if isinstance(label, str) and label else name, signals["values"])
+            if np.size(value.get("time", ())):
+                columns.setdefault(TIMES[0], matrix(value["time"]).reshape(-1))
+        elif not isinstance(value, str | dict):
+            columns |= _columns(name, value)
     return columns
+
+
+def _columns(name: str, value: Any) -> dict[str, Vector]:
+    """Return a vector by its name, and the columns of a matrix by numbers behind it."""
+    array = matrix(value)
+    if 1 in array.shape:
+        return {name: array.reshape(-1)}
+    return {f"{name}.{index + 1}": column for index, column in enumerate(array.T)}
 
 
 def compare(
     config: StationConfig, times: Vector, logged: Mapping[str, Vector], *, progress: bool = False
-) -> tuple[SimulationResult, list[Difference]]:
+) -> tuple[SimulationResult, list[SignalDifference]]:
     """Run a station and hold its signals against logged ones.
 
     Columns ``q_ref.<axis>``, if there is one for every axis of the only robot, become its reference.
@@ -121,18 +131,21 @@ def compare(
         progress: show a bar on a terminal.
 
     Raises:
-        InvalidParameter: none of the signals is one of the station's.
+        InvalidParameter: none of the signals is one of the station's, or the run ended before the log begins.
     """
     reference = _reference(config, times, logged)
     result = simulate(config, duration=float(times[-1]), reference=reference, progress=progress)
     known = [name for name in logged if name in result.names]
     if not known:
-        given = ", ".join(list(logged)[:5])
-        raise InvalidParameter("--with", given, "signals such as q.<axis>; rename them with --map THEIRS=OURS")
+        found = ", ".join(list(logged)[:5]) or "a log of nothing but times"
+        raise InvalidParameter("--with", found, "signals such as q.<axis>; rename them with --map THEIRS=OURS")
     inside = times <= result.times[-1]
+    if not inside.any():
+        end = f"{result.stop_time:g} s, where the run ended ({result.message})"
+        raise InvalidParameter("--with", f"a log from {times[0]:g} s on", f"one that begins before {end}")
     at = times[inside]
     return result, [
-        Difference(name, at, logged[name][inside], np.interp(at, result.times, result[name]), result.units[name])
+        SignalDifference(name, at, logged[name][inside], np.interp(at, result.times, result[name]), result.units[name])
         for name in known
     ]
 
@@ -146,7 +159,7 @@ def _reference(config: StationConfig, times: Vector, logged: Mapping[str, Vector
     return np.column_stack([times, *(logged[name] for name in names)])
 
 
-def save_differences(differences: list[Difference], folder: Path | str, *, force: bool = False) -> None:
+def save_differences(differences: list[SignalDifference], folder: Path | str, *, force: bool = False) -> None:
     """Write the numbers, and a picture of each signal with its log and their difference below.
 
     Raises:
@@ -159,7 +172,7 @@ def save_differences(differences: list[Difference], folder: Path | str, *, force
             _save_picture(found, work / f"{found.signal}.png")
 
 
-def _save_picture(found: Difference, file: Path) -> None:
+def _save_picture(found: SignalDifference, file: Path) -> None:
     from simrob_drake.results.plots.grid import RED  # which loads matplotlib
     from simrob_drake.results.plots.own import panels, save_figure
 

@@ -1,13 +1,14 @@
 """Import a Simulink model: from `.slx` to a folder with robots, pieces and a station that runs."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from simrob_drake.arguments import as_path
 from simrob_drake.folders import filled_at_once
-from simrob_drake.given import as_path
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportReport
+from simrob_drake.simulink.coverage import BlockOutcome, fidelity, outcomes
 from simrob_drake.simulink.simulink_model import SimulinkModel, read_simulink, undefined_variables
 from simrob_drake.simulink.writing.contact_sections import StationFiles
 from simrob_drake.simulink.writing.names import plain
@@ -24,11 +25,18 @@ class ImportedModel:
         model: what was read.
         files: what was written.
         station: the station's file; None where nothing moves.
+        outcomes: what became of every block.
     """
 
     model: SimulinkModel
     files: StationFiles
     station: Path | None
+    outcomes: list[BlockOutcome]
+
+    @property
+    def fidelity(self) -> str:
+        """How faithful the station is, in one line."""
+        return fidelity(self.outcomes, len(self.files.content.get("prescribed", ())))
 
     @property
     def report(self) -> ImportReport:
@@ -54,9 +62,15 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
     check_importable(model)
     with filled_at_once(folder, marker=REPORT_FILE, force=force) as work:
         files = StationWriter(model, work).write()
-        text = json.dumps(model.report.as_json(), indent=2, ensure_ascii=False)
+        found = outcomes(model)
+        report = {
+            "fidelity": fidelity(found, len(files.content.get("prescribed", ()))),
+            **model.report.as_json(),
+            "blocks": [asdict(outcome) for outcome in found],
+        }
+        text = json.dumps(report, indent=2, ensure_ascii=False)
         (work / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
-    return ImportedModel(model, files, folder / f"{plain(path.stem)}.yaml" if files.content else None)
+    return ImportedModel(model, files, folder / f"{plain(path.stem)}.yaml" if files.content else None, found)
 
 
 def check_importable(model: SimulinkModel) -> None:

@@ -1,29 +1,31 @@
 """Read everything of a model: blocks, mechanics, contacts, control laws, and what stops it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.given import as_path
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.cad.model import read_cad_model
-from simrob_drake.simulink.mechanics.bodies import Bodies, Body, read_bodies
+from simrob_drake.simulink.mechanics.bodies import Bodies, RigidPart, read_bodies
 from simrob_drake.simulink.mechanics.closures import can_close, close, cuttable
-from simrob_drake.simulink.mechanics.contacts import Contact, read_contacts
+from simrob_drake.simulink.mechanics.contacts import ContactPair, read_contacts
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
 from simrob_drake.simulink.mechanics.trees import Tree, grow
 from simrob_drake.simulink.model.expand import Expanded, expand
-from simrob_drake.simulink.model.network import Network
+from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Findings, Node
 from simrob_drake.simulink.reading.libraries import Libraries
 from simrob_drake.simulink.reading.model_file import read_model
-from simrob_drake.simulink.signals.forms import Form
+from simrob_drake.simulink.signals.forms import Value, flat, terms_of
 from simrob_drake.simulink.signals.laws import Law, read_laws
+from simrob_drake.simulink.signals.pushes import ExternalForce, read_pushes
 from simrob_drake.simulink.signals.tracing import Tracer
 from simrob_drake.simulink.values.octave import find_octave
 
@@ -41,10 +43,11 @@ class SimulinkModel:
         bodies, world, trees: its mechanics; the world is None where no frame is it.
         contacts: what may touch.
         laws: of the driven degrees of freedom.
+        pushes: forces and torques on bodies, from signals.
         tracer: that has followed its signals.
         stopping: contacts whose distance stops the simulation.
         stops: what else stops it, by the Stop block: as soon as the sum is not 0.
-        opened: blocks that are left to the user.
+        opened: blocks that are left to the user, and what is wrong with their figures.
         gravity: shape (3,) [m/s²]; None where the model does not tell.
         duration: of a run [s].
         report: what was found.
@@ -52,16 +55,17 @@ class SimulinkModel:
 
     path: Path
     expanded: Expanded
-    network: Network
+    network: Connections
     bodies: Bodies
-    world: Body | None
+    world: RigidPart | None
     trees: list[Tree]
-    contacts: list[Contact]
+    contacts: list[ContactPair]
     laws: dict[Freedom, Law]
+    pushes: list[ExternalForce]
     tracer: Tracer
     stopping: list[Node]
-    stops: dict[Node, Form]
-    opened: list[Node]
+    stops: dict[Node, Value]
+    opened: Mapping[Node, str]
     gravity: Vector | None
     duration: float
     report: ImportReport
@@ -80,6 +84,7 @@ def read_simulink(
     variables: dict[str, Any] | None = None,
     assume: bool = False,
     octave: bool = False,
+    servos: bool = False,
 ) -> SimulinkModel:
     """Read a model.
 
@@ -90,6 +95,7 @@ def read_simulink(
         variables: of the MATLAB workspace, by name.
         assume: take a block's default for a parameter whose variable is not known.
         octave: run code of masks and of the model's workspace that is outside the subset in GNU Octave.
+        servos: let laws that come to a servo be one, instead of a signal flow.
 
     Raises:
         InvalidModel: the file cannot be read, or a block's figures cannot be.
@@ -102,18 +108,18 @@ def read_simulink(
         report.add(*note)
     runner = find_octave() if octave else None
     expanded = expand(model, Libraries([path.parent, *libraries]), dict(variables or {}), findings, runner)
-    network = Network(expanded)
+    network = Connections(expanded)
     bodies = read_bodies(network, MeshFiles([path.parent, *meshes]))
     world, trees = grow(bodies, cuttable)
     _close_loops(trees)
     contacts = read_contacts(network)
     joints = [link.joint for link in bodies.links]
     tracer = Tracer(network, joints, contacts)
-    laws = read_laws(tracer, joints)
+    laws, pushes = read_laws(tracer, joints, servos=servos), read_pushes(tracer, bodies)
     stopping, stops = _stopping(tracer, expanded)
     _tell_of_others(expanded, tracer)
     return SimulinkModel(
-        path, expanded, network, bodies, world, trees, contacts, laws, tracer, stopping, stops, tracer.opened,
+        path, expanded, network, bodies, world, trees, contacts, laws, pushes, tracer, stopping, stops, tracer.opened,
         _gravity(expanded), _duration(expanded), report,
     )  # fmt: skip
 
@@ -133,11 +139,11 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     missing = model.findings.undefined
     if not missing:
         return None
-    told = "; ".join(f"{name} ({places[0]}{_more(places)})" for name, places in list(missing.items())[:8])
+    listed = "; ".join(f"{name} ({places[0]}{_more(places)})" for name, places in list(missing.items())[:8])
     more = f", and {len(missing) - 8} more" if len(missing) > 8 else ""
     first = next(iter(missing)).partition(" ")[0]
     remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take defaults with --assume"
-    return InvalidModel(model.path, "", f"variables that only MATLAB knows: {told}{more}; {remedy}")
+    return InvalidModel(model.path, "", f"variables that only MATLAB knows: {listed}{more}; {remedy}")
 
 
 def _more(places: list[str]) -> str:
@@ -161,43 +167,30 @@ def _duration(expanded: Expanded) -> float:
     return min(value, _LONGEST) if np.isfinite(value) and value > 0 else 10.0
 
 
-def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node, Form]]:
+def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node, Value]]:
     """Return the contacts whose distance, compared with zero, stops the simulation, and what else does."""
     found: list[Node] = []
-    stops: dict[Node, Form] = {}
+    stops: dict[Node, Value] = {}
     for node in expanded.nodes:
         if node.kind not in ("Stop", "Stop Simulation"):
             continue
         source = tracer.network.source(node)
         compares = source is not None and source[0].kind in ("Compare To Zero", "Compare To Constant")
-        terms = [term for form in tracer.input(source[0]) for term in form] if source and compares else []
+        terms = (
+            [term for value in flat(tracer.input(source[0])) for term in terms_of(value)] if source and compares else []
+        )
         contacts = [term.of for term in terms if term.kind == "distance" and isinstance(term.of, Node)]
         if contacts:
             found += contacts
         else:
-            stops[node] = tracer.input(node)[0]
+            stops[node] = flat(tracer.input(node))[0]
     return found, stops
 
 
 def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
-    """Report what no station has: open blocks, sensors, forces from signals, callbacks."""
+    """Report what no station has: open blocks, callbacks."""
     report = expanded.findings.report
-    for node in tracer.opened:
-        report.add(
-            "dropped", node.path, f"{node.kind or 'block'}: left open; drive the joints it feeds with a block of yours"
-        )
-    for node in expanded.nodes:
-        if node.block.commented != "off":
-            continue
-        if node.kind == "External Force and Torque":
-            report.add(
-                "read",
-                node.path,
-                "what it applies is given at the port external_force or external_torque, at this frame",
-            )
-        elif node.kind in ("Internal Force", "Planar Contact Force", "Inverse Square Law Force"):
-            report.add("dropped", node.path, f"{node.kind}: no station has one")
-        elif "Variable Mass" in node.block.kind:
-            report.add("refused", node.path, "its mass varies, which no station can")
+    for node, why in tracer.opened.items():
+        report.add("open", node.path, f"{node.kind or 'block'}: left open{f'; {why}' if why else ''}")
     for name in expanded.model.callbacks:
         report.add("read", name, "a callback with MATLAB code, which is not run; give its variables with --set")

@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.systems.framework import Diagram
 
-from simrob_drake.blocks.references import Course
+from simrob_drake.blocks.references import Reference
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers import loops_of
-from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
+from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
-from simrob_drake.stations.closed import check_course, closed_station, course_samples
+from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.standing import standing
+from simrob_drake.stations.standing import KNEELING, standing
 from simrob_drake.stations.steps import Finding, step_findings
+from simrob_drake.stations.touch_checks import DEEP, clearance_findings, contact_findings, listed
 
-_TOUCH = 1e-4
-"""Bodies that lie deeper in each other than this at the start are pushed apart [m]."""
+_LISTED = 6  # links that carry
 _DROP = 2e-3
 """A robot that starts higher over the floor than this drops on it [m]."""
 
+_STEADY = np.tan(np.deg2rad(1.0))
+"""Part of its height by which the centre of mass has to be inside of the support area: servos sag."""
+
 _FASTER = 1.001
 """A speed by straight lines between looks counts as beyond a limit from this part of it on."""
-
-_DEEP = 1e-3  # m: things that rest on each other are less deep in each other
 
 
 def check_station(config: StationConfig) -> list[Finding]:
@@ -38,23 +38,25 @@ def check_station(config: StationConfig) -> list[Finding]:
     """
     closed = closed_station(resolve(config))
     ports, diagram = closed.ports, closed.diagram
-    for name, course in closed.courses.items():
-        check_course(ports.plant.robots[name], course, config.duration)
-    findings = [Finding("ok", "references", "all within the joint limits")]
-    for name, course in closed.courses.items():
-        findings += _speed_findings(ports.plant.robots[name], course, config.duration)
+    findings = _piece_findings(ports)
     for robot in ports.plant.robots.values():
-        findings += _import_findings(config, robot)
+        findings += _reference_findings(robot, closed.references.get(robot.name), config.duration)
+    for robot in ports.plant.robots.values():
+        findings += _import_findings(config, robot) + _effort_findings(config, robot)
         if config.mode == "kinematic" or robot.model.base == "fixed":
-            findings += _holding_findings(ports, robot, closed.courses.get(robot.name))
+            findings += _holding_findings(ports, robot, closed.references.get(robot.name))
         else:
             findings += _standing_findings(ports, robot)
+    for name in config.controllers:
+        text = "what it asks of the robot beyond the reference is not looked at: a run shows it"
+        findings.append(Finding("note", f"controllers.{name}", text))
     for name, loop in loops_of(config.controllers).items():
         key = f"controllers.{name}"
         findings += [Finding("warning", key, text) for text in loop.warnings(key, ports.robot(loop.robot))]
     if config.mode == "dynamic":
-        findings += step_findings(config, ports.plant, closed.courses)
-        findings += _contact_findings(diagram, ports)
+        findings += step_findings(config, ports.plant, closed.references)
+        findings += contact_findings(diagram, ports)
+    findings += clearance_findings(config, closed.references)
     return findings + [_declared(signal) for signal in ports.signals if signal.part]
 
 
@@ -63,7 +65,7 @@ def _declared(signal: Signal) -> Finding:
     stem = signal.names[0].rpartition(".")[0]
     ends = [name.removeprefix(f"{stem}.") for name in signal.names]
     columns = signal.names[0] if len(ends) == 1 else f"{stem}.{ends[0]} … {ends[-1]}"
-    return Finding("ok", f"signals of {signal.part}", f"{columns} [{', '.join(dict.fromkeys(signal.units))}]")
+    return Finding("note", f"signals of {signal.part}", f"{columns} [{', '.join(dict.fromkeys(signal.units))}]")
 
 
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
@@ -77,29 +79,67 @@ def _import_findings(config: StationConfig, robot: StationRobot) -> list[Finding
     urdf = config.robots[robot.name].urdf
     if urdf is None or robot.model.folder == urdf.parent.resolve():
         return []
-    from simrob_drake.importer.cache import import_summary
+    from simrob_drake.importer.importing import import_summary
 
     text = f"{import_summary(robot.model)}; `simrob check {urdf}` tells all"
-    return [Finding("ok", f"import of {urdf.name}", text)]
+    return [Finding("note", f"import of {urdf.name}", text)]
 
 
-def _speed_findings(robot: StationRobot, course: Course, duration: float) -> list[Finding]:
-    """Name the axes that a reference asks for more speed than they have."""
-    times, positions = course_samples(course, duration)
+def _piece_findings(ports: StationPorts) -> list[Finding]:
+    """Say what each piece hangs on."""
+    findings = []
+    for name, piece in ports.station.pieces.items():
+        text = "hangs on nothing: gravity and contact move it"
+        if not piece.free:
+            where = " ".join(f"{value:.4g}" for value in piece.pose.translation() + 0.0)
+            frame = f", at {piece.mount.removeprefix(f'{piece.parent}_')}" if piece.mount else ""
+            by = f"; {piece.carrier} carries it" if piece.carrier not in (piece.parent, WORLD) else ""
+            text = f"hangs on {piece.parent}{frame}, its origin at {where} m{by}"
+        findings.append(Finding("note", f"pieces.{name}", text))
+    return findings
+
+
+def _reference_findings(robot: StationRobot, reference: Reference | None, duration: float) -> list[Finding]:
+    """Say that a reference stays within the joints' limits, and name the axes that it asks for too much speed.
+
+    Raises:
+        InvalidParameter: a reference beyond a limit.
+    """
+    subject = f"reference of {robot.name}"
+    if reference is None:
+        return [Finding("note", subject, "not looked at: a controller says where the robot goes")]
+    check_reference(robot, reference, duration)
+    times, positions = reference_samples(reference, duration)
     speeds, limits = np.abs(np.diff(positions, axis=0)).max(axis=0) / times[1], robot.model.speed_limits
+    looked = f"within the joints' limits at {len(times)} times from 0 to {duration:g} s"
+    if np.isfinite(limits).any():
+        looked += f", at most {np.nanmax(speeds / limits):.0%} of their speed"
     findings = []
     for axis in np.flatnonzero(speeds > _FASTER * limits):
         unit, name = robot.model.user_units[axis], f"{robot.model.unit_names[axis]}/s"
         text = f"{robot.prefix}{robot.axes[axis]} is asked for {speeds[axis] / unit:.4g} {name}"
         text += f", its limit is {limits[axis] / unit:.4g} {name}; give it more time"
-        findings.append(Finding("warning", "references", text))
-    return findings
+        findings.append(Finding("warning", subject, text))
+    return findings or [Finding("ok", subject, looked)]
 
 
-def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course | None) -> list[Finding]:
-    if course is None:
-        return [Finding("ok", f"torque of {robot.prefix}", "not known: a controller says where the robot goes")]
-    positions = course_samples(course, ports.config.duration)[1]
+def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
+    """Doubt torques that no motor of such light links has, where the station does not set its own."""
+    if config.servo_of(robot.name).torque_limit is not None:
+        return []
+    doubtful = doubtful_efforts(robot.model.element)
+    axes = [f"{name} ({effort:g} N·m, {mass:.3g} kg)" for name, (effort, mass) in doubtful.items()]
+    if not axes:
+        return []
+    text = f"more than their links' motors may have: {listed(axes)}; set servo.torque_limit"
+    return [Finding("warning", f"efforts of {robot.name}", text)]
+
+
+def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+    if reference is None:
+        text = "not looked at: a controller says where the robot goes"
+        return [Finding("note", f"torques of {robot.name}", text)]
+    positions = reference_samples(reference, ports.config.duration)[1]
     positions = positions[:: len(positions) // 50]
     dynamics = Dynamics(
         robot.model,
@@ -117,7 +157,7 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course |
         text = f"holding takes {torque[0]:.2f} {effort} at the start and {torque[-1]:.2f} {effort} at the end"
         text += " of the reference"
         if ports.config.mode == "kinematic":
-            findings.append(Finding("ok", subject, text))
+            findings.append(Finding("note", subject, text))
             continue
         worst = torque[np.argmax(np.abs(torque))]
         if abs(worst) > limit:
@@ -134,7 +174,7 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, course: Course |
         text = (
             f"at rest along the reference it holds {masses.min():.3g} kg more at {robot.tcp}, by the motor of {weakest}"
         )
-        findings.append(Finding("ok", f"payload of {robot.name}", text))
+        findings.append(Finding("note", f"payload of {robot.name}", text))
     return findings
 
 
@@ -151,13 +191,21 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     parts = "feet's" if robot.feet else "collision shapes'"
     side = "over" if found.gap >= 0 else "below"
     place = f"the {parts} lowest point is {abs(found.gap) * 1e3:.2f} mm {side} the floor at the start"
-    findings.append(Finding("ok" if -_DEEP <= found.gap <= _DROP else "warning", subject, place))
+    findings.append(Finding("ok" if -DEEP <= found.gap <= _DROP else "warning", subject, place))
     inside = "inside" if found.margin >= 0 else "outside"
-    area = (
-        f"{found.mass:.3f} kg on {found.contacts} points, the centre of mass {abs(found.margin) * 1e3:.0f} mm {inside}"
+    links = f" of {', '.join(found.ends)}" if len(found.ends) <= _LISTED else ""
+    area = f"{found.mass:.3f} kg on {found.contacts} points{links}, "
+    area += f"the centre of mass {abs(found.margin) * 1e3:.0f} mm {inside}"
+    steady, lean = found.margin > _STEADY * found.height, np.rad2deg(np.arctan2(found.margin, found.height))
+    tips = (
+        ", unless it moves" if found.margin <= 0 else f" if it leans by {lean:.1f} deg, unless a controller balances it"
     )
-    tips = "" if found.margin > 0 else ": it tips over, unless it moves"
-    findings.append(Finding("ok" if found.margin > 0 else "warning", subject, f"{area} of the support area{tips}"))
+    tips = "" if steady else f": it tips over{tips}"
+    findings.append(Finding("ok" if steady else "warning", subject, f"{area} of the support area{tips}"))
+    knees = {link: end for link, end in found.ends.items() if end < KNEELING} if not robot.feet else {}
+    if knees:
+        text = f"it stands on the near end of {', '.join(knees)}, by the joint, as on knees: bend the joints above"
+        findings.append(Finding("warning", subject, text))
     if robot.feet and robot.feet.boxes and config.contact.model == "point":
         text = "box soles rock in point contact, which pushes at one point a box; set contact.model to "
         findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
@@ -169,29 +217,3 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
         end = ": the joint will not hold" if weak else sag
         findings.append(Finding("warning" if weak else "ok", f"torque of {robot.prefix}{name}", text + end))
     return findings
-
-
-def _contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
-    config, plant = ports.config, ports.plant
-    if config.contact is None:
-        return [Finding("ok", "contact", "the station has none")]
-    dissipates = [config.contact, *(piece.contact for piece in config.pieces.values() if piece.contact is not None)]
-    findings = []
-    if config.solver.scheme == "sap" and any(material.dissipation for material in dissipates):
-        text = "the solver scheme sap does not know contact.dissipation; take lagged or similar"
-        findings.append(Finding("warning", "contact", text))
-    context = diagram.CreateDefaultContext()
-    query = plant.scene_graph.get_query_output_port().Eval(plant.scene_graph.GetMyContextFromRoot(context))
-    inspector = query.inspector()
-    fallen_back = pairs_without_surface(plant.plant, plant.scene_graph.model_inspector())
-    if fallen_back and config.contact.model != "point":
-        text = f"both are rigid, so {', '.join(fallen_back)} meet in points; make one of them compliant"
-        findings.append(Finding("warning", "contact", text))
-    pairs = [pair for pair in query.ComputePointPairPenetration() if pair.depth > _TOUCH]
-    if not pairs:
-        return [*findings, Finding("ok", "contact", "nothing penetrates at the start")]
-    deepest = max(pairs, key=lambda pair: pair.depth)
-    names = " and ".join(inspector.GetName(geometry) for geometry in (deepest.id_A, deepest.id_B))
-    text = f"{names} penetrate by {deepest.depth * 1e3:.1f} mm at the start"
-    text += "; move one of them" if deepest.depth > _DEEP else ""
-    return [*findings, Finding("warning" if deepest.depth > _DEEP else "ok", "contact", text)]

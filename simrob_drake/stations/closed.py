@@ -1,34 +1,35 @@
 """Close a station: give its inputs sources, and build a diagram that can run."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import (
-    Course,
+    Reference,
     ReferenceSource,
     Samples,
-    add_course,
+    add_reference,
     corner_times,
-    course_values,
+    reference_values,
     table,
 )
-from simrob_drake.blocks.wiring import fed
+from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.forces import Drag, ForceConfig, Push
+from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.site import ResolvedRobot, StationRobot
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.station import compose
 
+_MOTION = "reference", "reference_velocity", "reference_acceleration"
 _LOOKS = 500
 """At how many times a reference is checked against the joint limits."""
 
@@ -40,39 +41,40 @@ class ClosedStation:
     Attributes:
         diagram: that can be run.
         ports: of the station.
-        courses: what each robot is asked, by name; those that a block asks are left out.
-        players: the sources of these courses that are trajectories, by robot.
+        references: what each robot is asked, by name; those that a block asks are left out.
+        players: the sources of those that are trajectories, by robot.
     """
 
     diagram: Diagram
     ports: StationPorts
-    courses: dict[str, Course] = field(default_factory=dict)
+    references: dict[str, Reference] = field(default_factory=dict)
     players: Mapping[str, TrajectorySource] = field(default_factory=dict)
 
-    def play(self, courses: Mapping[str, Course], forces: Mapping[str, ForceConfig]) -> None:
+    def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
         """Let the sources give other trajectories and pushes."""
         for robot, player in self.players.items():
-            if self.courses[robot] is not courses[robot]:  # a copy of it takes time and memory
-                self.courses[robot] = courses[robot]
-                player.UpdateTrajectory(courses[robot])
+            if self.references[robot] is not references[robot]:  # a copy of it takes time and memory
+                self.references[robot] = references[robot]
+                player.UpdateTrajectory(references[robot])
         self.play_forces(forces)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
         """Let the sources give other pushes and drags at the same places."""
         for name, force in forces.items():
             place = f"force.{name}.source"
-            if isinstance(force, Push | Drag) and self.diagram.HasSubsystemNamed(place):
-                self.diagram.GetSubsystemByName(place).UpdateTrajectory(force.course())
+            if force.kind != "sine" and self.diagram.HasSubsystemNamed(place):
+                self.diagram.GetSubsystemByName(place).UpdateTrajectory(force.trajectory())
 
 
 def closed_station(
     station: ResolvedStation,
-    courses: Mapping[str, Course] | None = None,
+    references: Mapping[str, Reference] | None = None,
     *,
     sensors: Collection[str] | None = None,
     forces: bool = True,
     monitors: bool = True,
     blocks: Mapping[str, LeafSystem] | None = None,
+    lean: bool = False,
 ) -> ClosedStation:
     """Build a station with the sources of its references; its other inputs are zero.
 
@@ -83,53 +85,103 @@ def closed_station(
         SimrobError: blocks that cannot be wired so.
     """
     builder = DiagramBuilder()
-    ports = compose(builder, station, sensors=sensors, forces=forces, monitors=monitors, blocks=blocks)
-    given = station_courses(station) if courses is None else courses
-    asked, players = dict[str, Course](), dict[str, TrajectorySource]()
+    played = station_references(station) if references is None else references
+    early = _early_sources(builder, station, played) if lean and not (blocks or station.config.controllers) else {}
+    ports = compose(
+        builder,
+        station,
+        sensors=sensors,
+        forces=forces,
+        monitors=monitors,
+        blocks=blocks,
+        sources={name: port for _, driven in early.values() for name, port in driven.items()},
+        lean=lean,
+    )
+    kept, players = dict[str, Reference](), dict[str, TrajectorySource]()
     for robot in ports.plant.robots.values():
-        course = given[robot.name]
-        if (source := _add_source(builder, ports, robot, course)) is not None:
-            asked[robot.name] = course
+        reference = played[robot.name]
+        source = early[robot.name][0] if robot.name in early else _add_source(builder, ports, robot, reference)
+        if source is not None:
+            ports.edges.extend(corner_times(reference))
+            caption = ports.config.reference_of(robot.name).caption(robot.model)
+            ports.draw(f"{robot.prefix}reference_source", "reference", wrapped(caption), robot)
+            kept[robot.name] = reference
             if source.player is not None:
                 players[robot.name] = source.player
+        for place, reference in robot.prescribed.items():
+            _add_prescribed(builder, ports, robot.axes[place], robot, reference)
     for name, port in ports.inputs.items():
         if not builder.IsConnectedOrExported(port):
             builder.Connect(fed(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size()))), port)
             owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
             ports.draw(f"{name}.zero", "reference", "0", owner)
     try:
-        return ClosedStation(built(builder), ports, asked, players)
+        return ClosedStation(built(builder), ports, kept, players)
     except RuntimeError as problem:
         if not ports.blocks:
             raise
         used = "been built into a different Diagram" in str(problem)
-        told = "a block serves one diagram; make it anew" if used else "signals must not go around in a circle"
-        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so; {told} ({problem})") from problem
+        cause = "a block serves one diagram; make it anew" if used else "signals must not go around in a circle"
+        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so; {cause} ({problem})") from problem
 
 
 def _add_source(
-    builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, course: Course
+    builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, reference: Reference
 ) -> ReferenceSource | None:
     """Add the source of a robot's reference, with what derivatives the station takes; None if a block drives it."""
-    names = [f"{robot.prefix}reference{order}" for order in ("", "_velocity", "_acceleration")]
-    wanted = [name for name in names if name in ports.inputs and not builder.IsConnectedOrExported(ports.inputs[name])]
-    if names[0] not in wanted:
+    inputs = {name: ports.inputs.get(f"{robot.prefix}{name}") for name in _MOTION}
+    free = {name: port for name, port in inputs.items() if port and not builder.IsConnectedOrExported(port)}
+    if "reference" not in free:
         return None
-    source = add_course(builder, course, name=f"{names[0]}_source", derivatives=names.index(wanted[-1]))
-    for name, port in zip(names, (source.position, source.velocity, source.acceleration), strict=True):
-        if name in wanted and port is not None:
-            builder.Connect(port, ports.inputs[name])
-    ports.edges.extend(corner_times(course))
-    told = ports.config.reference_of(robot.name).caption(robot.model)
-    ports.draw(f"{names[0]}_source", "reference", wrapped(told), robot)
+    source, driven = _source(builder, robot.prefix, reference, list(free))
+    for name, port in driven.items():
+        builder.Connect(port, ports.inputs[name])
     return source
 
 
-def station_courses(
+def _early_sources(
+    builder: DiagramBuilder, station: ResolvedStation, played: Mapping[str, Reference]
+) -> dict[str, tuple[ReferenceSource, dict[str, OutputPort]]]:
+    """Add the sources of a dynamic station's references before the station, which then needs no blocks as inputs."""
+    found, config = {}, station.config
+    for name, robot in station.robots.items() if station.mode == "dynamic" else ():
+        listed = {"reference", *config.inputs, *(_MOTION if config.servo_of(name).follows_motion else ())}
+        found[name] = _source(builder, robot.prefix, played[name], [each for each in _MOTION if each in listed])
+    return found
+
+
+def _source(
+    builder: DiagramBuilder, prefix: str, reference: Reference, taken: Sequence[str]
+) -> tuple[ReferenceSource, dict[str, OutputPort]]:
+    """Add a source that gives what is taken of ``_MOTION``, and return its ports by the names of inputs."""
+    source = add_reference(builder, reference, name=f"{prefix}reference_source", derivatives=_MOTION.index(taken[-1]))
+    outputs = zip(_MOTION, (source.position, source.velocity, source.acceleration), strict=True)
+    return source, {f"{prefix}{name}": port for name, port in outputs if name in taken and port is not None}
+
+
+def _add_prescribed(
+    builder: DiagramBuilder, ports: StationPorts, axis: str, robot: StationRobot, reference: Reference
+) -> None:
+    """Add the source of a prescribed axis, unless somebody drives it."""
+    name = f"{robot.prefix}prescribed.{axis}"
+    if builder.IsConnectedOrExported(ports.inputs[name]):
+        return
+    source = add_reference(builder, reference, name=f"{name}.source", derivatives=2)
+    assert source.velocity is not None
+    assert source.acceleration is not None
+    motion = joined(builder, f"{name}.motion", source.position, source.velocity, source.acceleration)
+    builder.Connect(motion, ports.inputs[name])
+    ports.edges.extend(corner_times(reference))
+    caption = ports.config.prescribed[f"{robot.prefix}{axis}"].caption(robot.model)
+    ports.draw(f"{name}.source", "reference", wrapped(caption), robot)
+    ports.draw_nothing(f"{name}.motion")
+
+
+def station_references(
     station: ResolvedStation,
-    given: Mapping[str, Course | Samples] | None = None,
+    requested: Mapping[str, Reference | Samples] | None = None,
     starts: Mapping[str, Vector] | None = None,
-) -> dict[str, Course]:
+) -> dict[str, Reference]:
     """Return what each robot is asked, by name: what is given, else what the configuration says.
 
     Samples that are given are joined by straight lines, as Simulink joins them, but by a smooth curve where their
@@ -138,42 +190,42 @@ def station_courses(
     Raises:
         SimrobError: a reference that does not fit the robot, or leaves its joint limits.
     """
-    courses = {}
+    references = {}
     for robot in station.robots.values():
         start = (starts or {}).get(robot.name, robot.initial)
         if len(start) != len(robot.axes):
             size = f"a state in which '{robot.name}' is of size {len(start)}"
             raise InvalidParameter("start", size, f"of a station where it is of size {len(robot.axes)}")
-        wanted: Any = (given or {}).get(robot.name)
-        if wanted is None:
-            course: Course = station.config.reference_of(robot.name).course(robot, start)
+        own: Any = (requested or {}).get(robot.name)
+        if own is None:
+            reference: Reference = station.config.reference_of(robot.name).trajectory(robot, start)
         else:
             linear = not station.config.follows_speed(robot.name)
-            course = _through(wanted, robot, linear=linear) if isinstance(wanted, tuple) else wanted
-        if isinstance(course, Trajectory) and course.rows() != len(robot.axes):
+            reference = _through(own, robot, linear=linear) if isinstance(own, tuple) else own
+        if isinstance(reference, Trajectory) and reference.rows() != len(robot.axes):
             expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
-            raise InvalidParameter("reference", f"a trajectory of {course.rows()} joints", expected)
-        courses[robot.name] = course
-    return courses
+            raise InvalidParameter("reference", f"a trajectory of {reference.rows()} joints", expected)
+        references[robot.name] = reference
+    return references
 
 
-def course_samples(course: Course, duration: float) -> tuple[Vector, Vector]:
+def reference_samples(reference: Reference, duration: float) -> tuple[Vector, Vector]:
     """Return a reference over a run: times (m,) [s] and positions (m, n) [rad]."""
     times = np.linspace(0.0, duration, _LOOKS + 1)
-    return times, course_values(course, times)
+    return times, reference_values(reference, times)
 
 
-def check_course(robot: ResolvedRobot, course: Course, duration: float) -> None:
+def check_reference(robot: ResolvedRobot, reference: Reference, duration: float) -> None:
     """Check that a reference stays within the joint limits.
 
     Raises:
         InvalidParameter: names the joint, the time, the value and the limits.
     """
-    times, positions = course_samples(course, duration)
+    times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
         row, axis = np.argwhere(~np.isfinite(positions))[0]
-        told = f"{positions[row, axis]} at {times[row]:.2f} s"
-        raise InvalidParameter(f"reference of {robot.prefix}{robot.axes[axis]}", told, "a finite number at any time")
+        message = f"{positions[row, axis]} at {times[row]:.2f} s"
+        raise InvalidParameter(f"reference of {robot.prefix}{robot.axes[axis]}", message, "a finite number at any time")
     lower, upper = robot.model.axis_limits
     outside = ~((positions >= lower - 1e-9) & (positions <= upper + 1e-9))  # nor is what is no number inside
     if outside.any():

@@ -19,16 +19,34 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.parts.controllers import Controllers
 from simrob_drake.parts.forces import Forces
 from simrob_drake.parts.monitors import Monitors
-from simrob_drake.parts.references import Hold, ReferenceConfig
+from simrob_drake.parts.references import ReferenceConfig
+from simrob_drake.parts.references.hold import Hold
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
-from simrob_drake.quantities import FASTEST_RATE, ORIGIN, Colour, Duration, Inertia, NotNegative, Pose, Positive, Triple
 from simrob_drake.robots.axis_values import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.drives import Drives
 from simrob_drake.robots.pieces import FrameSeries
+from simrob_drake.sections import (
+    FASTEST_RATE,
+    ORIGIN,
+    Boolean,
+    Colour,
+    Duration,
+    FileName,
+    Inertia,
+    NotNegative,
+    Number,
+    Pose,
+    Positive,
+    Renamed,
+    Strict,
+    Triple,
+    check_plain,
+    default_of,
+)
 from simrob_drake.stations.contact_config import ContactConfig, ContactMaterial
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
-from simrob_drake.yaml_files import FileName, Number, Strict
+from simrob_drake.stations.verdict_config import VerdictConfig
 
 Input = Literal["feedforward", "reference_velocity", "external_force", "external_torque"]
 Realization = Literal["per_joint", "vector", "implicit"]
@@ -36,6 +54,8 @@ Law = Literal["pid", "cascade", "computed_torque"]
 Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 MOST_SAMPLES = 1_000_000
 """Samples that a run may have: a quarter of an hour at 1 kHz. With 100 signals they fill 0.8 GB."""
+MOST_LATE = 10_000
+"""By so many samples a sensor may be late."""
 MOST_STEPS = 10_000_000
 """Steps that a run may have, and samples of a sensor: a day of steps of 10 ms. A robot's states fill 4 GB then."""
 
@@ -47,24 +67,10 @@ _Limit = Annotated[AxisValues, every_axis(lambda value: value > 0, "a torque lim
 _Speed = Annotated[AxisValues, every_axis(lambda value: value > 0, "a speed limit must be positive [rad/s or m/s]")]
 
 
-class _Section(Strict):
-    """A section that tells of its keys that were given another place or name."""
-
-    moved: ClassVar[Mapping[str, str]] = {}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _told(cls, content: Any) -> Any:
-        for key, now in cls.moved.items():
-            if isinstance(content, dict) and key in content:
-                raise ValueError(f"{key} is now {now}")
-        return content
-
-
-class ServoConfig(_Section):
+class ServoConfig(Renamed):
     """The joint servos: PID and saturation. What is not given comes from the robot's own file."""
 
-    moved: ClassVar[Mapping[str, str]] = {"yield_gain": "admittance_gain"}
+    renamed: ClassVar[Mapping[str, str]] = {"yield_gain": "admittance_gain"}
 
     realization: Realization = "per_joint"
     """Separate blocks for each joint, one block for all, or inside the plant's actuators."""
@@ -124,10 +130,10 @@ class JointStops(Strict):
     """Damper of a stop, per axis [N·m·s/rad or N·s/m]; 10 N·m·s/deg."""
 
 
-class RobotConfig(_Section):
+class RobotConfig(Renamed):
     """A robot of the station: one of the package by name, or any URDF by path."""
 
-    moved: ClassVar[Mapping[str, str]] = {
+    renamed: ClassVar[Mapping[str, str]] = {
         "pushes": "one of the station's forces: {push: {start: 1, duration: 0.1, force: [5, 0, 0]}}"
     }
 
@@ -178,7 +184,7 @@ class PieceConfig(Strict):
     scale: Positive | None = None
     """Of the mesh; 0.001 for one in millimetres."""
     parent: str | None = None
-    """What it hangs on: `world`, a robot, or another piece (then its TCP); the only robot unless given."""
+    """What it hangs on: `world`, a robot (its first tool), or another piece (its TCP); needed unless it is free."""
     frame: str | None = None
     """A frame of the piece that it hangs on, instead of its TCP; or a tool or link of the robot, instead of its first
     tool, or of the root where that is a foot."""
@@ -198,7 +204,7 @@ class PieceConfig(Strict):
     """Further frames by name, instead of the piece's own: poses in its frame, or series of them."""
     colour: Colour | None = None
     """Red, green, blue, opacity."""
-    free: bool = False
+    free: Boolean = False
     """Moved by gravity and contact alone; its pose is that at the start, in the world."""
     contact: ContactMaterial | None = None
     """What its surface is made of, in place of the station's `contact`."""
@@ -225,7 +231,7 @@ class FloorConfig(Strict):
 
     size: Positive = 3.0
     """Length of a side [m]."""
-    incline_deg: Annotated[float, Field(ge=0, le=45)] = 0.0
+    incline_deg: Annotated[Number, Field(ge=0, le=45)] = 0.0
     """How steep it is [deg]; robots on their own feet are put upright on it."""
     heading_deg: Number = 0.0
     """Which way it rises, counterclockwise from the world's x [deg]."""
@@ -233,10 +239,10 @@ class FloorConfig(Strict):
     """A field of uneven ground on it; it is even unless given."""
 
 
-class StationConfig(_Section):
+class StationConfig(Renamed):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
 
-    moved: ClassVar[Mapping[str, str]] = {
+    renamed: ClassVar[Mapping[str, str]] = {
         "external_force": "one of forces: {hand: {kind: sine, at: tool0, amplitude: [0, 0, 5], frequency: 1}}"
     }
 
@@ -250,21 +256,24 @@ class StationConfig(_Section):
     """The robots by name; a single one may stand under `robot` instead."""
     pieces: dict[str, PieceConfig] = Field(default_factory=dict)
     """What robots carry, what stands around and what is free to move, by name."""
-    servo: ServoConfig = ServoConfig()
+    servo: ServoConfig = default_of(ServoConfig)
     """The joint servos of all robots that have none of their own."""
-    reference: ReferenceConfig = Hold(kind="hold")
+    reference: ReferenceConfig = default_of(Hold, kind="hold")
     """What all robots are asked to do that have no reference of their own."""
+    prescribed: dict[str, ReferenceConfig] = Field(default_factory=dict)
+    """Axes of a dynamic station whose motion is given while all else moves by forces, by name (<robot>.<axis> where
+    there are several robots): the torque that it takes is the axis' own."""
     inputs: tuple[Input, ...] = ()
     """Input ports beside `reference`."""
     floor: FloorConfig | None = None
     """The floor; a station without this section has none."""
     contact: ContactConfig | None = None
     """What happens where things touch; without this section they pass through each other."""
-    joint_stops: JointStops = JointStops()
+    joint_stops: JointStops = default_of(JointStops)
     """What holds joints at their limits, where the solver does not."""
     gravity: Annotated[Number, Field(ge=-1e4, le=1e4)] = STANDARD_GRAVITY
     """Gravity along -z [m/s²]."""
-    solver: SolverConfig = ContinuousSolver(kind="continuous")
+    solver: SolverConfig = default_of(ContinuousSolver, kind="continuous")
     """How time advances in a dynamic station."""
     forces: Forces = Field(default_factory=dict)
     """What acts on the robots from outside, by name; one that is called as its kind needs no `kind`."""
@@ -274,6 +283,11 @@ class StationConfig(_Section):
     """What may end the run, by name; one that is called as its kind needs no `kind`."""
     controllers: Controllers = Field(default_factory=dict)
     """Loops around the servos, by name."""
+    program: dict[str, Any] | None = None
+    """What its robots do when it is run as a whole, in place of its references: the content of a program's file, or the
+    path of one."""
+    verdict: VerdictConfig = default_of(VerdictConfig)
+    """Bounds of what may become of a run; what passes one is a warning."""
     start: Path | None = None
     """Where it begins: the `start.json` of a result, in place of the initial postures; relative paths start at the
     station's file."""
@@ -299,8 +313,7 @@ class StationConfig(_Section):
     @classmethod
     def _plain_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
         for name in entries:
-            if not name.isidentifier():
-                raise ValueError(f"'{name}' is no plain name (letters, digits and _, no digit first)")
+            check_plain(name)
         return entries
 
     @property
@@ -323,8 +336,8 @@ class StationConfig(_Section):
 
     def follows_speed(self, robot: str) -> bool:
         """Tell whether a robot is given the speed that it is asked for, so that samples are joined smoothly."""
-        given = self.mode == "kinematic" or "reference_velocity" in self.inputs
-        return given or self.servo_of(robot).follows_motion
+        speed_is_input = self.mode == "kinematic" or "reference_velocity" in self.inputs
+        return speed_is_input or self.servo_of(robot).follows_motion
 
     def reference_of(self, robot: str) -> ReferenceConfig:
         """Return a robot's own reference section, or the station's."""
@@ -355,3 +368,7 @@ def check_effort(config: StationConfig) -> None:
         if duration * often > MOST_STEPS:
             most = f"at most {MOST_STEPS / duration:g} Hz for a duration of {duration:g} s: {MOST_STEPS:g} samples"
             raise InvalidParameter(f"sensors.{name}.rate", f"{often:g} Hz", most)
+        late = getattr(sensor, "delay", 0.0)
+        if late * often > MOST_LATE:
+            most = f"at most {MOST_LATE / often:g} s at a rate of {often:g} Hz: {MOST_LATE:g} samples"
+            raise InvalidParameter(f"sensors.{name}.delay", f"{late:g} s", most)

@@ -130,9 +130,9 @@ def _is_rigid(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
 def _material(config: StationConfig, contact: ContactConfig, piece: str | None) -> ContactMaterial:
     """Return the station's figures, those of the piece in their place."""
     own = config.pieces[piece].contact if piece else None
-    given = {} if own is None else own.model_dump(exclude_none=True)
+    stated = {} if own is None else own.model_dump(exclude_none=True)
     shared = contact.model_dump(include=set(ContactMaterial.model_fields), exclude_none=True)
-    return ContactMaterial.model_validate({**shared, **given})
+    return ContactMaterial.model_validate({**shared, **stated})
 
 
 def _write(properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig) -> None:

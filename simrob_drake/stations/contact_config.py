@@ -6,8 +6,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.yaml_files import Strict
+from simrob_drake.sections import Boolean, NotNegative, Positive, Strict
 
 
 class Friction(Strict):
@@ -48,7 +47,7 @@ class ContactConfig(ContactMaterial):
 
     model: Literal["point", "hydroelastic", "hydroelastic_with_fallback"] = "point"
     """One spring at the deepest point, or pressure over the surface; the floor is rigid there."""
-    self_collision: bool = False
+    self_collision: Boolean = False
     """Contact between the links of one robot."""
     stiction_speed: Positive = 1e-3
     """Speed up to which a contact counts as sticking [m/s]; continuous solvers let it creep that fast."""

@@ -1,30 +1,41 @@
-"""A first station for a robot of which only the URDF is known: one that runs at once, to be changed by its owner."""
+"""A first station for a robot of which only the URDF is known: tried already, and its owner's to change."""
 
 import shlex
+from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from pydrake.geometry import Role
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, EventStatus
 
-from simrob_drake.blocks.distance_sensor import lowest_points, shape_corners
-from simrob_drake.frames import Vector
-from simrob_drake.given import as_path
-from simrob_drake.importer.cache import robot_from_file
-from simrob_drake.importer.gains import first_gains
+from simrob_drake.arguments import as_path
+from simrob_drake.frames import Vector, lean, xyz_quaternion_from_transform
+from simrob_drake.importer.gains import gains_of
+from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.packages import robot_file
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.parse import lone_robot
+from simrob_drake.stations.clear_start import ClearStart
+from simrob_drake.stations.clearance import Clearance
+from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT
-from simrob_drake.stations.trial import gets_through
+from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.stances import Stance, Stances
+from simrob_drake.stations.steps import step_findings
 
-_STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
-_ROOM = 0.4  # and at most this part of the way to the joint's limit
+_MOVE = 1.5  # s
+_TRIALS = 4  # stances that are tried
+_FALLEN = 0.6  # part of its height below which a robot has fallen
+_FALLS = 40.0  # deg
+_UNSHAPED = "The robot has no shapes that collide, so that nothing could carry it: it is held by its root."
 
 _ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
-_CREEPS = f"# In discrete steps, since {_ARM['scheme']} was tried and creeps: some links are too light for it.\n"
+_CREEPS = f"In discrete steps, since {_ARM['scheme']} was tried and creeps: some links are too light for it."
 _DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
 _ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e-3}
 
@@ -32,49 +43,123 @@ _ON_FEET: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 2e
 def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, folder: Path | str | None = None) -> str:
     """Return the YAML text of a first station for a URDF, raw or imported; its file will be in a folder.
 
-    A robot with a fixed base moves all joints a little way under joint torque, in continuous time if that was tried
-    and found to get through, else in discrete steps. One with a floating base is put on a floor and holds its posture.
-    A robot without inertias moves kinematically. Options of the import are written into the station, and paths start
-    at its folder.
+    A robot with a fixed base starts clear of the floor and of itself, and moves all joints a little way under joint
+    torque, in continuous time if that was tried and found to get through, else in discrete steps. One with a floating
+    base is put on its feet, and was tried to stand there; a monitor ends the run if it falls. A robot without inertias
+    moves kinematically. Comments say what was looked at, tried and found. Options of the import are written into the
+    station, and paths start at its folder.
 
     Raises:
         InvalidModel: the robot cannot be imported.
     """
-    file, home = as_path(urdf, "urdf"), None if folder is None else as_path(folder, "folder")
+    file, home = robot_file(urdf, "urdf"), None if folder is None else as_path(folder, "folder")
     robot = robot_from_file(file, options)
+    remarks = []
+    if robot.base == "floating" and not robot.links_without_inertia and not _has_shapes(robot):
+        options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
+        robot = robot_from_file(file, options)
+        remarks.append(_UNSHAPED)
     kinematic = bool(robot.links_without_inertia)
-    floating = robot.base == "floating" and not kinematic
     content: dict[str, Any] = {
         "description": f"{robot.name}: first station",
         "mode": "kinematic" if kinematic else "dynamic",
-        "robot": _robot(robot, file.resolve(), options, home),
+        "robot": _robot(file, options, home),
     }
+    remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+    return _header(robot, file, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
+
+
+def _has_shapes(robot: RobotModel) -> bool:
+    return any(link.find("collision") is not None for link in robot.element.iterfind("link"))
+
+
+def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Fill in the station of a robot whose root is held; return remarks."""
+    kinematic = content["mode"] == "kinematic"
     if not kinematic:
-        content["servo"] = _servo(robot, "implicit" if floating else "per_joint")
-    content["reference"] = {"kind": "hold"} if floating else _first_move(robot)
-    if not kinematic and not floating:
-        content["inputs"] = ["reference_velocity"]  # else the damping holds the motion back
+        content["servo"] = _servo(robot, "per_joint")
     content["floor"] = {"size": 3}
-    if floating:
-        content["robot"]["base"] = [0.0, 0.0, _height(robot), 0.0, 0.0, 0.0]
-        content["contact"] = {"model": "point"}
+    looked_at = Clearance(_config(robot, {**content, "robot": {"initial_deg": robot.home_deg}}))
+    start = ClearStart(looked_at, looked_at.station.robots[ONLY_ROBOT], _MOVE, torque=not kinematic).find()
+    if (height := round(start.height, 4)) > 0:
+        content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
+    _begin(robot, content, start.posture)
+    moves = bool((start.target != start.posture).any())
+    move = {"kind": "move", "target_deg": _by_axis(robot, _in_user_units(robot, start.target)), "duration": _MOVE}
+    content["reference"] = move if moves else {"kind": "hold"}
+    remarks = list(start.remarks)
     if not kinematic:
-        content["solver"] = _ON_FEET if floating else _ARM
+        content["inputs"] = ["reference_velocity"]  # else the damping holds the motion back
+        content["solver"] = _ARM
     content["duration"] = 3.0
-    creeps = not kinematic and not floating and not gets_through(_config(content, file))
-    if creeps:
+    if not kinematic and not gets_through(_config(robot, content)):
         content["solver"] = _DISCRETE
         content["servo"]["realization"] = "implicit"
-    return (
-        _header(robot, file, kinematic)
-        + _CREEPS * creeps
-        + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
-    )
+        remarks.append(_CREEPS)
+    return remarks
 
 
-def _config(content: dict[str, Any], urdf: Path) -> StationConfig:
+def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Fill in the station of a robot with a free base; return remarks."""
+    content["servo"] = _servo(robot, "implicit")
+    content |= {"reference": {"kind": "hold"}, "floor": {"size": 3}, "contact": {"model": "point"}, "solver": _ON_FEET}
+    content["duration"] = 3.0
+    looked_at = Clearance(_config(robot, {**content, "robot": {"initial_deg": robot.home_deg}}))
+    stances = Stances(looked_at, looked_at.station.robots[ONLY_ROBOT])
+    first, outcome = None, ""
+    for stance in islice(stances.find(), _TRIALS):
+        _stand(robot, content, stance)
+        held, outcome = stands(_config(robot, content))
+        if held:
+            return [f"It stands {_stance_text(stance)}.", f"It was tried: {outcome}."]
+        first = first or (stance, outcome)
+    if first is not None:
+        _stand(robot, content, first[0])
+        return [f"By statics it would stand {_stance_text(first[0])}.", f"But when it was tried, {first[1]}."]
+    home = stances.as_it_is()
+    assert home is not None  # it has shapes
+    _stand(robot, content, home)
+    _, outcome = stands(_config(robot, content))
+    return [
+        f"No posture was found in which it stands on its feet. {stances.lacking}",
+        f"So it begins at home, and falls or not: when it was tried, {outcome}.",
+    ]
+
+
+def _stance_text(stance: Stance) -> str:
+    found = stance.standing
+    centre = f"the centre of mass is {found.margin * 1e3:.0f} mm inside of the support"
+    return f"{stance.how}, on {', '.join(found.ends)}; {centre}"
+
+
+def _stand(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
+    """Let a robot begin in a stance, and a monitor watch it."""
+    content["robot"]["base"] = [0.0, 0.0, round(stance.height, 6), 0.0, 0.0, 0.0]
+    _begin(robot, content, stance.posture)
+    low = round(_FALLEN * stance.height, 3)
+    content["monitors"] = {"fall": {**({"height": low} if low > 0 else {}), "tilt_deg": _FALLS}}
+
+
+def _begin(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
+    """Let a robot begin in a posture (n,) [rad or m]."""
+    values = _in_user_units(robot, posture)
+    content["robot"].pop("initial_deg", None)
+    if values.any():
+        content["robot"]["initial_deg"] = {axis: value for axis, value in _named(robot, values).items() if value}
+
+
+def _in_user_units(robot: RobotModel, posture: Vector) -> Vector:
+    """Return a posture [deg, or m of prismatic axes], rounded within the limits, shape (n,)."""
+    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
+    return np.asarray(np.clip(np.round(posture / robot.user_units, 4), lower, upper)) + 0.0
+
+
+def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
+    """Return a station of the robot as it was imported."""
+    own = {key: value for key, value in content["robot"].items() if key not in ("urdf", "import_options")}
     sections = {key: value for key, value in content.items() if key != "robot"}
-    return StationConfig(name=urdf.stem, robots={ONLY_ROBOT: {**content["robot"], "urdf": urdf}}, **sections)
+    return StationConfig(name=robot.name, robots={ONLY_ROBOT: {**own, "urdf": robot.urdf_path}}, **sections)
 
 
 def _header(robot: RobotModel, urdf: Path, kinematic: bool) -> str:
@@ -86,51 +171,82 @@ def _header(robot: RobotModel, urdf: Path, kinematic: bool) -> str:
     return text
 
 
-def _robot(robot: RobotModel, urdf: Path, options: ImportOptions | None, folder: Path | None) -> dict[str, Any]:
+def _robot(urdf: Path, options: ImportOptions | None, folder: Path | None) -> dict[str, Any]:
     near = folder is not None and urdf.is_relative_to(folder.resolve())
     section: dict[str, Any] = {"urdf": str(urdf.relative_to(folder.resolve()) if near and folder else urdf)}
     if options is not None:
         section["import_options"] = options.model_dump(mode="json", exclude_defaults=True)
-    if robot.home_deg:
-        section["initial_deg"] = robot.home_deg
     return section
 
 
 def _servo(robot: RobotModel, realization: str) -> dict[str, Any]:
-    gains = first_gains(robot)
-    figures = {"kp": gains.kp, "kd": gains.kd, "torque_limit": robot.efforts}
-    return {"realization": realization, **{key: _by_axis(robot, values) for key, values in figures.items()}}
+    gains = gains_of(robot)
+    columns = {"kp": gains.kp, "kd": gains.kd, "torque_limit": robot.efforts}
+    return {"realization": realization, **{key: _by_axis(robot, values) for key, values in columns.items()}}
 
 
 def _by_axis(robot: RobotModel, values: Vector) -> float | dict[str, float]:
     """Return one number if it is the same for all axes."""
-    if len(set(values.tolist())) == 1:
-        return float(values[0])
+    return float(values[0]) if len(set(values.tolist())) == 1 else _named(robot, values)
+
+
+def _named(robot: RobotModel, values: Vector) -> dict[str, float]:
     return dict(zip(robot.axes, values.tolist(), strict=True))
 
 
-def _first_move(robot: RobotModel) -> dict[str, Any]:
-    """Return a move of every axis to the side where it has more room."""
-    home = robot.axis_vector(robot.home_deg, "home_deg")
-    lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
-    room = np.where(upper - home >= home - lower, upper - home, lower - home)
-    step = np.where(robot.prismatic, _STEP[1], _STEP[0])
-    target = home + np.sign(room) * np.minimum(step, _ROOM * np.abs(room))
-    return {"kind": "move", "target_deg": _by_axis(robot, np.round(target, 4)), "duration": 1.5}
+_WORK = 10_000
+"""Evaluations of the dynamics that a trial may take: about what 3 s in discrete steps of 1 ms cost."""
+_LEANS, _SINKS = 10.0, 0.1  # deg, and part of its height: a robot that leans or sinks more does not stand
 
 
-def _height(robot: RobotModel) -> float:
-    """Return how high the root link is above the robot's lowest point at home [m]."""
-    lone = lone_robot(robot)
-    context = lone.plant.CreateDefaultContext()
-    inspector = lone.scene_graph.model_inspector()
-    lowest = 0.0
-    for role in (Role.kProximity, Role.kIllustration):
-        for geometry in inspector.GetAllGeometryIds(role):
-            body = lone.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
-            pose = lone.plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry)
-            points = lowest_points(inspector.GetShape(geometry), pose, shape_corners(inspector, geometry))
-            lowest = min(lowest, float(points[:, 2].min()))
-        if lowest < 0:
-            break  # what collides is what stands
-    return round(-lowest, 6)
+def gets_through(config: StationConfig) -> bool:
+    """Tell whether a continuous solver brings a station to its end before its evaluations of the dynamics run out.
+
+    One that would lean on a stop too stiff for it is not even tried: it may get through, and be wrong.
+    """
+    closed = closed_station(resolve(config), sensors=(), monitors=False)
+    if any(finding.level == "warning" for finding in step_findings(config, closed.ports.plant, closed.references)):
+        return False
+    simulator = Simulator(closed.diagram)
+    apply_solver(simulator, config)
+    integrator = simulator.get_integrator()
+
+    def look(_: Context) -> EventStatus:
+        if integrator.get_num_derivative_evaluations() > _WORK:
+            return EventStatus.ReachedTermination(closed.diagram, "too much work")
+        return EventStatus.DidNothing()
+
+    simulator.set_monitor(look)
+    return _advances(simulator, config.duration) and simulator.get_context().get_time() >= config.duration
+
+
+def _advances(simulator: Simulator, time: float) -> bool:
+    """Step up to a time [s], or to where a monitor stops; tell whether it did not diverge."""
+    try:
+        simulator.AdvanceTo(time)
+    except (RuntimeError, SystemExit):  # failed assertions come as SystemExit
+        return False
+    return True
+
+
+def stands(config: StationConfig, duration: float = 2.0) -> tuple[bool, str]:
+    """Try for a time [s] whether the only robot of a station stands on its own feet, and say what became of it."""
+    closed = closed_station(resolve(config), sensors=())
+    (robot,), plant = closed.ports.plant.robots.values(), closed.ports.plant.plant
+    simulator = Simulator(closed.diagram)
+    apply_solver(simulator, config)
+    context = plant.GetMyContextFromRoot(simulator.get_context())
+    before = robot.root.CalcPoseInWorld(context)
+    if not _advances(simulator, duration):
+        return False, "it diverged"
+    time = simulator.get_context().get_time()
+    if time < duration:
+        return False, f"it fell at {time:.2f} s"
+    after = robot.root.CalcPoseInWorld(context)
+    up = before.rotation().inverse().matrix()[:, 2].tolist()
+    leaning = float(np.rad2deg(lean(up, *xyz_quaternion_from_transform(after)[3:].tolist())))
+    sunk = float((before.translation() - after.translation())[2])
+    height = float(before.translation()[2] - closed.ports.plant.ground.beneath(before.translation()[np.newaxis])[0])
+    moved = f"{abs(sunk) * 1e3:.0f} mm {'lower' if sunk >= 0 else 'higher'}"
+    outcome = f"after {duration:g} s it leans by {leaning:.1f} deg, and its root is {moved} than at the start"
+    return leaning < _LEANS and sunk < _SINKS * max(height, 0.1), outcome

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simrob_drake.parts.captions import MANY, figures, limits_told, short, wrapped
+from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values, wrapped
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.ports import StationPorts
 
@@ -13,15 +13,15 @@ _PARTS = "pd", "position_loop", "speed_limit", "velocity_loop", "saturation", "i
 def draw_plant(ports: StationPorts) -> None:
     """Draw the plant with its robots, pieces and the servos inside of its actuators, stops and scene."""
     config, robots = ports.config, list(ports.plant.robots.values())
-    told = [_robot_text(robot) for robot in robots]
+    robot_texts = [_robot_text(robot) for robot in robots]
     if config.mode == "kinematic":
-        ports.draw("inverse_dynamics", "robot", "\n".join(["Inverse dynamics", *told]))
+        ports.draw("inverse_dynamics", "robot", "\n".join(["Inverse dynamics", *robot_texts]))
         ports.draw("geometry_poses", "robot", "Geometry poses")
     else:
         pieces = [wrapped(f"with {', '.join(config.pieces)}")] if config.pieces else []
         servos = [line for robot in robots for line in _actuators_text(ports, robot)]
         inside = ["", "PD in its actuators:", *servos] if servos else []
-        ports.draw("plant", "robot", "\n".join(["Plant", *told, *pieces, *inside]))
+        ports.draw("plant", "robot", "\n".join(["Plant", *robot_texts, *pieces, *inside]))
         if robots and not config.solver.holds_joint_limits:
             _draw_stops(ports, robots)
     ports.draw("scene_graph", "scene", "Scene graph\nall geometry")
@@ -55,14 +55,15 @@ def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
 def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
     """Draw the law that goes through the model, and what saturates its torques."""
     gains, name = robot.gains, f"{robot.prefix}computed_torque"
-    ports.draw(name, "servo", f"Computed torque\nkp {figures(gains.kp)} 1/s²\nkd {figures(gains.kd)} 1/s", robot)
+    kp, kd = shown_values(gains.kp), shown_values(gains.kd)
+    ports.draw(name, "servo", f"Computed torque\nkp {kp} 1/s²\nkd {kd} 1/s", robot)
     _draw_saturation(ports, f"{robot.prefix}torque", list(range(len(robot.axes))), robot)
 
 
 def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
     """Draw the integral part of a group of joints."""
     gains, units = robot.gains, [robot.model.effort_units[index] for index in group]
-    label = f"{who}: I\nki {figures(gains.ki[group])}, {limits_told(gains.integral_limit[group], units)}"
+    label = f"{who}: I\nki {shown_values(gains.ki[group])}, {shown_limits(gains.integral_limit[group], units)}"
     for part in ("integrator", "integral_clip"):
         ports.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
 
@@ -71,24 +72,25 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
     gains, name, units = robot.gains, f"{robot.prefix}{row}", [robot.model.units[index].si for index in group]
     kp, kd = gains.kp[group], gains.kd[group]
     if gains.speed_limit is not None:
-        limit = limits_told(gains.speed_limit[group], [f"{unit}/s" for unit in units])
-        ports.draw(f"{name}.position_loop", "servo", f"{who}: P\n{figures(kp / kd)} 1/s", robot)
+        limit = shown_limits(gains.speed_limit[group], [f"{unit}/s" for unit in units])
+        ports.draw(f"{name}.position_loop", "servo", f"{who}: P\n{shown_values(kp / kd)} 1/s", robot)
         ports.draw(f"{name}.speed_limit", "servo", f"Speed\n{limit}", robot)
-        ports.draw(f"{name}.velocity_loop", "servo", f"{who}: velocity\n{figures(kd)}", robot)
+        ports.draw(f"{name}.velocity_loop", "servo", f"{who}: velocity\n{shown_values(kd)}", robot)
         ports.draw_nothing(f"{name}.speed")
-    ports.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {figures(kp)}, kd {figures(kd)}", robot)
+    ports.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}", robot)
     _draw_saturation(ports, f"{name}.saturation", group, robot)
     if (gains.ki[group] > 0).any():
         draw_integral(ports, robot, row, group, who)
 
 
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
-    limit = limits_told(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
+    limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
     ports.draw(name, "servo", f"Saturation\n{limit}", robot)
 
 
 def _draw_stops(ports: StationPorts, robots: list[StationRobot]) -> None:
-    stiffness, damping = (figures(np.concatenate(values)) for values in zip(*(r.stops for r in robots), strict=True))
+    stops = zip(*(robot.stops for robot in robots), strict=True)
+    stiffness, damping = (shown_values(np.concatenate(values)) for values in stops)
     units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
     springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
     dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
@@ -107,9 +109,9 @@ def _actuators_text(ports: StationPorts, robot: StationRobot) -> list[str]:
     """Return a line for each actuator of a robot that holds a servo of its own; of many the first and the last."""
     if ports.config.servo_of(robot.name).realization != "implicit":
         return []
-    figures_of = zip(robot.axes, robot.gains.kp, robot.gains.kd, robot.gains.torque_limit, strict=True)
+    gains = zip(robot.axes, robot.gains.kp, robot.gains.kd, robot.gains.torque_limit, strict=True)
     lines = [
         f"{robot.prefix}{axis}: kp {kp:.4g}, kd {kd:.4g}, ±{limit:.4g} {unit}"
-        for (axis, kp, kd, limit), unit in zip(figures_of, robot.model.effort_units, strict=True)
+        for (axis, kp, kd, limit), unit in zip(gains, robot.model.effort_units, strict=True)
     ]
     return lines if len(lines) <= MANY else [lines[0], "⋮", lines[-1]]

@@ -21,6 +21,7 @@ from simrob_drake.stations.config import JointStops
 from simrob_drake.stations.drawing import draw_computed_torque, draw_feedforward, draw_integral, draw_servos
 from simrob_drake.stations.friction import wire_friction, with_friction
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque
 from simrob_drake.stations.solver_config import DiscreteSolver
 
 _DERIVATIVES = "reference_velocity", "reference_acceleration"
@@ -29,26 +30,27 @@ _DERIVATIVES = "reference_velocity", "reference_acceleration"
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add inputs, state, servos, friction and joint stops for every robot of a plant that stands in the diagram."""
     config, robots = ports.config, ports.plant.robots
-    asked = _with_feedforward(builder, ports, {name: _add_signals(builder, ports, robots[name]) for name in robots})
+    signals = _with_feedforward(builder, ports, {name: _add_signals(builder, ports, robots[name]) for name in robots})
     for robot in robots.values():
-        _add_servos(builder, ports, robot, asked[robot.name])
+        _add_servos(builder, ports, robot, signals[robot.name])
         for external in ("external_force", "external_torque"):
             if external not in config.inputs:
                 continue
             name, tool, turns = f"{robot.prefix}{external}", robot.tools[robot.tcp], external == "external_torque"
             block = add_external_force(builder, ports.plant.plant, tool, name=name, turns=turns)
-            given = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
-            builder.Connect(given.get_output_port(), block.get_command_input_port())
-            ports.inputs[name] = given.get_input_port()
+            entry = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
+            builder.Connect(entry.get_output_port(), block.get_command_input_port())
+            ports.inputs[name] = entry.get_input_port()
             output, unit = name.replace("external", "applied"), "N·m" if turns else "N"
             title = f"{external.replace('_', ' ')} at {robot.prefix}{robot.tcp}, in its axes"
-            ports.add(output, given.get_output_port(), applied_signal(output, unit, title))
+            ports.add(output, entry.get_output_port(), applied_signal(output, unit, title))
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
             ports.draw(name, "robot", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     wire_friction(builder, ports)
     if not config.solver.holds_joint_limits:
         stiffness, damping = stops_of(ports)
-        add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
+        stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
+        ports.generalized_forces.extend([stops] if stops is not None else [])
 
 
 def stops_of(ports: StationPorts) -> Vector:
@@ -56,8 +58,8 @@ def stops_of(ports: StationPorts) -> Vector:
 
     Joints that are no axes have what the station says of all.
     """
-    given, usual = ports.config.joint_stops.model_dump(), JointStops().model_dump()
-    of_all = [usual[key] if isinstance(value, list | dict) else value for key, value in given.items()]
+    stated, usual = ports.config.joint_stops.model_dump(), JointStops().model_dump()
+    of_all = [usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()]
     stops = np.tile(np.array(of_all)[:, np.newaxis], ports.plant.plant.num_velocities())
     for robot in ports.plant.robots.values():
         stops[:, robot.axis_map.velocity_places] = robot.stops
@@ -88,14 +90,14 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
     """Add what a robot's servos read, and the outputs for it."""
     prefix, count, listed = robot.prefix, len(robot.joints), ports.config.inputs
     state = mapped(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
-    split = builder.AddNamedSystem(f"{prefix}state", Demultiplexer([count, count]))
-    builder.Connect(state, split.get_input_port())
+    split = Demultiplexer([count, count])
+    ports.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
     reference = ports.add_input(builder, robot, "reference")
+    if robot.prescribed:
+        reference = add_prescribed_motion(builder, ports, robot, reference)
     add_motion(ports, robot, reference, split.get_output_port(0), split.get_output_port(1))
-    wanted = {*listed, *(_DERIVATIVES if ports.config.servo_of(robot.name).follows_motion else ())}
-    optional = {
-        name: ports.add_input(builder, robot, name) for name in (*_DERIVATIVES, "feedforward") if name in wanted
-    }
+    read = {*listed, *(_DERIVATIVES if ports.config.servo_of(robot.name).follows_motion else ())}
+    optional = {name: ports.add_input(builder, robot, name) for name in (*_DERIVATIVES, "feedforward") if name in read}
     return ServoSignals(reference, state, **optional)
 
 
@@ -103,18 +105,18 @@ def _with_feedforward(
     builder: DiagramBuilder, ports: StationPorts, signals: Mapping[str, ServoSignals]
 ) -> dict[str, ServoSignals]:
     """Add the torques that the model foretells, and return what the servos read, by robot, with them in it."""
-    given, servo_of = dict(signals), ports.config.servo_of
-    asked = {name: own for name, own in signals.items() if servo_of(name).feedforward != "none"}
-    if not asked:
-        return given
-    robots = [(ports.plant.robots[name].axis_map, own) for name, own in asked.items()]
+    read, servo_of = dict(signals), ports.config.servo_of
+    fed_forward = {name: own for name, own in signals.items() if servo_of(name).feedforward != "none"}
+    if not fed_forward:
+        return read
+    robots = [(ports.plant.robots[name].axis_map, own) for name, own in fed_forward.items()]
     torques = add_feedforward(builder, ports.plant.plant, robots, name="model_feedforward")
-    for (name, own), torque in zip(asked.items(), torques, strict=True):
+    for (name, own), torque in zip(fed_forward.items(), torques, strict=True):
         prefix = ports.plant.robots[name].prefix
         parts = [port for port in (own.feedforward,) if port is not None]
-        given[name] = replace(own, feedforward=summed(builder, f"{prefix}whole_feedforward", torque, *parts))
-    draw_feedforward(ports, list(asked))
-    return given
+        read[name] = replace(own, feedforward=summed(builder, f"{prefix}whole_feedforward", torque, *parts))
+    draw_feedforward(ports, list(fed_forward))
+    return read
 
 
 def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
@@ -139,7 +141,10 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
     elif servo.admittance_gain > 0:
         _add_admittance_servos(builder, ports, robot, signals)
     else:
-        declare_torque(ports, robot, _add_servo_blocks(builder, ports, robot, signals))
+        torque = _add_servo_blocks(builder, ports, robot, signals)
+        if robot.prescribed:
+            torque = add_prescribed_torque(builder, ports, robot, torque)
+        declare_torque(ports, robot, torque)
 
 
 def _add_servo_blocks(
@@ -174,8 +179,8 @@ def _add_admittance_servos(
     force = add_model_torque(builder, plant, ports.state, steady, name=name)
     model = mapped(builder, f"{name}.axes", robot.axis_map.velocity_matrix, force)
     extra = add_admittance(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
-    given = [port for port in (signals.feedforward,) if port is not None]
-    total = summed(builder, f"{prefix}feedforward_sum", *given, extra)
+    feedforward = [port for port in (signals.feedforward,) if port is not None]
+    total = summed(builder, f"{prefix}feedforward_sum", *feedforward, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
     ports.draw(f"{prefix}admittance", "servo", f"Admittance\nintegrator, {gain:g} 1/s", robot)

@@ -17,7 +17,7 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
     and friction that turns a joint's motion around within a step would do so for ever: there v_s is at least c h / M,
     M being the inertia that the axis feels alone.
     """
-    config, plant, forces = ports.config, ports.plant.plant, []
+    config, plant = ports.config, ports.plant.plant
     for robot in ports.plant.robots.values():
         friction = robot.model.friction
         if not friction.any():
@@ -27,14 +27,12 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
                 robot.model.drives.friction_speed, friction * config.solver.max_step / robot.free_inertias()
             )
             sliding = _sliding(builder, ports, robot, speed)
-            forces.append(mapped(builder, f"{robot.prefix}friction.force", -robot.axis_map.velocity_matrix.T, sliding))
+            spread = -robot.axis_map.velocity_matrix.T
+            ports.generalized_forces.append(mapped(builder, f"{robot.prefix}friction.force", spread, sliding))
         elif config.servo_of(robot.name).realization != "implicit":
             rest = plant.get_desired_state_input_port(robot.instance)
             builder.Connect(fed(builder, f"{robot.prefix}rest", ConstantVectorSource(np.zeros(rest.size()))), rest)
             ports.draw_nothing(f"{robot.prefix}rest")
-    if forces:
-        ports.draw_nothing("friction_sum")
-        builder.Connect(summed(builder, "friction_sum", *forces), plant.get_applied_generalized_force_input_port())
 
 
 def with_friction(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, torque: OutputPort) -> OutputPort:

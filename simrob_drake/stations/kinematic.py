@@ -41,8 +41,8 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     The plant itself stands outside of the diagram: it is registered with the scene graph and never stepped.
     """
     for robot in ports.plant.robots.values():
-        given = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
-        position, velocity = (given[signal].get_output_port() for signal in _MOTION[:2])
+        sources = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
+        position, velocity = (sources[signal].get_output_port() for signal in _MOTION[:2])
         add_motion(ports, robot, position, position, velocity)
     force = _generalized_forces(builder, ports)
     for robot in ports.plant.robots.values():

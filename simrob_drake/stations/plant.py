@@ -34,6 +34,7 @@ from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
 from simrob_drake.stations.contact_config import ContactConfig
+from simrob_drake.stations.prescribed import set_rotors
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.solver_config import DiscreteSolver
 
@@ -81,6 +82,8 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     for robot in robots.values():
         for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
             joint.set_default_positions(np.array([sign * angle]))
+    for robot in robots.values():
+        set_rotors(plant, robot.joints, robot)
     station = StationPlant(plant, scene_graph, robots, free_pieces, resolved.ground)
     check_stiffnesses(plant, scene_graph, resolved)
     _filter_collisions(station, config.contact)

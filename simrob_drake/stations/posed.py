@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from pydrake.geometry import QueryObject
+from pydrake.geometry import GeometryId, QueryObject
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
@@ -11,6 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.frames import Vector
 from simrob_drake.lifetime import built
 from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.targets import owner_of_shape
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
@@ -23,6 +24,7 @@ class PosedStation:
         resolved: what it is made of.
         station: its plant, with the robots.
         plant: Drake's own.
+        context: of the plant, in the present configuration.
         initial: the configuration at the start, shape (nq,).
     """
 
@@ -44,26 +46,30 @@ class PosedStation:
         self._diagram = built(builder)
         self._scene = self._diagram.CreateDefaultContext()
         own = self.plant.CreateDefaultContext()
-        self._context = self.plant.GetMyMutableContextFromRoot(self._scene) if stepped else own
+        self.context = self.plant.GetMyMutableContextFromRoot(self._scene) if stepped else own
         self.initial: Vector = self.plant.GetPositions(own)
         self.place(self.initial)
 
     def place(self, positions: Vector) -> None:
         """Put the station into a configuration, shape (nq,)."""
-        self.plant.SetPositions(self._context, positions)
+        self.plant.SetPositions(self.context, positions)
         if self._positions_port is not None:
             poses = self._positions_port.get_system()
             self._positions_port.FixValue(poses.GetMyMutableContextFromRoot(self._scene), positions)
 
     def pose(self, frame: Frame) -> RigidTransform:
         """Return the pose of a frame in the world."""
-        return frame.CalcPoseInWorld(self._context)
+        return frame.CalcPoseInWorld(self.context)
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
         """Put robots into postures (n,) [rad or m]; the others stay."""
         for name, posture in postures.items():
-            self.station.robots[name].axis_map.set_positions(self.plant, self._context, posture)
-        self.place(self.plant.GetPositions(self._context))
+            self.station.robots[name].axis_map.set_positions(self.plant, self.context, posture)
+        self.place(self.plant.GetPositions(self.context))
+
+    def owner(self, shape: GeometryId) -> str:
+        """Return what a shape belongs to: a piece, a link of a robot, the floor, or a box of its terrain."""
+        return owner_of_shape(self.station, shape)
 
     def query(self) -> QueryObject:
         """Return the geometry in its present configuration, for distances and pictures."""

@@ -6,9 +6,9 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import MatrixGain
 
 from simrob_drake.blocks.frame_poses import FramePoses
-from simrob_drake.blocks.wiring import mapped
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import FromState, StationRobot
@@ -28,8 +28,9 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
     plant = ports.plant.plant
     for robot in ports.plant.robots.values():
         frames = {"base_pose": robot.root, **{f"tcp_pose.{tool}": frame for tool, frame in robot.tools.items()}}
-        block = builder.AddNamedSystem(f"{robot.prefix}poses", FramePoses(plant=plant, frames=frames))
-        builder.Connect(ports.state, block.get_input_port())
+        block = FramePoses(plant=plant, frames=frames)
+        outputs = [f"{robot.prefix}{output}" for output in [*frames, *(["tcp_pose"] if robot.tcp else [])]]
+        ports.add_report(builder, f"{robot.prefix}poses", block, ports.state, *outputs)
         ports.draw(f"{robot.prefix}poses", "sensor", "Poses\n" + ", ".join(["base", *robot.tools]), robot)
         for name in frames:
             signals, of_state = [], None
@@ -38,7 +39,9 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.add(f"{robot.prefix}{name}", block.GetOutputPort(name), *signals, of_state=of_state)
         if _is_free(robot):
             output, pick = f"{robot.prefix}base_velocity", _free_velocity(plant, robot.root.body())
-            ports.add(output, mapped(builder, output, pick, ports.state), of_state=FromState(pick))
+            gain = MatrixGain(pick)
+            ports.add_report(builder, output, gain, ports.state, output)
+            ports.add(output, gain.get_output_port(), of_state=FromState(pick))
         if robot.tcp:
             port = block.GetOutputPort(f"tcp_pose.{robot.tcp}")
             ports.add(f"{robot.prefix}tcp_pose", port, _pose_signal(robot, "tcp", "tcp_pose"))
@@ -50,16 +53,17 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     if not free:
         return
     frames = {f"piece_pose.{piece}": body.body_frame() for piece, body in free.items()}
-    poses = builder.AddNamedSystem("piece_poses", FramePoses(plant=plant, frames=frames))
-    builder.Connect(ports.state, poses.get_input_port())
+    poses = FramePoses(plant=plant, frames=frames)
+    ports.add_report(builder, "piece_poses", poses, ports.state, *frames)
     ports.draw("piece_poses", "sensor", wrapped(f"Poses of {', '.join(free)}"))
     for piece, body in free.items():
         pick = _free_velocity(plant, body)
+        gain = MatrixGain(pick)
+        ports.add_report(builder, f"piece_velocity.{piece}", gain, ports.state, f"piece_velocity.{piece}")
         for output, port, parts, units, of_state, quantity in (
             ("pose", poses.GetOutputPort(f"piece_pose.{piece}"), XYZ_QUATERNION_NAMES, _POSE_UNITS,
              FromState(_free_pose(plant, body), unit_poses), "position [m]"),
-            ("velocity", mapped(builder, f"piece_velocity.{piece}", pick, ports.state), VELOCITY_NAMES,
-             _VELOCITY_UNITS, FromState(pick), "velocity [m/s]"),
+            ("velocity", gain.get_output_port(), VELOCITY_NAMES, _VELOCITY_UNITS, FromState(pick), "velocity [m/s]"),
         ):  # fmt: skip
             name = f"piece_{output}.{piece}"
             ports.add(name, port, _piece_signal(piece, name, parts, units, quantity), of_state=of_state)

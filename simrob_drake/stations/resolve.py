@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.blocks.servo import ServoGains
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName
 from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
@@ -19,8 +19,10 @@ from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroun
 from simrob_drake.robots.axis_values import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.pieces import TCP, PieceModel
+from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.piece_sources import piece_of
+from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
@@ -109,11 +111,23 @@ def _robot_model(entry: RobotConfig) -> RobotModel:
 
 def _robot_as_described(entry: RobotConfig) -> RobotModel:
     if entry.urdf is not None:
-        from simrob_drake.importer.cache import robot_from_file  # few stations need the importer
+        from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
 
         return robot_from_file(entry.urdf, entry.import_options)
     model = str(entry.model)
-    return load_robot_file(Path(model)) if model.endswith(YAML_SUFFIXES) else load_robot(model)
+    if not model.endswith(YAML_SUFFIXES):
+        return load_robot(model)
+    robot = load_robot_file(Path(model))
+    try:
+        with_absolute_meshes(robot.element, robot.folder)
+    except InvalidModel:
+        if robot.urdf is None:
+            raise
+        from simrob_drake.importer.importing import robot_from_file
+
+        imported = robot_from_file(robot.urdf_path)
+        return robot.model_copy(update={"folder": imported.folder, "urdf": imported.urdf})
+    return robot
 
 
 def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, ResolvedPiece]) -> Ground:
@@ -149,9 +163,9 @@ def _robot(
     _check_axes(config, name, model)
     servo = config.servo_of(name)
     if config.mode == "dynamic" and model.base == "floating" and (servo.follows_motion or servo.feedforward != "none"):
-        told = "left out: a robot on its own feet does not know what carries it"
+        expected = "left out: a robot on its own feet does not know what carries it"
         key = "law" if servo.law == "computed_torque" else "feedforward"
-        raise InvalidParameter(f"servo.{key}", getattr(servo, key), told)
+        raise InvalidParameter(f"servo.{key}", getattr(servo, key), expected)
     if model.feet is None and entry.feet is not None:
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
@@ -165,43 +179,47 @@ def _robot(
     tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp and tcp not in frames:
         raise UnknownName(f"tool of {name}", tcp, frames)
-    return ResolvedRobot(
-        name=name,
-        prefix=config.prefix(name),
-        model=model,
-        base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
-        floats=config.mode == "dynamic" and model.base == "floating",
-        gains=servo_gains(model, servo),
-        stops=_stops(config, name, model),
-        initial=_initial_position(entry, name, model),
-        carried=carried,
-        held=held,
-        tool_frames=frames,
-        tcp=tcp,
-        tcp_offset=entry.tcp_offset,
-        feet=model.feet.kind(entry.feet) if model.feet else None,
+    return with_prescribed_axes(
+        config,
+        ResolvedRobot(
+            name=name,
+            prefix=config.prefix(name),
+            model=model,
+            base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
+            floats=config.mode == "dynamic" and model.base == "floating",
+            gains=servo_gains(model, servo),
+            stops=_stops(config, name, model),
+            initial=_initial_position(entry, name, model),
+            carried=carried,
+            held=held,
+            tool_frames=frames,
+            tcp=tcp,
+            tcp_offset=entry.tcp_offset,
+            feet=model.feet.kind(entry.feet) if model.feet else None,
+            prescribed={},
+        ),
     )
 
 
 def servo_gains(robot: RobotModel, servo: ServoConfig) -> ServoGains:
-    """Return the figures of a robot's servos: the station's, else the robot's own, else the URDF's."""
+    """Return the gains and limits of a robot's servos: the station's, else the robot's own, else the URDF's."""
     efforts = robot.efforts
 
-    def figures(key: str) -> Vector:
+    def gains_of(key: str) -> Vector:
         own = getattr(robot.servo, key, None)
         base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
-        given = getattr(servo, key)
-        return base if given is None else robot.axis_vector(given, f"servo.{key}", base)
+        stated = getattr(servo, key)
+        return base if stated is None else robot.axis_vector(stated, f"servo.{key}", base)
 
     def limits(key: str, otherwise: Vector) -> Vector:
-        given = getattr(servo, key)
-        return otherwise if given is None else robot.axis_vector(given, f"servo.{key}", otherwise)
+        stated = getattr(servo, key)
+        return otherwise if stated is None else robot.axis_vector(stated, f"servo.{key}", otherwise)
 
     limit = limits("torque_limit", efforts)
     speed = limits("speed_limit", robot.speed_limits) if servo.law == "cascade" else None
-    if servo.law == "computed_torque" and (figures("ki") > 0).any():
+    if servo.law == "computed_torque" and (gains_of("ki") > 0).any():
         raise InvalidParameter("servo.ki", servo.ki, "0 with law computed_torque, whose model takes its place")
-    return ServoGains(figures("kp"), figures("ki"), figures("kd"), limit, limits("integral_limit", limit), speed)
+    return ServoGains(gains_of("kp"), gains_of("ki"), gains_of("kd"), limit, limits("integral_limit", limit), speed)
 
 
 def _stops(config: StationConfig, robot: str, model: RobotModel) -> tuple[Vector, Vector]:
@@ -293,10 +311,11 @@ def carriers_of(config: StationConfig) -> dict[str, str]:
 def _parent(config: StationConfig, piece: str) -> str:
     """Return what a piece hangs on: ``world``, a robot's name or another piece's name."""
     entry = config.pieces[piece]
-    parent = entry.parent or (WORLD if entry.free or not config.robots else config.only_robot)
-    if parent is None:
-        raise InvalidParameter(f"pieces.{piece}.parent", None, f"one of world, {', '.join(config.robots)}, or a piece")
-    return parent
+    if entry.parent is None and not entry.free:
+        choices = ", ".join([WORLD, *config.robots, *(other for other in config.pieces if other != piece)])
+        expected = f"what it hangs on, one of {choices}; or say free: true"
+        raise InvalidParameter(f"pieces.{piece}.parent", "left out", expected)
+    return entry.parent or WORLD
 
 
 def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:

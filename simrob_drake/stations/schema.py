@@ -4,10 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.parts.kinds import models_by_kind
-from simrob_drake.parts.monitors import MonitorConfig
-from simrob_drake.parts.sensors import SensorConfig
+from simrob_drake.parts import forces, monitors, sensors
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import RobotConfig, StationConfig
 
@@ -18,11 +15,12 @@ def station_schema() -> dict[str, Any]:
     """Return the schema of a station file: that of a configuration, with ``robot:`` for a single robot."""
     schema = StationConfig.model_json_schema()
     schema["properties"]["robot"] = {"$ref": "#/$defs/RobotConfig", "description": RobotConfig.__doc__}
+    schema["properties"]["program"]["anyOf"] = [{"type": "string"}, {"$ref": "../models/program.schema.json"}]
     schema["required"] = [key for key in schema["required"] if key not in ("name", "robots")]
     schema["oneOf"] = [{"required": [key]} for key in ("robot", "robots")]
     schema["oneOf"].append({"required": ["pieces"], "properties": {"robot": False, "robots": {"maxProperties": 0}}})
-    for family in (MonitorConfig, SensorConfig, ForceConfig):
-        for entry in models_by_kind(family).values():
+    for family in (monitors, sensors, forces):
+        for entry in family.KINDS.models.values():
             schema["$defs"][entry.__name__]["required"].remove("kind")  # a part's name can be its kind
     return schema
 

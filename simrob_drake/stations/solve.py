@@ -15,6 +15,14 @@ _SLACK = 1e-9
 of that length follows, at the price of a whole one."""
 
 
+def controlled_by(config: StationConfig) -> ContinuousSolver | None:
+    """Return the solver of a station if it chooses how long its steps are; else None."""
+    solver = config.solver
+    if config.mode == "kinematic" or not isinstance(solver, ContinuousSolver) or solver.fixed_steps:
+        return None
+    return solver
+
+
 def stepped_by(config: StationConfig) -> ContinuousSolver | None:
     """Return the settings by which ``cenic`` steps a station; None where it does not."""
     solver = config.solver

@@ -4,8 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
-from simrob_drake.quantities import Positive
-from simrob_drake.yaml_files import Strict
+from simrob_drake.sections import Boolean, Positive, Strict
 
 TIGHTER = 10.0
 """How much tighter `simrob run --converge` reruns."""
@@ -37,7 +36,7 @@ class ContinuousSolver(Strict):
     """Relative error that one step may have."""
     max_step: Positive = 0.1
     """Longest step [s]."""
-    error_control: bool = True
+    error_control: Boolean = True
     """Steps as short as the accuracy asks for. Without it each is max_step long: a third of the work with cenic, which
     stays stable, but nothing looks after impacts."""
 
@@ -49,6 +48,11 @@ class ContinuousSolver(Strict):
     def holds_joint_limits(self) -> bool:
         """Whether the scheme itself keeps joints within their limits; the others need stop forces."""
         return self.scheme == "cenic"
+
+    @property
+    def sees_inputs(self) -> bool:
+        """Whether what drives the plant counts as it changes within a step; ``cenic`` takes it as at the start."""
+        return self.scheme != "cenic"
 
     @property
     def fixed_steps(self) -> bool:
@@ -73,6 +77,11 @@ class DiscreteSolver(Strict):
     def holds_joint_limits(self) -> bool:
         """Discrete solvers keep joints within their limits."""
         return True
+
+    @property
+    def sees_inputs(self) -> bool:
+        """Discrete solvers take what drives the plant as it is at the start of a step."""
+        return False
 
 
 SolverConfig = Annotated[ContinuousSolver | DiscreteSolver, Field(discriminator="kind")]

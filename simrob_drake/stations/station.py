@@ -5,17 +5,16 @@ from pathlib import Path
 from typing import TypeAlias
 
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 
+from simrob_drake.arguments import drake_asserts, instance
 from simrob_drake.blocks.events import EventTimes
-from simrob_drake.blocks.wiring import fed
+from simrob_drake.blocks.wiring import fed, summed
 from simrob_drake.errors import InvalidParameter, quoted
-from simrob_drake.given import drake_asserts, instance
 from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
 from simrob_drake.parts.controllers.layers import add_loops
-from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks
-from simrob_drake.parts.controllers.signal_flow import add_flows
+from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, with_driven
 from simrob_drake.parts.forces.force import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.stations.config import StationConfig
@@ -75,21 +74,28 @@ def compose(
     forces: bool = True,
     monitors: bool = True,
     blocks: Mapping[str, LeafSystem] | None = None,
+    sources: Mapping[str, OutputPort] | None = None,
+    lean: bool = False,
 ) -> StationPorts:
     """Add a station's systems, and perhaps not all of its parts.
 
     All sensors are added, or those that are named, and the configuration's ``forces`` where they should act. Without
     ``monitors`` in the diagram the ports know them all the same, for whoever records the run. ``blocks`` are the
-    station's controllers, made, and others of the user's own, by name.
+    station's controllers, made, and others of the user's own, by name; ``sources`` drive inputs of a dynamic
+    station, by the inputs' names, so that these are no inputs. In a ``lean`` diagram blocks that only
+    report stand where something reads them: the recorded states tell the poses of robots after a run.
     """
-    config, plant = station.config, add_plant(builder, station)
+    own = own_blocks(station.config.controllers) if blocks is None else blocks
+    config = station.config.model_copy(update={"inputs": with_driven(station.config.inputs, own)})
+    plant = add_plant(builder, station)
     if station.mode == "kinematic":
         inputs, state = add_motion_inputs(builder, plant)
-        ports = StationPorts(station=station, plant=plant, state=state, inputs=inputs, config=config)
+        ports = StationPorts(station=station, plant=plant, state=state, inputs=inputs, config=config, lean=lean)
         add_kinematic_robots(builder, ports)
     else:
         state = plant.plant.get_state_output_port()
-        ports = StationPorts(station=station, plant=plant, state=state, config=config)
+        driven = sources or {}
+        ports = StationPorts(station=station, plant=plant, state=state, config=config, sources=driven, lean=lean)
         add_dynamic_robots(builder, ports)
     draw_plant(ports)
     add_poses(builder, ports)
@@ -102,9 +108,11 @@ def compose(
     for name, force in config.forces.items() if forces else ():
         add_force(builder, ports, name, force, force.source(), force.caption())
         ports.edges.extend(force.edges)
+    if flows := flows_of(config.controllers):
+        from simrob_drake.parts.controllers.signal_flow import add_flows  # loaded where there is one: it is large
+
+        add_flows(builder, ports, flows, monitors=monitors)
     gather_forces(builder, ports)
-    add_flows(builder, ports, flows_of(config.controllers), monitors=monitors)
-    own = own_blocks(config.controllers) if blocks is None else blocks
     add_own_blocks(builder, ports, own)
     add_loops(builder, ports, loops_of(config.controllers))
     wire_own_blocks(builder, ports, own)
@@ -128,6 +136,10 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
         forces = fed(builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found)
         ports.draw_nothing("external_forces")
         builder.Connect(forces, ports.plant.plant.get_applied_spatial_force_input_port())
+    if ports.generalized_forces:
+        joints = summed(builder, "joint_forces", *ports.generalized_forces)
+        ports.draw_nothing("joint_forces")
+        builder.Connect(joints, ports.plant.plant.get_applied_generalized_force_input_port())
 
 
 class Station(Diagram):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from pydrake.systems.framework import Context
 
-from simrob_drake.blocks.references import Course
+from simrob_drake.blocks.references import Reference
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant, StationRobot
-from simrob_drake.stations.closed import course_samples
+from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, DiscreteSolver
 
@@ -28,12 +29,12 @@ _NEAR = np.deg2rad(1.0), 1e-3
 DISCRETE = "take solver.kind discrete and servo.realization implicit"
 """What helps where a continuous scheme creeps."""
 
-Level = Literal["ok", "warning"]
+Level = Literal["ok", "warning", "note"]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a check found."""
+    """One thing that a check found: in order, not in order, or a fact that it did not judge, or did not look at."""
 
     level: Level
     subject: str
@@ -41,10 +42,10 @@ class Finding:
 
 
 def step_findings(
-    config: StationConfig, plant: StationPlant, courses: Mapping[str, Course] | None = None
+    config: StationConfig, plant: StationPlant, references: Mapping[str, Reference] | None = None
 ) -> list[Finding]:
-    """Compare servos and stops with the steps of the solver, at the initial posture and along ``courses``, by robot."""
-    findings = _creeping_findings(config, plant, courses or {})
+    """Compare servos and stops with the steps of the solver, as they start and along ``references``, by robot."""
+    findings = _creeping(config, plant, references or {})
     solver = config.solver
     for robot in plant.robots.values():
         if config.servo_of(robot.name).realization == "implicit":
@@ -64,7 +65,8 @@ def step_findings(
             unstable = solver.fixed_steps and bool(solver.max_step > largest)
             text = f"{damping} keeps the explicit scheme {solver.scheme} below steps of {largest:.2g} s"
             remedy = f", but solver.max_step is {solver.max_step:g} s; take an implicit scheme such as radau3"
-            findings.append(Finding("warning" if unstable else "ok", "steps", text + remedy * unstable))
+            level: Level = "warning" if unstable else "ok" if solver.fixed_steps else "note"
+            findings.append(Finding(level, "steps", text + remedy * unstable))
     return findings
 
 
@@ -85,33 +87,58 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
 
 
-def _servo_inertias(config: StationConfig, robot: StationRobot) -> Vector:
+def _servo_inertias(config: StationConfig, robot: StationRobot, context: Context | None = None) -> Vector:
     """Return what the gains of a robot's servos are to be compared with, (n,): 1 where they are by inertia already."""
     by_inertia = config.servo_of(robot.name).law == "computed_torque"
-    return np.ones(len(robot.axes)) if by_inertia else robot.free_inertias()
+    return np.ones(len(robot.axes)) if by_inertia else robot.free_inertias(context)
 
 
-def _creeping_findings(config: StationConfig, plant: StationPlant, courses: Mapping[str, Course]) -> list[Finding]:
+def _stiff_parts(
+    config: StationConfig, robot: StationRobot, postures: Vector, context: Context | None = None
+) -> Iterator[tuple[float, float, str]]:
+    """Yield what springs of a robot are stiffest for what they move, of stops that it leans on and of its servos.
+
+    Each is its rate squared [1/s²], up to which rate a scheme gets through it, and what it is in words. The robot comes
+    through postures (m, n); inertias are those at a context of the plant, or at the start.
+    """
+    inertia = np.abs(robot.free_inertias(context))
+    limits = np.array(robot.model.axis_limits)
+    room = np.minimum(postures - limits[0], limits[1] - postures).min(axis=0)
+    leans = room < np.where(robot.model.prismatic, _NEAR[1], _NEAR[0])
+    for what, stiffness, felt, most in (
+        ("its stop (joint_stops.stiffness)", np.where(leans, robot.stops[0], 0.0), inertia, _STIFF_STOPS),
+        ("its servo (kp)", robot.gains.kp, _servo_inertias(config, robot, context), _STIFF_SERVO),
+    ):
+        worst = int(np.argmax(stiffness / felt))
+        joint, unit = f"{robot.prefix}{robot.axes[worst]}", robot.model.units[worst]
+        mass = "kg" if robot.model.prismatic[worst] else "kg m²"
+        text = f"{joint} moves {inertia[worst]:.2g} {mass}, for which {what} of {stiffness[worst]:.2g} "
+        yield stiffness[worst] / felt[worst], most, f"{text}{unit.effort}/{unit.si}"
+
+
+def stiffest(config: StationConfig, plant: StationPlant, context: Context) -> str:
+    """Return which spring of which joint is the stiffest for what it moves, at a context of the plant, in words."""
+    found = [
+        (rate, text)
+        for robot in plant.robots.values()
+        for rate, _, text in _stiff_parts(
+            config, robot, robot.axis_map.positions(plant.plant.GetPositions(context))[np.newaxis], context
+        )
+    ]
+    return max(found)[1] if found else ""
+
+
+def _creeping(config: StationConfig, plant: StationPlant, references: Mapping[str, Reference]) -> list[Finding]:
     """Name the joints whose forces are so stiff for their inertia that a scheme of variable steps creeps."""
     solver = config.solver
     if not isinstance(solver, ContinuousSolver) or solver.fixed_steps or solver.holds_joint_limits:
         return []
     findings = []
     for robot in plant.robots.values():
-        inertia = np.abs(robot.free_inertias())
-        limits, course = np.array(robot.model.axis_limits), courses.get(robot.name)
-        postures = robot.initial[np.newaxis] if course is None else course_samples(course, config.duration)[1]
-        room = np.minimum(postures - limits[0], limits[1] - postures).min(axis=0)
-        leans = room < np.where(robot.model.prismatic, _NEAR[1], _NEAR[0])
-        for what, stiffness, felt, most in (
-            ("its stop (joint_stops.stiffness)", np.where(leans, robot.stops[0], 0.0), inertia, _STIFF_STOPS),
-            ("its servo (kp)", robot.gains.kp, _servo_inertias(config, robot), _STIFF_SERVO),
-        ):
-            worst = int(np.argmax(stiffness / felt))
-            if stiffness[worst] / felt[worst] > most:
-                joint, unit = f"{robot.prefix}{robot.axes[worst]}", robot.model.units[worst]
-                mass = "kg" if robot.model.prismatic[worst] else "kg m²"
-                text = f"{joint} moves {inertia[worst]:.2g} {mass}, for which {what} of {stiffness[worst]:.2g} "
-                text += f"{unit.effort}/{unit.si} is so stiff that {solver.scheme} may creep; "
-                findings.append(Finding("warning", "steps", text + DISCRETE))
+        reference = references.get(robot.name)
+        postures = robot.initial[np.newaxis] if reference is None else reference_samples(reference, config.duration)[1]
+        for rate, most, text in _stiff_parts(config, robot, postures):
+            if rate > most:
+                message = f"{text} is so stiff that {solver.scheme} may creep; {DISCRETE}"
+                findings.append(Finding("warning", "steps", message))
     return findings

@@ -13,10 +13,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.errors import InvalidParameter, quoted
 from simrob_drake.frames import Vector, as_transform, finite, pose_from_transform
 from simrob_drake.parts.site import WORLD
-from simrob_drake.programs.arm import Arm
+from simrob_drake.programs.arm import Arm, Workcell
 from simrob_drake.programs.branches import Branch
-from simrob_drake.programs.one_move import targets_on
-from simrob_drake.programs.workcell import Workcell
+from simrob_drake.programs.moves.joints import targets_on
 
 BASE, TOOL = "base", "tool"
 """Frames of every arm: of its foot, and of its tool centre point where its reference has it."""
@@ -60,7 +59,7 @@ def where(arm: Arm, frame: str = BASE) -> dict[str, Any]:
 
 def tool_pose(arm: Arm, frame: str = BASE) -> list[float]:
     """Return the pose in a frame that the arm's reference gives its tool [m, deg]; measured ones are signals."""
-    return _told(_frame(arm, frame).inverse() @ _tool(arm))
+    return _pose_values(_frame(arm, frame).inverse() @ _tool(arm))
 
 
 def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[float] | None = None) -> list[float]:
@@ -77,7 +76,7 @@ def jogged(arm: Arm, delta: Sequence[float], frame: str = BASE, start: Sequence[
     begin, by = _tool(arm) if start is None else base @ _pose(start, "start"), _pose(delta, "delta")
     axes = begin.rotation() if frame == TOOL else _frame(arm, frame).rotation()
     turn: RotationMatrix = axes @ by.rotation() @ axes.inverse() @ begin.rotation()
-    return _told(base.inverse() @ RigidTransform(turn, begin.translation() + axes @ by.translation()))
+    return _pose_values(base.inverse() @ RigidTransform(turn, begin.translation() + axes @ by.translation()))
 
 
 def inverse(arm: Arm, pose: Sequence[float], frame: str = BASE) -> dict[str, float]:
@@ -174,6 +173,6 @@ def _pose(values: Sequence[float], name: str) -> RigidTransform:
     return as_transform(found * _UNITS)
 
 
-def _told(pose: RigidTransform) -> list[float]:
+def _pose_values(pose: RigidTransform) -> list[float]:
     values: list[float] = (pose_from_transform(pose) / _UNITS + 0.0).tolist()
     return values

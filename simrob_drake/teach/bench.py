@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +11,11 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.programs.arm import Arm
+from simrob_drake.programs.arm import Arm, Workcell
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timed import USER
 from simrob_drake.programs.timeline import GRID, Change, PushNow, Timeline
 from simrob_drake.programs.whole_program import perform
-from simrob_drake.programs.workcell import Workcell
 from simrob_drake.results.animation.ghosts import ghosts
 from simrob_drake.results.animation.live import StationView
 from simrob_drake.results.animation.pictures import save_film_strip
@@ -23,24 +23,24 @@ from simrob_drake.results.block_diagram.picture import station_svg
 from simrob_drake.results.files import write_table
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.sections import validated
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.teach import arm_questions
-from simrob_drake.teach.conductor import Conductor, Rewound
 from simrob_drake.teach.describe import description
 from simrob_drake.teach.messages import Inbox, at_any_time
-from simrob_drake.yaml_files import validated
+from simrob_drake.teach.run_pacer import Rewound, RunPacer
 
 
 @dataclass(frozen=True)
-class Place:
+class Checkpoint:
     """Where a station can be gone back to: how it was when something began to be run."""
 
     time: float
     config: StationConfig
     state: State | None
-    doing: Callable[[], SimulationResult]
+    run: Callable[[], SimulationResult]
 
 
 class Bench:
@@ -52,60 +52,61 @@ class Bench:
     def __init__(self, inbox: Inbox, serve: Callable[[Bench], object]) -> None:
         """Make a bench without a station, :meth:`open` gives it one.
 
-        Args:
-            inbox: where news go.
-            serve: does what is asked for at a tick.
+        News go to the inbox; ``serve`` does what is asked for at a tick.
         """
         self._inbox = inbox
         self._view = StationView(lambda subject, commands: inbox.tell("view", subject=subject, commands=list(commands)))
-        self.conductor = Conductor(inbox, self._view.show, lambda: serve(self))
+        self.pacer = RunPacer(inbox, self._view.show, lambda: serve(self))
         self._cell: Workcell | None = None
         self._robot = ""
-        self._places: list[Place] = []
+        self._checkpoints: list[Checkpoint] = []
         self._result: SimulationResult | None = None
+        self._fell = False  # the last run came to nothing: the station is where that began
 
     # Idle
 
-    def open(self, station: str, settings: dict[str, Any], robot: str | None = None) -> dict[str, Any]:
+    def open(
+        self, station: str, settings: dict[str, Any], robot: str | None = None, *, allow_code: bool = False
+    ) -> dict[str, Any]:
         """Take a station, by name or file, with settings, and tell what it is."""
-        config = load_station(station, settings)
+        config = load_station(station, settings, allow_code=allow_code)
         self._cell = cell = Workcell(config)
         self._robot = "" if not config.robots else cell.robot_name(robot or next(iter(config.robots)))
         self._start = config
-        cell.watcher = self.conductor.on_step
+        cell.watcher = self.pacer.on_step
         self._view.scene = None
         self._outputs, self._bodies = list[str](), list[str]()
         self.restart()
-        told = description(cell)
-        self._outputs, self._bodies = [signal["name"] for signal in told["signals"]], told["bodies"]
-        return told
+        content = description(cell)
+        self._outputs, self._bodies = [signal["name"] for signal in content["signals"]], content["bodies"]
+        return content
 
     def restart(self) -> None:
         """Put the station back to its start."""
         cell = self.cell
         cell.change(self._start)
         cell.state = State.at_start_of(self._start)
-        self._places, self._result, self.conductor.at = [], None, None
-        self.conductor.seen.clear()
-        self.conductor.asked.clear()
+        self._checkpoints, self._result, self.pacer.at, self._fell = [], None, None, False
+        self.pacer.seen.clear()
+        self.pacer.requests.clear()
         self._new_line(GRID)
-        self._draw()
+        self._view.draw(cell.config, cell.state)
         self._inbox.tell("tick", time=0.0, ratio=0.0, phase="idle", values={})
 
     def play(self, program: str) -> dict[str, Any]:
         """Run a program, in YAML, from the start."""
-        told = self._program(program)
+        checked = Program.of_text(program).model_copy(update={"robot": self._robot or None})
         self.restart()
-        self._new_line(told.grid or GRID, told.changes)
+        self._new_line(checked.grid or GRID, checked.changes)
         self.cell.timeline.check(self.cell.config)
-        return self._begin(lambda: perform(self.cell, told))
+        return self._begin(lambda: perform(self.cell, checked))
 
     def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Run moves, as a program's file has them, from where the station is or what is shown."""
-        told = validated(Program, {"moves": list(moves)}, "the moves")
-        told = told.model_copy(update={"robot": self._robot or None})
+        program = validated(Program, {"moves": list(moves)}, "the moves")
+        program = program.model_copy(update={"robot": self._robot or None})
         self._settle()
-        return self._begin(lambda: perform(self.cell, told))
+        return self._begin(lambda: perform(self.cell, program))
 
     def jog(self, targets_deg: dict[str, float], duration: float | None = None) -> dict[str, Any]:
         """Move the arm's axes from where its reference is; a newer jog takes its place."""
@@ -113,57 +114,56 @@ class Bench:
 
     def resume(self) -> dict[str, Any]:
         """Go on from the moment that is shown, as what was run there went on."""
-        if self.conductor.at is None:
+        if self.pacer.at is None:
             raise InvalidParameter("resume", "asked for in the present", "asked for after going back")
-        place, time = self._back_to(self.conductor.at)
-        return self._begin(place.doing, until=time)
+        place, time = self._back_to(self.pacer.at)
+        return self._begin(place.run, until=time)
 
     # At any time
 
     @at_any_time
     def pause(self) -> None:
         """Pause at the next tick."""
-        self.conductor.paused = True
+        self.pacer.paused = True
 
     @at_any_time
     def go_on(self) -> dict[str, Any] | None:
         """Go on after a pause, or from the moment that is shown."""
-        if self.conductor.at is not None:
+        if self.pacer.at is not None:
             if self._is_running:
                 raise Rewound
             return self.resume()
-        self.conductor.go_on()
+        self.pacer.go_on()
         return None
 
     @at_any_time
     def one_tick(self) -> None:
         """Go on for one tick, after a pause or from the moment that is shown."""
-        if self.conductor.at is not None and self._is_running:
+        if self.pacer.at is not None and self._is_running:
             raise Rewound(one=True)
-        self.conductor.go_on(one=True)
+        self.pacer.go_on(one=True)
 
     @at_any_time
     def stop(self) -> None:
         """End the run at the next tick."""
-        self.conductor.stopping = self._is_running
+        self.pacer.stopping = self._is_running
 
     @at_any_time
     def pace(self, factor: float | None) -> None:
         """Run so many times as fast as the clock; None: as fast as it can."""
-        self.conductor.set_pace(factor)
+        self.pacer.set_pace(factor)
 
     @at_any_time
     def rewind(self, time: float) -> None:
         """Show a moment of what was run; what is asked for next goes on from there."""
-        number, conductor = self.conductor.line.steps(time), self.conductor
-        conductor.paused = conductor.paused or self._is_running
-        if number in conductor.seen:
-            self._view.show(conductor.seen[number])
-        elif number == 0 and self._places:
-            self._view.draw(self._places[0].config, self._places[0].state)
+        number, pacer = self.pacer.line.steps(time), self.pacer
+        if number in pacer.seen:
+            self._view.show(pacer.seen[number])
+        elif number == 0 and self._checkpoints:
+            self._view.draw(self._checkpoints[0].config, self._checkpoints[0].state)
         else:
             raise InvalidParameter("time", f"{time:g} s", "a time that was run, not too long ago")
-        conductor.at = number
+        pacer.at, pacer.paused = number, pacer.paused or self._is_running
 
     @at_any_time
     def change(self, settings: dict[str, Any]) -> None:
@@ -184,12 +184,12 @@ class Bench:
             model = self.cell.model
             point = model.pose(model.piece_frame(at)).inverse() @ model.pose(model.piece_origin(at)) @ np.array(point)
         held = (at, tuple(point), tuple(target)) if target is not None else None
-        self.conductor.drag = held if self._is_running else None
+        self.pacer.drag = held if self._is_running else None
 
     @at_any_time
     def watch(self, signals: Sequence[str]) -> None:
         """Tell the values of these outputs of the station at each tick."""
-        self.conductor.watched = [one_of("signal", name, self._outputs) for name in signals]
+        self.pacer.watched = [one_of("signal", name, self._outputs) for name in signals]
 
     # Questions
 
@@ -231,8 +231,8 @@ class Bench:
         own = self.cell.robot(self._robot)
         at = [np.array([posture[axis] for axis in own.axes]) * own.model.user_units for posture in postures]
         if self._view.scene is not None:
-            told = ghosts(self._view.scene, self._robot, at, good, marked)
-            self._inbox.tell("view", subject="ghosts", commands=told)
+            commands = ghosts(self._view.scene, self._robot, at, good, marked)
+            self._inbox.tell("view", subject="ghosts", commands=commands)
 
     @at_any_time
     def check(self) -> list[dict[str, str]]:
@@ -278,7 +278,7 @@ class Bench:
 
     @property
     def _is_running(self) -> bool:
-        return self.conductor.runs
+        return self.pacer.runs
 
     def _last_run(self) -> SimulationResult:
         if self._result is None:
@@ -292,72 +292,74 @@ class Bench:
         if not self._is_running:
             raise InvalidParameter("change", "asked for while nothing runs", "asked for while something does")
         Timeline(GRID, [change]).check(self.cell.config)
-        self.conductor.asked.append(change)
+        self.pacer.requests.append(change)
 
     def _begin(self, doing: Callable[[], SimulationResult], *, until: float = 0.0) -> dict[str, Any]:
         """Run something from where the station is, and again whenever it is gone back to and on from there."""
         cell, line = self.cell, self.cell.timeline
-        self._places.append(Place(line.now, cell.config, cell.state, doing))
-        begun, one = line.now, False
+        self._checkpoints.append(Checkpoint(line.now, cell.config, cell.state, doing))
+        one = False
         while True:
-            self.conductor.begin(line, until=until, one=one)
+            begun = line.now
+            self.pacer.begin(line, until=until, one=one)
             try:
-                result = doing()
+                with warnings.catch_warnings():
+                    warnings.showwarning = lambda message, *_, **__: self._inbox.tell("warned", text=str(message))
+                    result = doing()
                 break
             except Rewound as asked:
-                assert self.conductor.at is not None
+                assert self.pacer.at is not None
                 one = asked.one
-                place, until = self._back_to(self.conductor.at)
-                doing = place.doing
-                self._places.append(place)
+                place, until = self._back_to(self.pacer.at)
+                doing = place.run
+                self._checkpoints.append(place)
             finally:
-                self.conductor.end()
-        self._result = result
+                self.pacer.end()
+        self._result, self._fell = result, line.now <= begun
+        self.pacer.keep_last()
+        if self.pacer.at is None:
+            self.pacer.show_last()
         ending = "stopped" if result.stopped_by == USER else result.ending
-        told = {"ending": ending, "message": result.message, "stopped_by": result.stopped_by}
-        ended = {**told, "goes_on": line.now > begun, "time": line.now}
+        outcome = {"ending": ending, "message": result.message, "stopped_by": result.stopped_by}
+        judged = {"verdict": str(result.verdict), "warnings": result.warnings}
+        ended = {**outcome, **judged, "goes_on": not self._fell, "time": line.now}
+        ended["reached"] = max(line.now, round(self.pacer.now, 9))
         self._inbox.tell("ended", **ended)
-        self.conductor.phase("idle")
+        self.pacer.phase("idle")
         return ended
 
-    def _back_to(self, number: int) -> tuple[Place, float]:
+    def _back_to(self, number: int) -> tuple[Checkpoint, float]:
         """Put the station back to where something began that was run at a moment, or ended with it.
 
         Returns:
             that place, which is none to go back to any more, and until when it is to be run again; 0 if the station is
             at the moment.
         """
-        steps, conductor = self.conductor.line.steps, self.conductor
-        exact = [place for place in self._places if steps(place.time) == number]
-        self._places = [place for place in self._places if steps(place.time) < number]
-        place = exact[0] if exact else self._places.pop()
+        steps, pacer = self.pacer.line.steps, self.pacer
+        exact = [place for place in self._checkpoints if steps(place.time) == number]
+        self._checkpoints = [place for place in self._checkpoints if steps(place.time) < number]
+        place = exact[0] if exact else self._checkpoints.pop()
         cell = self.cell
         cell.change(place.config)
-        cell.state, cell.timeline.now, conductor.at = place.state, place.time, None
-        for later in [seen for seen in conductor.seen if seen > number]:
-            del conductor.seen[later]
-        return place, 0.0 if exact else conductor.line.time_of(number)
+        cell.state, cell.timeline.now, pacer.at = place.state, place.time, None
+        pacer.forget_after(number)
+        return place, 0.0 if exact else pacer.line.time_of(number)
 
     def _settle(self) -> None:
-        """Be at the moment that is shown, and forget what came after it."""
-        if self.conductor.at is None:
+        """Be at the moment that is shown, or before what came to nothing, and forget what came after that."""
+        line, at = self.cell.timeline, self.pacer.at
+        if at is None and not self._fell:
             return
-        place, until = self._back_to(self.conductor.at)
+        place, until = self._back_to(line.steps(line.now) if at is None else at)
         if until:
-            self._places.append(place)
-            self.conductor.begin(self.cell.timeline, until=until, stops=True)
+            self._checkpoints.append(place)
+            self.pacer.begin(line, until=until, stops=True)
             try:
-                place.doing()
+                place.run()
             finally:
-                self.conductor.end()
-        line = self.cell.timeline
+                self.pacer.end()
+        self._fell = False
         line.changes[:] = [change for change in line.changes if line.steps(change.time) < line.steps(line.now)]
 
     def _new_line(self, grid: float, changes: Sequence[Change] = ()) -> None:
-        self.cell.timeline = self.conductor.line = Timeline(grid, changes)
-
-    def _draw(self) -> None:
-        self._view.draw(self.cell.config, self.cell.state)
-
-    def _program(self, text: str) -> Program:
-        return Program.of_text(text).model_copy(update={"robot": self._robot or None})
+        self.cell.timeline = self.pacer.line = Timeline(grid, changes)

@@ -7,6 +7,8 @@ from typing import Any, Literal
 
 import yaml
 
+from simrob_drake.programs.moves.move import Move
+from simrob_drake.sections import schema_branches, section_kind
 from simrob_drake.stations.load import ENTRIES
 from simrob_drake.yaml_files import parse_yaml
 
@@ -14,7 +16,7 @@ FieldKind = Literal["number", "text", "choice", "switch", "value", "section", "e
 """How a key is entered: the first three by themselves, ``value`` as YAML (a list, or figures by axis); a ``section``
 is there or not, and into ``entries`` new ones can be put by name."""
 
-Node = Mapping[str, Any]
+Node = dict[str, Any]
 
 _UNIT = re.compile(r"\[([^\]]+)\]")
 _WIDE = 1_000  # columns of a YAML text: it stays in one line
@@ -34,6 +36,7 @@ class Field:
         choices: of a choice; of entries the kinds that a new one can have.
         low: smallest number, None where there is no bound.
         high: largest number, likewise.
+        whole: whether it is a whole number.
         removable: whether a section can be taken out of the station.
     """
 
@@ -47,6 +50,7 @@ class Field:
     low: float | None = None
     high: float | None = None
     removable: bool = False
+    whole: bool = False
 
     @property
     def top(self) -> str:
@@ -59,13 +63,27 @@ def form_fields(schema: Node, content: Mapping[str, Any]) -> list[Field]:
 
     Args:
         schema: of station files, :func:`simrob_drake.stations.schema.station_schema`.
-        content: of the station's file, as :func:`simrob_drake.stations.load.station_yaml` writes it.
+        content: of the station's file, as :func:`simrob_drake.stations.load.station_content` gives it.
     """
     walk = _Walk(schema)
     keys = [key for key in schema["properties"] if key != "robot"]
     if "robot" in content:
         keys[keys.index("robots")] = "robot"
     return [field for key in keys for field in walk.fields(key, schema["properties"][key], content.get(key))]
+
+
+def move_fields(kind: type[Move], content: Mapping[str, Any]) -> list[Field]:
+    """Return the fields of a kind of move that its form declares, with what a move has there."""
+    schema = kind.model_json_schema()
+    section = next(branch for branch in schema_branches(schema, schema) if "properties" in branch)
+    keys = section["properties"]
+    return [_leaf(key, schema_branches(keys[key], schema), keys[key], content.get(key)) for key in kind.form]
+
+
+def content_of(kind: type[Move], move: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a move, however briefly a file has it."""
+    content = move if kind.key in kind.model_fields else move[kind.key]
+    return dict(content) if isinstance(content, Mapping) else {next(iter(kind.model_fields)): content}
 
 
 def as_text(value: Any) -> str:
@@ -91,11 +109,11 @@ class _Walk:
     """Goes through a schema beside the content of a file."""
 
     def __init__(self, schema: Node) -> None:
-        self._definitions: Node = schema["$defs"]
+        self._schema = schema
 
     def fields(self, key: str, node: Node, value: Any) -> Iterator[Field]:
         """Give the fields of a key and all below it."""
-        branches = self._branches(node)
+        branches = schema_branches(node, self._schema)
         sections = [branch for branch in branches if "properties" in branch]
         optional = any(branch.get("type") == "null" for branch in branches)
         about, default = _about(node, key), node.get("default")
@@ -109,12 +127,12 @@ class _Walk:
         else:
             if optional:
                 yield Field(key, "section", about, value=True, default=default, removable=True)
-            given = value if isinstance(value, Mapping) else default or {}
-            kinds = tuple(kind for section in sections if (kind := _kind(section)))
-            kind = str(given.get("kind", ""))
+            content = value if isinstance(value, Mapping) else default or {}
+            kinds = tuple(kind for section in sections if (kind := section_kind(section)))
+            kind = str(content.get("kind", ""))
             if len(kinds) > 1:
                 yield Field(f"{key}.kind", "choice", about, value=kind, default=kind, choices=kinds)
-            yield from self._section(key, _of_kind(sections, kind), given)
+            yield from self._section(key, _of_kind(sections, kind), content)
 
     def _section(self, key: str, section: Node, value: Mapping[str, Any]) -> Iterator[Field]:
         """Give the fields of a section whose kind is settled."""
@@ -124,25 +142,20 @@ class _Walk:
 
     def _entries(self, key: str, node: Node, entry: Node, value: Mapping[str, Any]) -> Iterator[Field]:
         """Give what new entries can be of, and the entries that are there; one of another kind is another entry."""
-        sections = [branch for branch in self._branches(entry) if "properties" in branch]
-        kinds = tuple(kind for section in sections if (kind := _kind(section)))
+        sections = [branch for branch in schema_branches(entry, self._schema) if "properties" in branch]
+        kinds = tuple(kind for section in sections if (kind := section_kind(section)))
         yield Field(key, "entries", _about(node, key), choices=kinds, default={})
-        for name, given in value.items():
-            section = _of_kind(sections, given.get("kind", name))
+        for name, item in value.items():
+            section = _of_kind(sections, item.get("kind", name))
             about, removable = _about(section, key), key in ENTRIES
             yield Field(f"{key}.{name}", "section", about, value=True, removable=removable)
-            yield from self._section(f"{key}.{name}", section, given)
+            yield from self._section(f"{key}.{name}", section, item)
 
     def _holds_sections(self, node: Node) -> bool:
         inner = node.get("additionalProperties")
-        return isinstance(inner, Mapping) and all("properties" in branch for branch in self._branches(inner))
-
-    def _branches(self, node: Node) -> list[Node]:
-        """Return the alternatives that a node allows, references followed."""
-        if "$ref" in node:
-            return self._branches(self._definitions[node["$ref"].rpartition("/")[2]])
-        alternatives = node.get("anyOf") or node.get("oneOf")
-        return [branch for one in alternatives for branch in self._branches(one)] if alternatives else [node]
+        return isinstance(inner, dict) and all(
+            "properties" in branch for branch in schema_branches(inner, self._schema)
+        )
 
 
 def _leaf(key: str, branches: list[Node], node: Node, value: Any) -> Field:
@@ -160,8 +173,8 @@ def _leaf(key: str, branches: list[Node], node: Node, value: Any) -> Field:
         kind = "number"
     bounds = {name: number for branch in branches for name, number in branch.items() if name in _BOUNDS}
     low, high = (next((bounds[name] for name in names if name in bounds), None) for names in (_LOW, _HIGH))
-    about = _about(node, key)
-    return Field(key, kind, about, _unit(key, about), value, node.get("default"), choices, low, high)
+    about, whole = _about(node, key), types == {"integer"}
+    return Field(key, kind, about, _unit(key, about), value, node.get("default"), choices, low, high, whole=whole)
 
 
 _LOW, _HIGH = ("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum")
@@ -170,22 +183,17 @@ _BOUNDS = _LOW + _HIGH
 
 def _about(node: Node, key: str) -> str:
     """Return what a key is, in one line; the keys of poses and figures without a word are called by their name."""
-    told = " ".join(str(node.get("description", "")).split())
-    return told or key.rpartition(".")[2].replace("_", " ")
+    text = " ".join(str(node.get("description", "")).split())
+    return text or key.rpartition(".")[2].replace("_", " ")
 
 
 def _unit(key: str, about: str) -> str:
-    if key.endswith("_deg"):
-        return "deg"
     found = _UNIT.search(about)
     unit = re.split("[,;]| or ", found[1])[0] if found else ""  # of axes that turn; the help tells of those that slide
+    if key.endswith("_deg") and not unit.startswith("deg"):
+        return "deg"
     return "" if unit.startswith("x y z") else unit
 
 
-def _kind(section: Node) -> str | None:
-    kind: str | None = section["properties"].get("kind", {}).get("const")
-    return kind
-
-
 def _of_kind(sections: list[Node], kind: str) -> Node:
-    return next((section for section in sections if _kind(section) == kind), sections[0])
+    return next((section for section in sections if section_kind(section) == kind), sections[0])

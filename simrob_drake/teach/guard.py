@@ -9,74 +9,106 @@ Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
+Headers = Iterable[tuple[bytes, bytes]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-PARAMETER = "token"
-"""What the token is called in the page's address."""
+_TOKEN = "token"
+"""What a token is called in an address."""
 _NAMES = ("127.0.0.1", "localhost")
 _HEADERS = (
     (b"content-security-policy", b"frame-ancestors 'self'"),
+    (b"cross-origin-opener-policy", b"same-origin"),
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"referrer-policy", b"no-referrer"),
     (b"x-content-type-options", b"nosniff"),
 )
+_NEWEST = "open the newest address that simrob teach shows in the terminal, all of it. Each opens one browser, once."
+_ENTRANCE = b"""<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=./">
+<title>simrob teach</title><a href="./">simrob teach</a>"""
+"""Leads on to the page in place of the address with the token. A redirect by status would not bring the cookie along
+where another program than the browser began the journey, as the file that opens it does."""
 
 
 class Guard:
-    """Lets through to an application (ASGI) who comes by this computer's name, from its own page, with the token.
+    """Lets through to an application (ASGI) who comes by this computer's name, from its own page, with its cookie.
 
-    The token stands in the address that the terminal shows; the answer to it keeps it in a cookie that no script reads
-    and no other site sends. A page of another server on this computer does send it, and is known by its origin.
+    The application lies under a path that nobody can guess, so its cookie goes to no other server of this computer,
+    which a browser does not tell from this one by the port. No script reads the cookie, and no other site sends it. A
+    browser gets it by an address with a token, which is of no more use then: addresses are seen in lists of processes,
+    in histories and on screens.
 
     Attributes:
-        app: what is guarded.
-        token: that nobody guesses.
+        app: what is guarded; its ``root_path`` is the path.
+        path: under which it lies, between slashes.
     """
 
     def __init__(self, app: App, port: int) -> None:
         """Guard an application that listens on a port of this computer."""
         self.app = app
-        self.token = secrets.token_urlsafe(24)
+        self.path = f"/{secrets.token_urlsafe(16)}/"
         self._hosts = [f"{name}:{port}" for name in _NAMES]
-        self._cookie = f"simrob_{port}"  # cookies are a computer's, whatever the port
+        self._cookie, self._key = f"simrob_{port}", secrets.token_urlsafe(24)
+        self._tokens: dict[str, Callable[[], object]] = {}
+
+    def address(self, used: Callable[[], object] = lambda: None) -> str:
+        """Return an address that opens the page in one browser, once; ``used`` is called then."""
+        token = secrets.token_urlsafe(24)
+        self._tokens[token] = used
+        return f"http://{self._hosts[0]}{self.path}?{_TOKEN}={token}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a question, or open a websocket, or refuse to."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        if why := self._refusal(scope):
+        known = secrets.compare_digest(_cookie(scope, self._cookie).encode(), self._key.encode())
+        token = self._token(scope)
+        if why := self._refusal(scope) or ("" if known else self._refused_token(token)):
             await _refuse(scope, send, why)
-            return
-        shown = self._shows_token(scope)
-
-        async def with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", ()), *_HEADERS, *(self._told() if shown else ())]
-            await send(message)
-
-        await self.app(scope, receive, with_headers)
+        elif token is not None:
+            self._tokens.pop(token, lambda: None)()
+            cookie = f"{self._cookie}={self._key}; Path={self.path}; HttpOnly; SameSite=Strict"
+            headers = (
+                (b"content-type", b"text/html; charset=utf-8"),
+                (b"cache-control", b"no-store"),
+                (b"set-cookie", cookie.encode()),
+            )
+            await _answer(send, 200, headers, _ENTRANCE)
+        else:
+            await self.app({**scope, "root_path": self.path[:-1]}, receive, _with_headers(send))
 
     def _refusal(self, scope: Scope) -> str:
-        """Return why somebody is not let through; nothing if they are."""
+        """Return why nobody is let through who comes like this; nothing if somebody may be."""
         hosts, origins = _all(scope, b"host"), _all(scope, b"origin")
         if len(hosts) != 1 or hosts[0] not in self._hosts:
             return f"This page is at http://{self._hosts[0]} and at no other name."
         if origins not in ([], [f"http://{hosts[0]}"]):
             return "Another page asked for this one; it answers its own alone."
-        if not (self._shows_token(scope) or self._same(_cookie(scope, self._cookie))):
-            return "The address lacks the token: open the whole address that simrob teach shows in the terminal."
+        if not scope["path"].startswith(self.path):
+            return f"The page is not at this address: {_NEWEST}"
         return ""
 
-    def _shows_token(self, scope: Scope) -> bool:
-        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get(PARAMETER, [""])
-        return scope["type"] == "http" and self._same(given[0])
+    def _refused_token(self, token: str | None) -> str:
+        if token is None:
+            return f"This browser has not opened the page yet, or it was started anew: {_NEWEST}"
+        if token not in self._tokens:
+            return f"This address is incomplete, or was used by another browser, be it yours or not: {_NEWEST}"
+        return ""
 
-    def _same(self, given: str) -> bool:
-        return secrets.compare_digest(given.encode(), self.token.encode())
+    def _token(self, scope: Scope) -> str | None:
+        """Return the token in the address of the page; None of any other."""
+        if scope["type"] != "http" or scope["method"] != "GET" or scope["path"] != self.path:
+            return None
+        return next(iter(parse_qs(scope["query_string"].decode("latin-1")).get(_TOKEN, ())), None)
 
-    def _told(self) -> Iterable[tuple[bytes, bytes]]:
-        yield b"set-cookie", f"{self._cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict".encode()
+
+def _with_headers(send: Send) -> Send:
+    async def sent(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message["headers"] = [*message.get("headers", ()), *_HEADERS]
+        await send(message)
+
+    return sent
 
 
 def _all(scope: Scope, name: bytes) -> list[str]:
@@ -96,6 +128,10 @@ async def _refuse(scope: Scope, send: Send, why: str) -> None:
             await send({"type": "websocket.close", "code": 1008})
             return
         kind = "websocket.http.response"
-    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"cache-control", b"no-store"), *_HEADERS]
-    await send({"type": f"{kind}.start", "status": 403, "headers": headers})
-    await send({"type": f"{kind}.body", "body": f"{why}\n".encode()})
+    headers = ((b"content-type", b"text/plain; charset=utf-8"), (b"cache-control", b"no-store"))
+    await _answer(send, 403, headers, f"{why}\n".encode(), kind)
+
+
+async def _answer(send: Send, status: int, headers: Headers, body: bytes, kind: str = "http.response") -> None:
+    await send({"type": f"{kind}.start", "status": status, "headers": [*headers, *_HEADERS]})
+    await send({"type": f"{kind}.body", "body": body})

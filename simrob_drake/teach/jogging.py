@@ -4,32 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
-from typing import Any, Literal
+from typing import Any
 
+from simrob_drake.arguments import whole
 from simrob_drake.errors import InvalidParameter, SimrobError, one_of
-from simrob_drake.given import whole
-from simrob_drake.programs.arm_moves import ToolMove
-from simrob_drake.programs.moves import plain
-from simrob_drake.programs.program import AnyMove, Program
-from simrob_drake.teach.hub import HandOver, MakeLive, done
-from simrob_drake.teach.taught import Target, entry_of
-from simrob_drake.teach.trying import Trying
-
-Line = Literal["move_abs_j", "move_j", "move_l", "move_c"]
+from simrob_drake.programs.moves.kinds import KINDS
+from simrob_drake.programs.moves.move import Move, plain
+from simrob_drake.programs.moves.tool import ToolMove
+from simrob_drake.programs.program import Program
+from simrob_drake.teach.move_runner import MoveRunner
+from simrob_drake.teach.run_client import done
+from simrob_drake.teach.taught import Target
 
 _DIGITS = 6  # of degrees, and of metres: a thousandth of a millimetre
 
 
-class Jogging(Trying):
+class Jogging(MoveRunner):
     """What a pendant of an arm does. Jogs are neither stored nor wait to be.
 
     Attributes: those of the session that tell of arms.
     """
 
-    def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
-        """Begin without ghosts."""
-        super().__init__(live, hand_over)
-        self.ghosts: list[dict[str, Any]] = []
+    ghosts: Sequence[dict[str, Any]] = ()
 
     def where(self, frame: str = "base") -> Future[Any]:
         """Give where the arm is, as :func:`simrob_drake.teach.arm_questions.where` tells it."""
@@ -37,7 +33,7 @@ class Jogging(Trying):
 
     def jog_axes(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
         """Move axes to positions [deg or m]; of jogs that come while another runs the last is done."""
-        return self._idly(lambda: self._jog(plain(targets_deg), duration))
+        return self._when_idle(lambda: self._jog(plain(targets_deg), duration))
 
     def jog_tool(
         self, delta: Sequence[float], frame: str = "base", *, start: Sequence[float] | None = None
@@ -50,15 +46,15 @@ class Jogging(Trying):
             start: the pose in the base that ``delta`` counts from [m, deg]; where the tool is unless given.
         """
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
-        return self._idly(lambda: self._ask("jogged", self._jog, **by))
+        return self._when_idle(lambda: self._ask("jogged", self._jog, **by))
 
     def jog_pose(self, pose: Sequence[float], frame: str = "base") -> Future[Any]:
         """Move the tool to a pose [x y z Rz Ry Rx], m and degrees, in a frame, by the nearest posture."""
-        return self._idly(lambda: self._ask("inverse", self._jog, pose=plain(pose), frame=frame))
+        return self._when_idle(lambda: self._ask("inverse", self._jog, pose=plain(pose), frame=frame))
 
     def tool(self, name: str) -> Future[Any]:
         """Use another tool; targets taught then are of it, too."""
-        return self._idly(lambda: self._run_free([entry_of({"tool": self._own({"name": name})})]))
+        return self._when_idle(lambda: self._run_free([self._checked({ToolMove.key: name})]))
 
     def teach_target(self, name: str | None = None, frame: str = "world") -> Future[Any]:
         """Keep where the arm is in ``targets``, with its pose in a frame; the future gives the name.
@@ -74,7 +70,7 @@ class Jogging(Trying):
             axes = {axis: round(value, _DIGITS) + 0.0 for axis, value in place["axes"].items()}
             pose = tuple(round(value, _DIGITS) + 0.0 for value in place["pose"])
             target = Target(axes=axes, pose=pose, frame=frame, tool=place["tool"] or "", robot=self.robot)
-            self._record(self._history.present.but(targets={**known, called: target}))
+            self._record(self._history.present.replaced(targets={**known, called: target}))
             return called
 
         return self._ask("where", keep, frame=frame)
@@ -84,18 +80,16 @@ class Jogging(Trying):
         left = dict(self._history.present.targets)
         if left.pop(name, None) is None:
             return False
-        self._record(self._history.present.but(targets=left))
+        self._record(self._history.present.replaced(targets=left))
         return True
 
-    def add_line(
-        self, kind: Line, target: str, *, index: int | None = None, via: str | None = None, **how: Any
-    ) -> bool:
+    def add_line(self, kind: str, target: str, *, index: int | None = None, via: str | None = None, **how: Any) -> bool:
         """Store a line that goes to a taught target, with ``speed``, ``duration``, ``zone`` and so on of a program.
 
         A line that changes the tool is put before it where the program has another one there.
 
         Args:
-            kind: of move.
+            kind: the key of a kind of move of arms.
             target: its name.
             index: before which line; at the end unless given.
             via: another target, on the arc of a ``move_c``.
@@ -119,7 +113,7 @@ class Jogging(Trying):
         except SimrobError as problem:
             self._wrong(problem)
             return done(None)
-        return self._idly(lambda: self._run_free([move]))
+        return self._when_idle(lambda: self._run_free([move]))
 
     def branches(self, target: str | None = None) -> Future[Any]:
         """Find every posture for a taught target, or for where the tool is, into ``ghosts`` and into the view."""
@@ -161,18 +155,18 @@ class Jogging(Trying):
         return super()._described(description)
 
     def _jog(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
-        self._course.went_on([None], self.time, free=True)
+        self._run_log.append([None], self._start_time, free=True)
         return self._start("free", "jog", targets_deg=targets_deg, duration=duration)
 
     def _lines(
-        self, program: Program, place: int, kind: Line, goal: Target, via: str | None, how: Mapping[str, Any]
-    ) -> list[AnyMove]:
+        self, program: Program, place: int, kind: str, goal: Target, via: str | None, how: Mapping[str, Any]
+    ) -> list[Move]:
         """Return the line to a target, and before it what its tool needs."""
-        before = [move.tool for move in program.moves[:place] if isinstance(move, ToolMove)]
+        before = [move for move in program.moves[:place] if isinstance(move, ToolMove)]
         now = next((tool.name for tool in reversed(before) if tool.robot in (None, goal.robot)), self._first_tool)
-        lines = [entry_of({"tool": self._own({"name": goal.tool})})] if goal.tool not in ("", now) else []
-        content = self._own(dict(how))
-        if kind == "move_abs_j":
+        lines = [self._checked({ToolMove.key: goal.tool})] if goal.tool not in ("", now) else []
+        content = dict(how)
+        if getattr(KINDS[one_of("kind of move", kind, KINDS)], "of_axes", False):
             content["targets_deg"] = [goal.axes[axis] for axis in self.model.axes]
         else:
             content["targets_deg"] = list(goal.pose)
@@ -183,13 +177,9 @@ class Jogging(Trying):
             if passed.frame != goal.frame:
                 raise InvalidParameter(f"frame of {via}", passed.frame, f"{goal.frame}, as that of the target")
             content["via"] = list(passed.pose[:3])
-        return [*lines, entry_of({kind: content})]
+        return [*lines, self._checked({kind: content})]
 
     @property
     def _first_tool(self) -> str:
         robots = self.description.get("robots", {})
         return str(robots.get(self.robot, {}).get("tcp") or "")
-
-    def _own(self, content: dict[str, Any]) -> dict[str, Any]:
-        """Return the content of a line; it names the robot where there are several."""
-        return content if len(self.config.robots) == 1 else {**content, "robot": self.robot}

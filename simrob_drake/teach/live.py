@@ -1,17 +1,20 @@
-"""The pendant's side of the process in which a station runs."""
+"""A station in a process of its own: the pendant's side of it, and what the process does until its parent is gone."""
 
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Callable
 from concurrent.futures import Future
 from itertools import count
+from multiprocessing.connection import Connection
 from threading import Lock, Thread
 from typing import Any
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.teach.messages import News, RunLost
-from simrob_drake.teach.worker import main
+from simrob_drake.teach.bench import Bench
+from simrob_drake.teach.messages import Inbox, News, RunLost, may_be_any_time
+from simrob_drake.teach.run_pacer import Rewound
 
 _PATIENCE = 2.0  # s that a process has to end by itself
 
@@ -27,7 +30,7 @@ class Live:
         self._process.start()
         theirs.close()
         self._on_news, self._numbers, self._lock = on_news, count(), Lock()
-        self._asked: dict[int, Future[Any]] = {}
+        self._unanswered: dict[int, Future[Any]] = {}
         self._open = True
         Thread(target=self._listen, daemon=True).start()
 
@@ -41,11 +44,11 @@ class Live:
         future: Future[Any] = Future()
         with self._lock:
             number = next(self._numbers)
-            self._asked[number] = future
+            self._unanswered[number] = future
             try:
                 self._pipe.send((number, method, arguments))
             except (OSError, ValueError):
-                self._asked.pop(number)
+                self._unanswered.pop(number)
                 future.set_exception(RunLost())
         return future
 
@@ -74,7 +77,7 @@ class Live:
 
     def _answer(self, message: dict[str, Any]) -> None:
         with self._lock:
-            future = self._asked.pop(message["answer"])
+            future = self._unanswered.pop(message["answer"])
         if message["wrong"] is None:
             future.set_result(message["result"])
         else:
@@ -83,10 +86,61 @@ class Live:
     def _lost(self) -> None:
         """Answer all that was asked, and tell why the process ended, unless it was to."""
         with self._lock:
-            asked, self._asked = self._asked, {}
+            asked, self._unanswered = self._unanswered, {}
         for future in asked.values():
             future.set_exception(RunLost())
         if self._open:
             self._process.join(_PATIENCE)
             code = self._process.exitcode
             self._on_news({"news": "died", "why": f"killed by signal {-code}" if code and code < 0 else f"code {code}"})
+
+
+Message = tuple[int, str, dict[str, Any]]
+
+
+def main(pipe: Connection) -> None:
+    """Serve a pipe until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
+    inbox = Inbox(pipe)
+    bench = Bench(inbox, lambda bench: serve(bench, inbox))
+    try:
+        while True:
+            while not (messages := inbox.take()):
+                inbox.wait(None)
+            for other in messages[1:]:  # a run that the first one begins takes them
+                inbox.put_back(other)
+            answer(bench, inbox, messages[0])
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        return
+
+
+def serve(bench: Bench, inbox: Inbox) -> None:
+    """Do what can be done while a station runs; what cannot ends the run, and is done then."""
+    messages = inbox.take()
+    for place, message in enumerate(messages):
+        if bench.pacer.stopping or not may_be_any_time(getattr(bench, message[1])):
+            bench.pacer.stopping = True
+            inbox.put_back(message)
+            continue
+        try:
+            answer(bench, inbox, message)
+        except Rewound:
+            for other in messages[place + 1 :]:
+                inbox.put_back(other)
+            raise
+
+
+def answer(bench: Bench, inbox: Inbox, message: Message) -> None:
+    """Do what was asked for, and answer with its result or with what is wrong."""
+    number, method, arguments = message
+    try:
+        result = getattr(bench, method)(**arguments)
+    except SimrobError as problem:
+        inbox.answer(number, wrong=str(problem))
+    except Rewound:
+        inbox.answer(number)
+        raise
+    except Exception as problem:
+        inbox.answer(number, wrong=f"{type(problem).__name__}: {problem}")
+    else:
+        inbox.answer(number, result)

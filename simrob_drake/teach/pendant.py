@@ -18,18 +18,12 @@ class Pendant:
     Attributes:
         session: of what is taught now.
         board: the view in three dimensions.
-        reach: until when there is a run to go back in [s].
         language, t: of the pages, and its words.
         dark: whether the pages are dark; None: as the browser likes it.
     """
 
     def __init__(self, open_session: Opener, subject: str | Path, *, language: str = "en") -> None:
         """Open the first subject.
-
-        Args:
-            open_session: see :data:`Opener`.
-            subject: the first.
-            language: of the pages, ``en`` or ``es``.
 
         Raises:
             SimrobError: no such subject or language.
@@ -73,14 +67,7 @@ class Pendant:
 
     def _begin(self) -> None:
         self.board.wipe()
-        self.reach = 0.0
-        self.session.listen(self._reach)
         self.session.listen_to_view(lambda news: self.board.tell(news["subject"], news["commands"]))
-
-    def _reach(self, _: str) -> None:
-        """Note how far a run has come; what came after a moment that it goes on from is forgotten."""
-        now, running = self.session.time, self.session.phase == "running"
-        self.reach = now if running else max(self.reach, now)
 
     def _drag(self, path: str, point: list[float], target: list[float] | None) -> None:
         """Pass on what is dragged in the view, by the name that the station knows it by."""

@@ -1,19 +1,26 @@
 """The server of the pendant: one port of this computer, behind the guard, for the pages and the view in them."""
 
 import asyncio
+import os
 import socket
-from collections.abc import Callable
-from contextlib import suppress
+import tempfile
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from html import escape
 from pathlib import Path
 
 import uvicorn
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import StreamingResponse
+from fastapi.staticfiles import StaticFiles
 from nicegui import ui
 
 from simrob_drake.errors import OutputError
+from simrob_drake.folders import writing
+from simrob_drake.paths import models_root
 from simrob_drake.results.animation.window import Board, is_short
-from simrob_drake.teach.guard import PARAMETER, Guard
+from simrob_drake.teach.guard import Guard
 from simrob_drake.teach.pages import shell
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
@@ -32,6 +39,8 @@ def serve(
     port: int | None = None,
     language: str = "en",
     ready: Callable[[str], None] = print,
+    browse: bool = False,
+    allow_code: bool = False,
 ) -> None:
     """Show a robot, a station or a file until the user interrupts.
 
@@ -40,7 +49,10 @@ def serve(
         folder: for programs and what is taken away.
         port: to listen at; the first free one from :data:`PORT` unless given.
         language: of the pages.
-        ready: is called with the address when the page can be opened.
+        ready: is called with an address when the page can be opened, and with another one whenever one was used: each
+            opens one browser, once.
+        browse: whether the user's browser is opened.
+        allow_code: whether stations may name Python code that is run.
 
     Raises:
         SimrobError: no such subject or language.
@@ -52,12 +64,12 @@ def serve(
         hand_over = asyncio.get_running_loop().call_soon_threadsafe
 
         def opened(what: str | Path, robot: str | None) -> Session:
-            return Session.open(what, folder, robot=robot, hand_over=hand_over)
+            return Session.open(what, folder, robot=robot, hand_over=hand_over, allow_code=allow_code)
 
         pendant = Pendant(opened, subject, language=language)
         try:
             server = Server(pendant, listening.getsockname()[1])
-            await server.run_until_stopped(listening, ready)
+            await server.run_until_stopped(listening, ready, folder if browse else None)
         finally:
             pendant.close()
 
@@ -69,21 +81,21 @@ class Server(uvicorn.Server):
     """Serves a pendant behind a guard.
 
     Attributes:
-        url: where the page is, with the token.
+        guard: gives the addresses that the page is opened by.
     """
 
     def __init__(self, pendant: Pendant, port: int) -> None:
         """Prepare what listens at a port."""
         app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+        app.mount(f"/{shell.PICTURES}", StaticFiles(directory=models_root()))
         _serve_view(app, pendant.board)
         shell.install(pendant)
         ui.run_with(app, title="simrob teach", show_welcome_message=False, reconnect_timeout=20.0)
-        guard = Guard(app, port)
+        self.guard = Guard(app, port)
         self._board = pendant.board
-        self.url = f"http://{_HOST}:{port}/?{PARAMETER}={guard.token}"
         super().__init__(
             uvicorn.Config(
-                guard,
+                self.guard,
                 ws="wsproto",
                 log_config=None,
                 access_log=False,
@@ -93,21 +105,40 @@ class Server(uvicorn.Server):
             )
         )
 
-    async def run_until_stopped(self, listening: socket.socket, ready: Callable[[str], None]) -> None:
-        """Serve until the user interrupts, and tell the address once the page can be opened."""
-        telling = asyncio.create_task(self._tell(ready))
-        await self.serve(sockets=[listening])
-        telling.cancel()
+    async def run_until_stopped(
+        self, listening: socket.socket, ready: Callable[[str], None], folder: Path | None = None
+    ) -> None:
+        """Serve until the user interrupts, and tell addresses once the page can be opened.
+
+        Args:
+            listening: where.
+            ready: see :func:`serve`.
+            folder: for the file that opens the user's browser; None opens none.
+        """
+        with ExitStack() as opening:
+            file = None
+            if folder is not None:
+                file = opening.enter_context(leading_to(self.guard.address(opening.close), folder))
+            announcing = asyncio.create_task(self._tell(ready, file))
+            await self.serve(sockets=[listening])
+            announcing.cancel()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """End what pages wait for, and the server."""
         self._board.close()
         await super().shutdown(sockets)
 
-    async def _tell(self, ready: Callable[[str], None]) -> None:
+    async def _tell(self, ready: Callable[[str], None], file: str | None) -> None:
         while not self.started:
             await asyncio.sleep(0.02)
-        await asyncio.to_thread(ready, self.url)
+        loop = asyncio.get_running_loop()
+
+        def tell() -> None:
+            loop.run_in_executor(None, ready, self.guard.address(tell))
+
+        tell()
+        if file is not None:
+            await asyncio.to_thread(webbrowser.open, file)
 
 
 def _serve_view(app: FastAPI, board: Board) -> None:
@@ -122,7 +153,7 @@ def _serve_view(app: FastAPI, board: Board) -> None:
         return StreamingResponse(board.events(), media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
     @app.post("/view/told", status_code=204)
-    async def told(request: Request) -> None:
+    async def receive(request: Request) -> None:
         if is_short(request.headers.get("content-length", "")):
             board.hear(await request.body())
 
@@ -144,3 +175,28 @@ def bound(port: int | None) -> socket.socket:
             continue
         return listening
     raise OutputError(f"port {port} is taken; choose another one with --port, or leave that out")
+
+
+_PAGE = """<!DOCTYPE html>
+<meta charset="utf-8">
+<meta http-equiv="refresh" content="0; url={0}">
+<title>simrob teach</title>
+<a href="{0}">simrob teach</a>
+"""
+
+
+@contextmanager
+def leading_to(address: str, folder: Path) -> Iterator[str]:
+    """Give the address of a file that leads to another address, and that nobody else can read; in the end it is gone.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    with writing(folder):
+        handle, name = tempfile.mkstemp(prefix="open-", suffix=".html", dir=folder)  # 0600
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(_PAGE.format(escape(address)))
+    try:
+        yield Path(name).resolve().as_uri()
+    finally:
+        Path(name).unlink(missing_ok=True)

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
-import yaml
-
 from simrob_drake.errors import InvalidParameter, SimrobError, one_of
-from simrob_drake.folders import alone_in, writing, written_at_once
-from simrob_drake.programs.arm_program import ARM_ONLY
-from simrob_drake.programs.moves import ActMove, WalkMove
+from simrob_drake.folders import alone_in, writing
+from simrob_drake.importer.packages import granting, is_robot_file, package_root, robot_file
+from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.program import Program
-from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.programs.whole_program import carried_program
+from simrob_drake.stations.load import station_content, station_yaml
 from simrob_drake.stations.schema import station_schema
-from simrob_drake.teach.driving import Driving
-from simrob_drake.teach.export import script
-from simrob_drake.teach.hub import HandOver, MakeLive, Topic, done
 from simrob_drake.teach.jogging import Jogging
-from simrob_drake.teach.loops import loops_known, loops_on, switched
-from simrob_drake.teach.notices import Notice
-from simrob_drake.teach.store import Store, opened
-from simrob_drake.teach.subjects import goes_on_legs, program_of, station_for
+from simrob_drake.teach.pages.words import Notice
+from simrob_drake.teach.run_client import HandOver, MakeLive, Topic, done
+from simrob_drake.teach.store import Store, opened, script
+from simrob_drake.teach.subjects import goes_on_legs, loops_known, loops_on, program_of, station_for, switched
 from simrob_drake.teach.teaching import Teaching
 
 __all__ = ["Session", "Topic"]
@@ -31,7 +28,7 @@ __all__ = ["Session", "Topic"]
 _PROGRAM = "program.yaml"
 
 
-class Session(Teaching, Driving, Jogging):
+class Session(Teaching, Jogging):
     """One robot or station being taught; tabs share it. All calls come from one thread, and none waits.
 
     Nothing raises because of what a user does: what is wrong becomes :attr:`message`. Methods that need the run give a
@@ -50,8 +47,10 @@ class Session(Teaching, Driving, Jogging):
         program: what is stored.
         pending: moves that were tested and not added yet, as a program's file has them.
         phase: ``opening``, ``idle``, ``running``, ``paused``, or ``gone`` where no run can be had.
-        time: where the run is [s], and ``ratio``: simulated time over the clock's.
+        time: of the moment that is shown [s]; ``reach``: how far the run has come, also one that came to nothing;
+            ``ratio``: simulated time over the clock's.
         pace: asked for; None: as fast as it can.
+        conflict: whether another editor has changed the file since: see :meth:`take_theirs` and :meth:`keep_both`.
         message: the last thing to tell; ``str(message)`` is English, ``message.key`` tells pages which.
         values: last value of each watched signal.
         history: of each watched signal its last values, as ``(time, value)`` in a ring: ``session.history[name]``.
@@ -74,6 +73,7 @@ class Session(Teaching, Driving, Jogging):
         *,
         program: str | Path | None = None,
         robot: str | None = None,
+        allow_code: bool = False,
         live: MakeLive | None = None,
         hand_over: HandOver | None = None,
     ) -> Self:
@@ -84,6 +84,7 @@ class Session(Teaching, Driving, Jogging):
             folder: for what is taught; made where it is missing.
             program: a file to begin with; the one that was taught last unless given.
             robot: which robot of the station; its first unless given.
+            allow_code: whether the station may name Python code that is run with it.
             live: makes the run from what takes its news; :class:`~simrob_drake.teach.live.Live` unless given.
             hand_over: calls a function in the thread of all other calls, as ``loop.call_soon_threadsafe`` does. Without
                 it news wait for :meth:`hear`.
@@ -95,14 +96,16 @@ class Session(Teaching, Driving, Jogging):
         if program is None and (found := program_of(subject)) is not None:
             program, subject = found
         session = cls(live, hand_over)
-        session.subject = str(subject)
-        name, session.station = station_for(subject, Path(folder))
-        session.config = load_station(session.station)
-        session._loops = loops_known(session.config)
-        robots = list(session.config.robots)
-        session.robot = one_of("robot", robot, robots) if robot is not None else next(iter(robots), "")
-        session.folder = (Path(folder) / name).absolute()
+        session.subject, session._allow_code = str(subject), allow_code
         with ExitStack() as held:
+            if is_robot_file(str(subject)):  # which somebody names here, so that its package may be read
+                held.enter_context(granting([package_root(robot_file(subject, "subject"))]))
+            name, session.station = station_for(subject, Path(folder))
+            session.config = session._loaded({})
+            session._loops = loops_known(session.config)
+            robots = list(session.config.robots)
+            session.robot = one_of("robot", robot, robots) if robot is not None else next(iter(robots), "")
+            session.folder = (Path(folder) / name).absolute()
             with writing(session.folder):
                 session.folder.mkdir(parents=True, exist_ok=True)
             held.enter_context(alone_in(session.folder))
@@ -117,6 +120,22 @@ class Session(Teaching, Driving, Jogging):
         super().close()
         self._held.close()
 
+    # A file that another editor has changed
+
+    def take_theirs(self) -> bool:
+        """Take the file as it is now; :meth:`undo` brings back what was taught here."""
+        return self._stepped(lambda: self._load(self.file), self.conflict)
+
+    def keep_both(self) -> bool:
+        """Leave the file as it is; what is taught goes to another one."""
+        if not self.conflict:
+            return False
+        theirs, self._store = self.file.name, self._store.next(self.folder)
+        self.file = self._store.file
+        self._save()
+        self._say(Notice("both_kept", {"file": theirs, "new": self.file.name}))
+        return True
+
     # The station
 
     def schema(self) -> dict[str, Any]:
@@ -125,7 +144,7 @@ class Session(Teaching, Driving, Jogging):
 
     def value(self, key: str) -> Any:
         """Return what the station has under a dotted key, settings counted in; None if nothing."""
-        node: Any = yaml.safe_load(station_yaml(self.config))
+        node: Any = station_content(self.config)
         for part in key.split("."):
             node = node.get(part) if isinstance(node, dict) else None
         return node
@@ -159,18 +178,26 @@ class Session(Teaching, Driving, Jogging):
 
     def export_program(self) -> Future[Any]:
         """Write the program as YAML that ``simrob run`` takes, beside it the station if it has settings."""
-        return self._exported(self.file, self._store.placed(self._whole_program(), self.settings).text())
+        program = self._store.placed(self._whole_program(), self.settings)
+
+        def write() -> None:
+            self.conflict = not self._store.write(program)
+
+        return self._exported(self.file, write)
 
     def export_script(self) -> Future[Any]:
         """Write the program as a Python script that runs by itself and gives the same signals."""
         program, file = self._whole_program(), self.file.with_suffix(".py")
         robot = self.robot if self._one_of_several else None
         legs = bool(self.robot) and goes_on_legs(self.model, program)
-        return self._exported(file, script(program, self.station, self.settings, robot=robot, legs=legs, file=file))
+        code = any(isinstance(one, OwnController) for one in self.config.controllers.values())
+        text = script(program, self.station, self.settings, robot=robot, legs=legs, code=code, file=file)
+        return self._exported(file, lambda: self._store.make(file, text))
 
     def export_station(self) -> Future[Any]:
         """Write the station with its settings as YAML."""
-        return self._exported(self._store.station_file, station_yaml(self.config))
+        file, text = self._store.station_file, station_yaml(self.config)
+        return self._exported(file, lambda: self._store.make(file, text))
 
     def export_csv(self) -> Future[Any]:
         """Write the signals of the last run; as all of these the future gives the file."""
@@ -194,15 +221,16 @@ class Session(Teaching, Driving, Jogging):
 
     def _load(self, file: Path) -> None:
         """Take what is taught in a file, or in another one where that cannot be."""
-        first = Store(file, self.station, self.robot if self._one_of_several else None)
+        robot = self.robot if self._one_of_several else None
+        first = Store(file, self.station, robot, carried_program(self.config))
         self._store, self._history, notice = opened(first, self.folder, self._fits)
         self.file = self._store.file
         try:
             if settings := self._history.present.settings:
-                self.config = load_station(self.station, settings)
+                self.config = self._loaded(settings)
         except SimrobError as problem:  # of a station whose file has changed
             self._wrong(problem)
-            self._history.record(self._history.present.but(settings={}))
+            self._history.record(self._history.present.replaced(settings={}))
         self._save()
         if notice is not None:
             self._say(notice)
@@ -214,23 +242,20 @@ class Session(Teaching, Driving, Jogging):
             SimrobError: it has an axis or a kind of moves that the robot has not.
         """
         for move in program.moves:
-            self._looked_at(move)
-            if isinstance(move, WalkMove | ActMove) and self.model.feet is None:
-                raise InvalidParameter("move", next(iter(type(move).model_fields)), f"one of {self.model.name}")
-        of_arm = next((move for move in program.moves if isinstance(move, ARM_ONLY)), None)
-        if of_arm is not None and self.model.feet is not None:
-            raise InvalidParameter("move", next(iter(type(of_arm).model_fields)), f"one of {self.model.name}")
+            self._within_limits(move)
+            if not (move.of_arms if self.model.feet is None else move.of_legs):
+                raise InvalidParameter("move", move.key, f"one of {self.model.name}")
 
     def _reconfigure(self, settings: dict[str, Any]) -> bool:
         if self.phase in ("running", "paused"):
             return self._refused("busy")
         try:
-            config = load_station(self.station, settings)
+            config = self._loaded(settings)
         except SimrobError as problem:
             self._wrong(problem)
             return False
         before, self.config = self.config, config
-        self._record(self._history.present.but(settings=settings))
+        self._record(self._history.present.replaced(settings=settings))
         taken = self._history.present
 
         def refused() -> None:
@@ -248,13 +273,16 @@ class Session(Teaching, Driving, Jogging):
         loops = [{"name": name, "on": name in on} for name in self._loops]
         return super()._described({**description, "loops": loops})
 
-    def _exported(self, file: Path, text: str) -> Future[Any]:
+    def _exported(self, file: Path, write: Callable[[], object]) -> Future[Any]:
         try:
-            written_at_once(file, text)
+            write()
         except SimrobError as problem:
             self._wrong(problem)
             return done(None)
+        if self.conflict and file == self.file:
+            return done(self._refused("conflict", file=file.name) or None)
         self._say(Notice("exported", {"file": str(file)}))
+        self._save()  # and tell what was put aside
         return done(file)
 
     def _saved(self, method: str, file: Path) -> Future[Any]:

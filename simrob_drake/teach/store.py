@@ -1,27 +1,31 @@
-"""The file of a program that is taught: written whole at every change, beside it what undo and redo need.
+"""The file of a program that is taught: written whole at every change, beside it what undo and redo need; and scripts.
 
-The program's file is what `simrob run` takes, and what its owner may edit: what was changed there is taken as taught.
-A file that is damaged or of another robot is kept as it is, and what is taught goes to another one.
+The program's file is what `simrob run` takes, and what its owner may edit: what was changed there is taken as taught
+when it is opened, and not overwritten while it is. A file that is damaged or of another robot is kept as it is, and
+what is taught goes to another one.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from hashlib import sha256
+from itertools import count
 from pathlib import Path
+from pprint import pformat
 from typing import Any
 
-from simrob_drake.errors import SimrobError
+from simrob_drake.errors import InvalidConfig, SimrobError
 from simrob_drake.files import NotRead, text_of
-from simrob_drake.folders import written_at_once
+from simrob_drake.folders import writing, written_at_once
 from simrob_drake.programs.program import Program
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
-from simrob_drake.teach.history import MOST_LETTERS, History
-from simrob_drake.teach.notices import Notice
-from simrob_drake.teach.taught import Taught
+from simrob_drake.teach.pages.words import Notice
+from simrob_drake.teach.taught import MOST_LETTERS, History, Taught
+from simrob_drake.yaml_files import parse_json
 
 Fits = Callable[[Program], None]
 """Raises an error that says why a program cannot be this robot's."""
@@ -36,33 +40,73 @@ class Store:
         file: of the program.
         steps_file: beside it, of undo and redo.
         station_file: beside it, of the station if it has settings.
+        aside: a file that was made anew, and where the old one is, which somebody has changed.
     """
 
-    def __init__(self, file: Path, station: str, robot: str | None = None) -> None:
-        """Name the file, the station that it runs on (a name or a file), and the robot where there are several."""
+    def __init__(self, file: Path, station: str, robot: str | None = None, first: Program | None = None) -> None:
+        """Name the file, the station that it runs on (a name or a file), and the robot where there are several.
+
+        ``first`` is what is taught where there is no file yet: the program that the station carries.
+        """
         self.file, self._station, self._robot = file, station, robot
+        self._first = Taught() if first is None else Taught.of(first)
         self.steps_file = file.with_name(f".{file.stem}.steps")
         self.station_file = file.with_name(f"{file.stem}-station.yaml")
-        self._written = ""  # what the file holds
+        self._written = ""  # what the file holds, unless another editor has changed it
+        self._made: dict[str, str] = {}  # digests of other files as they were written
+        self.aside: tuple[Path, Path] | None = None
         self._saved: tuple[Program, bool] | None = None
         self._saved_station: StationConfig | None = None
 
-    def save(self, history: History, config: StationConfig) -> None:
+    def save(self, history: History, config: StationConfig) -> bool:
         """Write what is taught. Whatever stops this between two files, the next :meth:`load` gives all of it.
+
+        Returns:
+            whether the program is in its file, which is left alone if another editor has changed it.
 
         Raises:
             OutputError: the disk does not take it.
         """
-        written_at_once(self.steps_file, f"{_digest(self._written)}\n{history.text()}")
         program, settings = history.present.program, history.present.settings
         if settings and config is not self._saved_station:
-            written_at_once(self.station_file, station_yaml(config))
+            self.make(self.station_file, station_yaml(config))
             self._saved_station = config
+        written_at_once(self.steps_file, f"{_digest(self._written)} {json.dumps(self._made)}\n{history.text()}")
         if self._saved is not None and self._saved[0] is program and self._saved[1] == bool(settings):
-            return
-        text = self._present(history).text()
+            return not self._is_changed
+        if not self.write(self._present(history)):
+            return False
+        self._saved = program, bool(settings)
+        return True
+
+    def write(self, program: Program) -> bool:
+        """Write a program into the file; tell whether that was done, and not another editor's change lost by it.
+
+        Raises:
+            OutputError: the disk does not take it.
+        """
+        if self._is_changed:
+            return False
+        text = program.text()
         written_at_once(self.file, text)
-        self._written, self._saved = text, (program, bool(settings))
+        self._written = text
+        return True
+
+    def make(self, file: Path, text: str) -> None:
+        """Write a file that is made of what is taught; one that is not as it was made is put aside.
+
+        Raises:
+            OutputError: the disk does not take it.
+        """
+        digest = _digest(text)
+        if file.exists() and _digest_of(file) not in (digest, self._made.get(file.name)):
+            places = (file.with_stem(f"{file.stem}-edited-{number}") for number in count(1))
+            kept = next(place for place in places if not place.exists())
+            with writing(kept):
+                file.rename(kept)
+            self.aside = file, kept
+        written_at_once(file, text)
+        self._made[file.name] = digest
 
     def placed(self, program: Program, settings: Mapping[str, Any]) -> Program:
         """Return a program as its file has it: with the station, which lies beside it if it has settings."""
@@ -73,6 +117,11 @@ class Store:
             station = os.path.relpath(station, self.file.parent.resolve())
         return program.model_copy(update={"station": station, "robot": self._robot})
 
+    @property
+    def _is_changed(self) -> bool:
+        """Whether the file is another one than was read or written last; if it is gone, nothing can be lost."""
+        return self.file.exists() and _digest_of(self.file) != _digest(self._written)
+
     def load(self) -> History:
         """Return what was saved, and as one more step what was changed by hand since.
 
@@ -81,14 +130,14 @@ class Store:
         """
         before, steps = self._steps()
         if not self.file.exists():
-            return steps or History()
+            return steps or History(self._first)
         program, self._written = Program.load(self.file), text_of(self.file)
         if steps is None:
             steps = History(Taught.of(program))
         elif program != self._present(steps):
             if _digest(self._written) == before:  # the last save was stopped before it came to this file
                 return steps
-            steps.record(steps.present.but(program=Taught.of(program).program))
+            steps.record(steps.present.replaced(program=Taught.of(program).program))
         self._saved = steps.present.program, bool(steps.present.settings)  # it is left alone until something changes
         return steps
 
@@ -122,8 +171,10 @@ class Store:
     def _steps(self) -> tuple[str, History | None]:
         """Return the digest of the file that the last save was to replace, and the steps; None if there are none."""
         try:
-            before, _, text = text_of(self.steps_file, _LARGEST).partition("\n")
-        except NotRead:
+            header, _, text = text_of(self.steps_file, _LARGEST).partition("\n")
+            before, _, made = header.partition(" ")
+            self._made = dict(parse_json(made or "{}", self.steps_file))
+        except (NotRead, InvalidConfig, ValueError, TypeError):
             return "", None
         return before, History.of_text(text)
 
@@ -180,3 +231,63 @@ def _stem(file: Path) -> str:
 
 def _digest(text: str) -> str:
     return sha256(text.encode()).hexdigest()
+
+
+def _digest_of(file: Path) -> str:
+    """Return the digest of a file's text; nothing of a file that has none."""
+    try:
+        return _digest(text_of(file, _LARGEST))
+    except NotRead:
+        return ""
+
+
+_WIDTH = 100
+_NESTED = " " * 8
+
+
+def script(
+    program: Program,
+    station: str,
+    settings: Mapping[str, Any],
+    *,
+    robot: str | None,
+    legs: bool,
+    code: bool,
+    file: Path,
+) -> str:
+    """Return the text of a script that runs a program, and saves all of it as one result.
+
+    ``station`` is a name, or a file, which goes with a script in its folder; ``code``: whether it names Python code.
+    """
+    near = Path(station).parent == file.parent
+    place = f'Path(__file__).with_name("{Path(station).name}")' if near else _value(station)
+    names = ["LeggedRobot" if legs else "Workcell", "Program", "load_station"]
+    imports = ["from pathlib import Path\n"] * near + [f"from simrob_drake import {', '.join(sorted(names))}"]
+    whose = f", {_value(robot)}" if robot else ""
+    run = (
+        f"robot = LeggedRobot(station{whose})\nrobot.run(program)\nresult = robot.result()"
+        if legs
+        else "result = Workcell(station).perform(program)"
+    )
+    content = program.model_dump(mode="json", exclude={"station"}, exclude_defaults=True)
+    changed = f", {_value(dict(settings))}" if settings else ""
+    parts = [
+        f'"""{program.description or "A program that was taught"}; its signals are in {file.stem}-run/signals.csv."""',
+        "\n".join(imports),
+        f"station = load_station({place}{changed}{', allow_code=True' * code})",
+        f"program = Program(\n{''.join(_argument(key, value) for key, value in content.items())})",
+        f'{run}\nprint(result)\nresult.save("{file.stem}-run", force=True)\n',
+    ]
+    return "\n\n".join(parts)
+
+
+def _argument(key: str, value: Any) -> str:
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        return f"    {key}={_value(value)},\n"
+    entries = "".join(f"{_NESTED}{_value(entry)},\n".replace("\n ", f"\n{_NESTED} ") for entry in value)
+    return f"    {key}=[\n{entries}    ],\n"
+
+
+def _value(value: Any) -> str:
+    text = pformat(value, width=_WIDTH, sort_dicts=False, compact=True)
+    return text if '"' in text else text.replace("'", '"')

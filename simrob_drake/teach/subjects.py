@@ -1,20 +1,26 @@
-"""What can be taught: a station, a robot of the package on its usual station, or a robot of which there is a file."""
+"""What can be taught: a station, a robot on its usual one, or one of which there is a file; with which outer loops."""
 
+from functools import cache
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import yaml
+from pydantic import TypeAdapter
 
-from simrob_drake.errors import InvalidConfig, UnknownName
+from simrob_drake.errors import InvalidConfig, UnknownName, one_of
 from simrob_drake.folders import written_at_once
-from simrob_drake.programs.arm_program import ARM_ONLY
+from simrob_drake.importer.packages import is_robot_file, robot_file
+from simrob_drake.parts.sensors import Sensors
+from simrob_drake.paths import diagrams_root
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel, load_robot, robot_names
+from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.load import station_names
+from simrob_drake.stations.located import located_station
 from simrob_drake.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
 
-ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml")
 _PROGRAM = {"moves", "references"}
 _USUAL = "{}_dynamic"
 
@@ -40,13 +46,13 @@ def station_for(subject: str | Path, folder: Path) -> tuple[str, str]:
         usual = _USUAL.format(name)
         return (usual, usual) if usual in station_names() else (name, _drafted(load_robot(name), name, folder))
     suffix = file.suffix.lower()
-    if suffix not in (*YAML_SUFFIXES, *ROBOT_SUFFIXES):
-        raise UnknownName("station or robot", name, [*station_names(), *robot_names()])
-    if not file.is_file():
-        raise InvalidConfig(file, "", "there is no such file")
-    if suffix in YAML_SUFFIXES:
+    if suffix in YAML_SUFFIXES and file.is_file():
         return file.stem, str(file.resolve())
-    return _drafted_for(file, folder)
+    if suffix not in YAML_SUFFIXES and not is_robot_file(name):
+        raise UnknownName("station or robot", name, [*station_names(), *robot_names()])
+    if suffix in YAML_SUFFIXES or not robot_file(file, "subject").is_file():
+        raise InvalidConfig(file, "", "there is no such file")
+    return _drafted_for(robot_file(file, "subject"), folder)
 
 
 def program_of(subject: str | Path) -> tuple[Path, str] | None:
@@ -61,14 +67,13 @@ def program_of(subject: str | Path) -> tuple[Path, str] | None:
     station = Program.load(file).station
     if station is None:
         raise InvalidConfig(file, "station", "missing: the name or the file of the station that it is to run on")
-    beside = file.parent / station
-    return file, str(beside) if beside.is_file() else station
+    return file, located_station(station, file)
 
 
 def goes_on_legs(model: RobotModel, program: Program) -> bool:
     """Tell whether a program is done by a :class:`~simrob_drake.LeggedRobot`, and not by the arms of a workcell."""
     legless = model.base == "fixed" and model.feet is None and bool(model.tools)
-    return not legless and not any(isinstance(move, ARM_ONLY) for move in program.moves)
+    return not legless and all(move.of_legs for move in program.moves)
 
 
 def _drafted_for(file: Path, folder: Path) -> tuple[str, str]:
@@ -88,8 +93,63 @@ def _drafted(model: RobotModel, name: str, folder: Path) -> str:
     target = folder / name / f"{name}.yaml"
     if not target.is_file():
         content = parse_yaml(draft_station(model.urdf_path), name)
-        content["robot"] = {"model": name}  # which brings its gains, and where it stands at first
-        del content["servo"]
+        start = {key: value for key, value in content["robot"].items() if key in ("base", "initial_deg")}
+        content["robot"] = {"model": name, **start}  # which brings its gains
+        if servo := content.pop("servo", None):
+            content["servo"] = {"realization": servo["realization"]}
         content |= {"description": model.description, "reference": {"kind": "hold"}}
         written_at_once(target, yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120))
     return str(target.resolve())
+
+
+Settings = dict[str, Any]
+
+
+def loops_known(own: StationConfig) -> dict[str, Settings]:
+    """Return loops by name, each with the settings that give it to a station; none for the station's own."""
+    known: dict[str, Settings] = {name: {} for name in own.controllers}
+    if len(own.robots) != 1 or own.mode != "dynamic":
+        return known
+    (robot,) = own.robots.values()
+    lent = _loops_of(diagrams_root(), robot.model)
+    return known | {name: needed for name, needed in lent.items() if name not in known}
+
+
+@cache
+def _loops_of(folder: Path, model: str | None) -> dict[str, Settings]:
+    """Return the loops of a folder's stations with a robot of a model, each with the settings that give it."""
+    known: dict[str, Settings] = {}
+    for file in sorted(folder.glob("*.yaml")):
+        content = read_yaml(file)
+        if content.get("robot", {}).get("model") == model:
+            for name, section in content.get("controllers", {}).items():
+                known.setdefault(name, {f"controllers.{name}": section, **_sensors(section, content)})
+    return known
+
+
+def switched(known: dict[str, Settings], settings: Settings, name: str, on: bool) -> Settings:
+    """Return the settings of a station with a loop switched on or off.
+
+    Raises:
+        UnknownName: no such loop; proposes the nearest.
+    """
+    needed, key = known[one_of("loop", name, known)], f"controllers.{name}"
+    others = {other for loop in loops_on(known, settings) if loop != name for other in known[loop]}
+    dropped = {key, *needed} - others
+    left = {other: value for other, value in settings.items() if other not in dropped}
+    return left | (needed if on else {} if needed else {key: None})
+
+
+def loops_on(known: dict[str, Settings], settings: Settings) -> list[str]:
+    """Return the loops that a station has with its settings: its own unless taken out, and those that are given."""
+    return [name for name, needed in known.items() if settings.get(f"controllers.{name}", not needed)]
+
+
+def _sensors(section: Any, content: dict[str, Any]) -> Settings:
+    """Return the sensors that a loop reads, and those that they read, as settings."""
+    read = section.get("reads", {}) if isinstance(section, dict) else {}
+    named = {str(value) for value in (read.values() if isinstance(read, dict) else [])}
+    sensors = content.get("sensors", {})
+    sections = TypeAdapter(Sensors).validate_python(sensors)
+    named |= {other for name in named & {*sections} for other in sections[name].read(sections).values()}
+    return {f"sensors.{name}": sensor for name, sensor in sensors.items() if name in named}

@@ -1,18 +1,20 @@
-"""All that is taught: what undo and redo go through, and what no kill may take."""
+"""All that is taught, and its history: what undo and redo go through, and what no kill may take."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, cast
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
-from simrob_drake.errors import InvalidConfig, nearest
+from simrob_drake.errors import SimrobError
 from simrob_drake.parts.site import WORLD
-from simrob_drake.programs.moves import JointMove, plain
-from simrob_drake.programs.program import KINDS, AnyMove, Program
+from simrob_drake.programs.moves.joints import JointMove
+from simrob_drake.programs.moves.kinds import AnyMove
+from simrob_drake.programs.moves.move import Move
+from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, Change
-from simrob_drake.yaml_files import Number, Strict, validated
+from simrob_drake.sections import Number, Strict
 
 
 class Target(Strict):
@@ -49,27 +51,27 @@ class Taught(Strict):
     @classmethod
     def of(cls, program: Program) -> Taught:
         """Return what is taught by a program alone; it gets a grid if it has none."""
-        return cls().but(program=program.model_copy(update={"grid": program.grid or GRID}))
+        return cls().replaced(program=program.model_copy(update={"grid": program.grid or GRID}))
 
-    def but(self, **changes: Any) -> Taught:
+    def replaced(self, **changes: Any) -> Taught:
         """Return it with something changed, all of it checked already."""
         return self.model_copy(update=changes)
 
     def with_program(self, **changes: Any) -> Taught:
         """Return it with something of the program changed, likewise."""
-        return self.but(program=self.program.model_copy(update=changes))
+        return self.replaced(program=self.program.model_copy(update=changes))
 
     def with_tested(self, move: JointMove) -> Taught:
         """Return it with a move of axes tried: it joins the one that was tested last, if nothing came between."""
         if not self.joins:
-            return self.but(pending=(*self.pending, move), joins=True)
+            return self.replaced(pending=(*self.pending, move), joins=True)
         *others, last = self.pending
         both = JointMove(target_deg={**cast(JointMove, last).target_deg, **move.target_deg}, duration=move.duration)
-        return self.but(pending=(*others, both))
+        return self.replaced(pending=(*others, both))
 
-    def with_tried(self, *moves: AnyMove) -> Taught:
+    def with_tried(self, *moves: Move) -> Taught:
         """Return it with moves tried that stand for themselves."""
-        return self.but(pending=(*self.pending, *moves), joins=False)
+        return self.replaced(pending=(*self.pending, *moves), joins=False)
 
     def added(self) -> Taught:
         """Return it with what was tried stored."""
@@ -78,21 +80,7 @@ class Taught(Strict):
 
     def discarded(self) -> Taught:
         """Return it without what was tried."""
-        return self.but(pending=(), joins=False, changes=())
-
-
-def entry_of(given: Mapping[str, Any]) -> AnyMove:
-    """Return a move of what would stand in a program's file.
-
-    Raises:
-        InvalidConfig: what is no move; names the key.
-    """
-    kind = next((kind for key, kind in KINDS.items() if key in given), None)
-    if kind is None:
-        key = next(iter(given), "")
-        raise InvalidConfig("the move", str(key), f"is no kind of move{nearest(key, KINDS)}")
-    made: AnyMove = validated(kind, plain(given), "the move")
-    return made
+        return self.replaced(pending=(), joins=False, changes=())
 
 
 def with_change(changes: Sequence[Change], change: Change) -> tuple[Change, ...]:
@@ -106,6 +94,86 @@ def _of(change: Change) -> tuple[Any, ...]:
     return change.time, tuple(change.set or ()), change.push and change.push.at, change.drag and change.drag.at
 
 
-def told(moves: Sequence[AnyMove]) -> list[dict[str, Any]]:
+def entries_of(moves: Sequence[Move]) -> list[dict[str, Any]]:
     """Return moves as a program's file has them."""
-    return [move.model_dump(mode="json") for move in moves]
+    return [move.entry() for move in moves]
+
+
+MOST_STEPS, MOST_LETTERS = 200, 2_000_000
+"""What is kept to go back to; the oldest is forgotten first."""
+
+
+class History:
+    """What is taught now, with what undo goes back to and what redo brings back."""
+
+    def __init__(self, taught: Taught | None = None) -> None:
+        """Begin with what is taught already."""
+        self._steps = [_as_step(Taught() if taught is None else taught)]
+        self._at = 0
+        self._label = ""
+
+    @property
+    def present(self) -> Taught:
+        """What is taught now."""
+        return self._steps[self._at][0]
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is something to go back to."""
+        return self._at > 0
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is something to bring back."""
+        return self._at < len(self._steps) - 1
+
+    def record(self, taught: Taught, label: str = "") -> None:
+        """Take a step, if something is new; what was undone before is forgotten.
+
+        Args:
+            taught: what is taught from now on.
+            label: of a step that goes on with the last one if that had the same, as a slider that is still moved.
+        """
+        if taught == self.present:
+            return
+        keep = self._at + (0 if label and label == self._label and self._at > 0 else 1)
+        self._steps[keep:] = [_as_step(taught)]
+        self._at, self._label = len(self._steps) - 1, label
+        letters = sum(len(text) for _, text in self._steps)
+        while len(self._steps) > MOST_STEPS or (letters > MOST_LETTERS and len(self._steps) > 1):
+            letters -= len(self._steps.pop(0)[1])
+            self._at -= 1
+
+    def withdraw(self) -> None:
+        """Forget the last step, which came to nothing."""
+        if self.can_undo:
+            self.undo()
+            del self._steps[self._at + 1 :]
+
+    def undo(self) -> None:
+        """Go back a step."""
+        self._at, self._label = max(self._at - 1, 0), ""
+
+    def redo(self) -> None:
+        """Bring a step back."""
+        self._at, self._label = min(self._at + 1, len(self._steps) - 1), ""
+
+    def text(self) -> str:
+        """Return all of it: the number of the present step, and one line for each."""
+        return "\n".join([str(self._at), *(text for _, text in self._steps)]) + "\n"
+
+    @classmethod
+    def of_text(cls, text: str) -> History | None:
+        """Return what :meth:`text` gave; None of anything else."""
+        at, *lines = text.removesuffix("\n").split("\n")
+        history = cls()
+        try:
+            history._steps = [(Taught.model_validate_json(line), line) for line in lines]
+            history._at = range(len(lines))[int(at)]
+        except (ValidationError, SimrobError, ValueError, IndexError):
+            return None
+        return history
+
+
+def _as_step(taught: Taught) -> tuple[Taught, str]:
+    return taught, taught.model_dump_json()

@@ -10,14 +10,14 @@ import numpy as np
 from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.quantities import Duration, Fraction
 from simrob_drake.results.record.walks import locomotion
+from simrob_drake.sections import Duration, Fraction
 from simrob_drake.tuning.bisection import bracket
 from simrob_drake.tuning.doubts import Change
-from simrob_drake.tuning.rollout import Row
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.subject import Subject, subject_of
-from simrob_drake.tuning.walking import COMPLETED, Trial, Walking
+from simrob_drake.tuning.trial import COMPLETED, Row
+from simrob_drake.tuning.walking import Walking, WalkTrial
 
 Kind = Literal["load", "friction", "stiffness", "slope", "step"]
 _HELD_UP = "held up"
@@ -118,11 +118,11 @@ class Burdens(Walking):
         """How long each walk is [s]."""
         return self.seconds
 
-    def trials(self, *, allow_code: bool = False) -> "list[Bearing]":
+    def trials(self, *, allow_code: bool = False) -> "list[BurdenTrial]":
         """Return all trials: with each of the settings, of each draw, each burden."""
         names = [(kind, what) for kind in dict.fromkeys(self.vary) for what in _BURDENS[kind]]
         found = [
-            Bearing(0, name, changes, seed, allow_code, self, kind, what)
+            BurdenTrial(0, name, changes, seed, allow_code, self, kind, what)
             for name, changes in self.settings.items()
             for kind, what in names
             for seed in self.draws
@@ -136,38 +136,38 @@ class Burdens(Walking):
             some = [row for row in rows if (row["settings"], row["burden"]) == (name, what)]
             burden = next(known[what] for known in _BURDENS.values() if what in known)
             less, nothing = (max, inf) if burden.last < burden.first else (min, 0.0)
-            figures = [nothing if row.get("figure") is None else row["figure"] for row in some]
-            told = {"weakest": less(figures), "median": median(figures)}
-            told = {key: figure if 0 < figure < inf else None for key, figure in told.items()}
-            found.append({"settings": name, "burden": what, **told, "unit": burden.unit})
+            borne = [nothing if row.get("figure") is None else row["figure"] for row in some]
+            found_of = {"weakest": less(borne), "median": median(borne)}
+            found_of = {key: figure if 0 < figure < inf else None for key, figure in found_of.items()}
+            found.append({"settings": name, "burden": what, **found_of, "unit": burden.unit})
         return found
 
 
 @dataclass(frozen=True)
-class Bearing(Trial):
+class BurdenTrial(WalkTrial):
     """The search for the largest burden of a kind.
 
     Attributes:
-        asked: all that it belongs to.
+        spec: all that it belongs to.
         kind: of the burden.
         what: which of that kind.
     """
 
-    asked: Burdens
+    spec: Burdens
     kind: Kind
     what: str
 
     @property
-    def columns(self) -> list[Row]:
-        """Its burden."""
-        return [{"burden": self.what}]
+    def own_columns(self) -> list[Row]:
+        """Its burden, and the unit of its figures."""
+        return [{"burden": self.what, "unit": _BURDENS[self.kind][self.what].unit}]
 
-    def figures(self) -> list[Row]:
+    def measured(self) -> list[Row]:
         """Return the largest figure that is borne, the next one that was tried, and how the walk with that ended."""
         burden, scene = _BURDENS[self.kind][self.what], self._scene({})
-        subject, free = subject_of(scene.config, self.asked.at), scene.run()
+        subject, free = subject_of(scene.config, self.spec.at), scene.run()
         if free.ending != COMPLETED:
-            return [{"unit": burden.unit, "ended": free.stopped_by or free.ending, "message": free.message}]
+            return [{"ended": free.stopped_by or free.ending, "message": free.message}]
         way = _Way(scene, subject, locomotion(free, subject.name).ahead, self.seed)
         ends: dict[float, tuple[str, str]] = {}
 
@@ -175,17 +175,17 @@ class Bearing(Trial):
             run = self._scene(burden.changes(way, burden.figure(hard))).run()
             ends[hard] = run.stopped_by or run.ending, run.message
             ahead = locomotion(run, subject.name).ahead if run.ending == COMPLETED else 0.0
-            if run.ending == COMPLETED and way.ahead > _STANDS and ahead < self.asked.least * way.ahead:
+            if run.ending == COMPLETED and way.ahead > _STANDS and ahead < self.spec.least * way.ahead:
                 ends[hard] = _HELD_UP, f"it came {ahead:.2f} m far in place of {way.ahead:.2f} m"
             return ends[hard][0] == COMPLETED
 
         most = burden.last / burden.first if burden.first < burden.last < inf else _HARDEST
-        low, high = bracket(holds, 1.0, close=self.asked.close, most=most)
+        low, high = bracket(holds, 1.0, close=self.spec.close, most=most)
         ended, message = ends[high if high in ends else low]
         fails = burden.figure(high) if high in ends else None
         figure = burden.figure(low) if low else None
-        return [{"figure": figure, "fails_at": fails, "unit": burden.unit, "ended": ended, "message": message}]
+        return [{"figure": figure, "fails_at": fails, "ended": ended, "message": message}]
 
     def _scene(self, changes: Change) -> Scene:
-        asked = self.asked
-        return asked.scene({**self.changes, **changes}, asked.seconds, seed=self.seed, allow_code=self.allow_code)
+        spec = self.spec
+        return spec.scene({**self.changes, **changes}, spec.seconds, seed=self.seed, allow_code=self.allow_code)

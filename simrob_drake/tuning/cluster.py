@@ -74,8 +74,8 @@ class Cluster:
             except KilledWorker:
                 outcome = died(task)
             except CancelledError as problem:
-                told = f"the scheduler {self._scheduler} is gone; what is done is kept, go on with another one"
-                raise SimrobError(told) from problem
+                message = f"the scheduler {self._scheduler} is gone; what is done is kept, go on with another one"
+                raise SimrobError(message) from problem
             for one in islice(waiting, 1):
                 more = submit(work, one, pure=False)
                 under_way[more] = one

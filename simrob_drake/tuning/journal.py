@@ -1,36 +1,30 @@
-"""What a folder was asked for, and its runs as they end; so what was killed goes on where it was.
+"""What a folder was asked for, and the trials that were made of it; so what was killed goes on where it was.
 
-A line is added for each run and goes to the disk at once.
+Each trial is a line of ``rows.jsonl``, a :class:`~simrob_drake.tuning.trial.Record`, which goes to the disk at once.
 """
 
 import json
 import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
-from typing import IO, Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import yaml
+from pydantic import ConfigDict
 
 from simrob_drake.errors import InvalidConfig, OutputError
+from simrob_drake.files import NotRead, opened
 from simrob_drake.folders import alone_in, check_folder, writing, written_at_once
 from simrob_drake.progress import progress_bar
+from simrob_drake.sections import Model, Number, Strict, validated
 from simrob_drake.tuning.engines import engine
-from simrob_drake.tuning.rollout import Row
-from simrob_drake.yaml_files import Strict, read_yaml, validated
+from simrob_drake.tuning.trial import Record, Row, Trial, killed, made, plain
+from simrob_drake.yaml_files import parse_json, read_yaml
 
-_ROWS = "rows.jsonl"
-
-
-class Numbered(Protocol):
-    """What is to be done, under a number of its own."""
-
-    @property
-    def number(self) -> int:
-        """From 1."""
-
-
-Task = TypeVar("Task", bound=Numbered)
+ROWS = "rows.jsonl"
+_LONGEST = 10_000_000  # bytes of a line: a map of pushes in 72 directions has some 30 thousand
 
 
 class _Kept(Strict):
@@ -41,75 +35,166 @@ class _Kept(Strict):
     """Of the station as it was then."""
 
 
-def asked_of(folder: Path, file: str) -> dict[str, Any]:
+class _Outcome(Strict):
+    """The columns of a row that do not identify it: how its run ended, and what was measured."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Number | None]
+    of_any_size = True
+
+    ended: str
+    message: str
+    beyond: str = ""
+
+
+def read_spec(folder: Path, file: str, model: type[Model]) -> Model:
     """Return what a folder was asked for.
 
     Raises:
         InvalidConfig: there is none, or it is damaged.
     """
-    return validated(_Kept, read_yaml(folder / file), folder / file).asked
+    return validated(model, validated(_Kept, read_yaml(folder / file), folder / file).asked, folder / file)
 
 
-def take(folder: Path, file: str, asked: Strict, digest: str, *, force: bool, other: Collection[str] = ()) -> bool:
-    """Begin in a new folder, or go on in one that was asked for the same; return whether it is new.
+class Journal:
+    """The trials of a folder.
 
-    Args:
-        folder: which.
-        file: where in it stands what is asked for.
-        asked: that.
-        digest: of the station.
-        force: replace what is there.
-        other: keys that may have changed since.
-
-    Raises:
-        OutputError: the folder holds something else, or cannot be written.
-        InvalidConfig: the station has changed since.
+    Attributes:
+        folder: where they are kept.
+        records: what they came to, in the order of their numbers.
     """
-    content, what = asked.model_dump(mode="json"), Path(file).stem
-    fresh = force or not (folder / file).is_file()
-    if fresh:
-        check_folder(folder, marker=file, force=force)
-        with writing(folder):
-            (folder / _ROWS).unlink(missing_ok=True)
-    else:
-        found = validated(_Kept, read_yaml(folder / file), folder / file)
-        if any(content.get(key) != found.asked.get(key) for key in {*content, *found.asked} - {*other}):
-            raise OutputError(f"{folder} holds another {what}; choose another folder or replace it with --force")
-        if found.digest != digest:
-            changed = f"has changed since this {what} began; begin another, or put it back"
-            raise InvalidConfig(folder / file, str(content["station"]), changed)
-    kept = {"asked": content, "digest": digest}
-    written_at_once(folder / file, yaml.safe_dump(kept, sort_keys=False, width=120))
-    return fresh
+
+    def __init__(
+        self,
+        folder: Path,
+        file: str,
+        spec: Strict,
+        digest: str,
+        *,
+        columns: Callable[[Record], Sequence[Row]],
+        force: bool = False,
+        other: Collection[str] = (),
+    ) -> None:
+        """Begin in a new folder, or go on in one that was asked for the same.
+
+        Args:
+            folder: which.
+            file: where in it stands what is asked for.
+            spec: that.
+            digest: of the station.
+            columns: gives what identifies each row of a record; none if no trial has its number.
+            force: replace what is there.
+            other: keys that may have changed since.
+
+        Raises:
+            OutputError: the folder holds something else, or cannot be written.
+            InvalidConfig: the station has changed since, or a line of what is kept is damaged.
+        """
+        self.folder, self._columns = folder, columns
+        content, what = spec.model_dump(mode="json"), Path(file).stem
+        if force or not (folder / file).is_file():
+            check_folder(folder, marker=file, force=force)
+            with writing(folder):
+                (folder / ROWS).unlink(missing_ok=True)
+        else:
+            found = validated(_Kept, read_yaml(folder / file), folder / file)
+            if any(content.get(key) != found.asked.get(key) for key in {*content, *found.asked} - {*other}):
+                raise OutputError(f"{folder} holds another {what}; choose another folder or replace it with --force")
+            if found.digest != digest:
+                changed = f"has changed since this {what} began; begin another, or put it back"
+                raise InvalidConfig(folder / file, str(content["station"]), changed)
+        kept = {"asked": content, "digest": digest}
+        written_at_once(folder / file, yaml.safe_dump(kept, sort_keys=False, width=120))
+        self.records, _ = self._read()
+
+    @contextmanager
+    def adding(self) -> Iterator[Callable[[Record], None]]:
+        """Give what adds a record, and let no other process do so; the half of a line that one left is cut off.
+
+        Raises:
+            OutputError: another process is at work on them, or the disk does not take them.
+            InvalidConfig: a line is damaged.
+        """
+        with alone_in(self.folder):
+            self.records, end = self._read()
+            with writing(self.folder / ROWS), (self.folder / ROWS).open("ab") as file:
+                file.truncate(end)
+
+                def add(record: Record) -> None:
+                    file.write(json.dumps(record.model_dump(), ensure_ascii=False).encode() + b"\n")
+                    file.flush()
+                    os.fsync(file.fileno())
+                    self.records.append(record)
+
+                yield add
+                self.records.sort(key=lambda record: record.number)
+
+    def _read(self) -> tuple[list[Record], int]:
+        """Return the records of all whole lines, and where the last of these ends [bytes]."""
+        records, end, file = dict[int, Record](), 0, self.folder / ROWS
+        if not file.exists():
+            return [], end
+        try:
+            with opened(file) as lines:
+                for number in count(1):
+                    line = lines.readline(_LONGEST)
+                    if not line.endswith(b"\n") and len(line) < _LONGEST:  # the end, or torn
+                        break
+                    end += len(line)
+                    record = self._record(line, f"{file}: line {number}")
+                    if record.number in records:
+                        raise InvalidConfig(f"{file}: line {number}", "", f"run {record.number} stands there before")
+                    records[record.number] = record
+        except NotRead as problem:
+            raise InvalidConfig(file, "", f"cannot be read ({problem})") from problem
+        except InvalidConfig as problem:
+            raise InvalidConfig("", "", f"{problem}; delete the line, and its run is made again") from problem
+        return [records[number] for number in sorted(records)], end
+
+    def _record(self, line: bytes, where: str) -> Record:
+        try:
+            text = line.decode()
+        except UnicodeDecodeError as problem:
+            raise InvalidConfig(where, "", "is no text in UTF-8") from problem
+        if len(line) >= _LONGEST:
+            raise InvalidConfig(where, "", f"is longer than {_LONGEST / 1e6:g} MB")
+        record = validated(Record, parse_json(text, where), where)
+        columns = self._columns(record)
+        if not columns:
+            raise InvalidConfig(where, f"run {record.number}", "is none of those that were asked for")
+        if len(columns) != len(record.rows):
+            raise InvalidConfig(
+                where, f"run {record.number}", f"has {len(record.rows)} rows in place of {len(columns)}"
+            )
+        for row, own in zip(record.rows, columns, strict=True):
+            others = {key: value for key, value in row.items() if key not in own}
+            if {key: row[key] for key in row if key in own} != plain(own):
+                raise InvalidConfig(where, f"run {record.number}", "is of something else than what was asked for")
+            validated(_Outcome, others, where)
+        return record
 
 
-def rows(folder: Path) -> list[Row]:
-    """Return the runs that are done, in the order of their numbers."""
-    try:
-        lines = (folder / _ROWS).read_text(encoding="utf-8").splitlines(keepends=True)
-    except FileNotFoundError:
-        return []
-    found = [json.loads(line) for line in lines if line.endswith("\n")]  # the last one may be torn
-    return sorted(found, key=lambda row: row["number"])
+Task = TypeVar("Task", bound=Trial)
+
+
+def columns_of(trials: Sequence[Task]) -> Callable[[Record], Sequence[Row]]:
+    """Return what gives the columns of trials that are known beforehand, their numbers from 1."""
+    return lambda record: trials[record.number - 1].columns if record.number <= len(trials) else []
 
 
 def run(
-    folder: Path,
-    cases: Sequence[Task],
-    work: Callable[[Task], Row],
-    died: Callable[[Task], Row],
+    journal: Journal,
+    trials: Sequence[Task],
     *,
     workers: int | None = None,
     scheduler: str | None = None,
     progress: bool = True,
-) -> list[Row]:
-    """Make the runs that are not done yet, and return the rows of all.
+) -> list[Record]:
+    """Make the trials that are not made yet, and return the records of all.
 
     Args:
-        folder: where they are kept.
-        cases: all runs, with their numbers.
-        work: makes one, and returns its row with its number.
-        died: the row of one whose process died.
+        journal: where they are kept.
+        trials: all of them.
         workers: how many processes of this machine; as many as it has processors unless given.
         scheduler: the address of a Dask scheduler whose workers do it instead.
         progress: show a bar.
@@ -118,23 +203,12 @@ def run(
         OutputError: another process is at work on them, or the disk does not take them.
         SimrobError: no such scheduler, or one that goes away.
     """
-    with alone_in(folder), _opened(folder / _ROWS) as journal, engine(workers=workers, scheduler=scheduler) as engine_:
-        done = {row["number"] for row in rows(folder)}
-        left = [case for case in cases if case.number not in done]
-        with progress_bar(f"{len(cases)} runs", len(cases), shown=progress) as move:
-            for count, row in enumerate(engine_.outcomes(work, left, died), start=len(done) + 1):
-                journal.write(json.dumps(row, ensure_ascii=False) + "\n")
-                journal.flush()
-                os.fsync(journal.fileno())
+    with journal.adding() as add, engine(workers=workers, scheduler=scheduler) as engine_:
+        done = {record.number for record in journal.records}
+        left = [trial for trial in trials if trial.number not in done]
+        with progress_bar(f"{len(trials)} runs", len(trials), shown=progress) as move:
+            for number, record in enumerate(engine_.outcomes(made, left, killed), start=len(done) + 1):
+                add(record)
                 if move:
-                    move(count)
-    return rows(folder)
-
-
-@contextmanager
-def _opened(file: Path) -> Iterator[IO[str]]:
-    """Open the file of the runs to add to it, without the half of a line that a killed process left."""
-    with writing(file), file.open("a+", encoding="utf-8", newline="\n") as journal:
-        whole = file.read_bytes().rpartition(b"\n")
-        journal.truncate(len(whole[0]) + len(whole[1]))
-        yield journal
+                    move(number)
+    return journal.records

@@ -6,19 +6,19 @@ from typing import Any
 
 from pydantic import Field
 
-from simrob_drake.errors import InvalidConfig
+from simrob_drake.arguments import as_path
 from simrob_drake.folders import written_at_once
-from simrob_drake.given import as_path
-from simrob_drake.tuning import journal
+from simrob_drake.sections import Integer, Strict
+from simrob_drake.tuning.conclusion import START, WON, conclusion
 from simrob_drake.tuning.doubts import Change, doubts
+from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
 from simrob_drake.tuning.proof_page import page
-from simrob_drake.tuning.rollout import Case, Margin, Row, killed, rollout
+from simrob_drake.tuning.rollout import Case, Margin
 from simrob_drake.tuning.scene import Scene
-from simrob_drake.tuning.study import Figures, Study, named
-from simrob_drake.tuning.study_folder import STUDY, WINNER
+from simrob_drake.tuning.study import Parameters, Study, named
+from simrob_drake.tuning.study_folder import STUDY, winner_of
 from simrob_drake.tuning.table import write_rows
-from simrob_drake.tuning.verdict import START, WON, verdict
-from simrob_drake.yaml_files import Strict, read_yaml, validated
+from simrob_drake.tuning.trial import Row, table
 
 PROVE, TABLE, PAGE = "prove.yaml", "prove.csv", "prove.html"
 
@@ -28,31 +28,29 @@ class Proof(Strict):
 
     station: str
     """A name or a file."""
-    figures: dict[str, Figures]
+    parameters: dict[str, Parameters]
     """What is compared: the figures of the winner, and those that it is to beat if there are any."""
     conditions: list[dict[str, Any]]
     """Changes of the station; each draw of a doubt comes with the next of them."""
-    seeds: int = Field(default=10, ge=1, le=1000)
+    seeds: Integer = Field(default=10, ge=1, le=1000)
     """Draws of each doubt."""
     study: Study | None = None
     """What tells what a run costs."""
 
     @classmethod
-    def of(cls, given: str, seeds: int) -> "Proof":
+    def of(cls, place: str, seeds: int) -> "Proof":
         """Return what is to be proven of the folder of a study that has ended, or of a station.
 
         Raises:
             InvalidConfig: a folder without a winner.
         """
-        folder = Path(given)
+        folder = Path(place)
         if not (folder / STUDY).is_file():
-            return cls(station=given, figures={WON: {}}, conditions=[{}], seeds=seeds)
-        if not (folder / WINNER).is_file():
-            raise InvalidConfig(folder, "", f"has no {WINNER} yet: let simrob tune go on with it first")
-        study = validated(Study, journal.asked_of(folder, STUDY), folder / STUDY)
+            return cls(station=place, parameters={WON: {}}, conditions=[{}], seeds=seeds)
+        study = read_spec(folder, STUDY, Study).located(folder / STUDY)
         conditions = [{**study.overrides, **case} for case in study.proof.cases]
-        figures = {START: study.start, WON: read_yaml(folder / WINNER)}
-        return cls(station=study.station, figures=figures, conditions=conditions, seeds=seeds, study=study)
+        compared = {START: study.start, WON: winner_of(folder, study)}
+        return cls(station=study.station, parameters=compared, conditions=conditions, seeds=seeds, study=study)
 
     def cases(self) -> list[Case]:
         """Return all runs, numbered from 1: the same draws for all that is compared."""
@@ -66,15 +64,14 @@ class Proof(Strict):
         return self.study.margin if self.study else None
 
     def _runs(self) -> Iterator[tuple[str, str, int, dict[str, Any]]]:
-        drawn = {
-            of: [self._doubts({**own, **figures}) for own in self.conditions] for of, figures in self.figures.items()
-        }
+        every = self.parameters.items()
+        drawn = {of: [self._doubts({**under, **own}) for under in self.conditions] for of, own in every}
         for kind, changes in drawn[WON][0].items():
             for draw in range(max(len(changes), len(self.conditions))):
                 place = draw % len(self.conditions)
-                for of, figures in self.figures.items():
+                for of, own in every:
                     change = drawn[of][place][kind][draw % len(changes)]
-                    yield of, kind, draw, {**self.conditions[place], **figures, **change}
+                    yield of, kind, draw, {**self.conditions[place], **own, **change}
 
     def _doubts(self, overrides: dict[str, Any]) -> dict[str, list[Change]]:
         scene = Scene.of(self.station, overrides)
@@ -88,6 +85,7 @@ class ProofFolder:
         folder: where they stand.
         proof: what is proven.
         cases: all of its runs.
+        journal: those that are made.
     """
 
     def __init__(self, folder: Path | str, proof: Proof, *, force: bool = False) -> None:
@@ -97,7 +95,8 @@ class ProofFolder:
             SimrobError: a station that cannot be, or has changed since; a folder that holds something else.
         """
         self.folder, self.proof, self.cases = as_path(folder, "folder"), proof, proof.cases()
-        journal.take(self.folder, PROVE, proof, self.cases[0].scene().digest, force=force)
+        digest = self.cases[0].scene().digest
+        self.journal = Journal(self.folder, PROVE, proof, digest, columns=columns_of(self.cases), force=force)
 
     def run(
         self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True
@@ -106,14 +105,12 @@ class ProofFolder:
 
         Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
         """
-        rows = journal.run(
-            self.folder, self.cases, rollout, killed, workers=workers, scheduler=scheduler, progress=progress
-        )
+        rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
         judged = [{**row, **self._judged(row)} for row in rows]
         write_rows(self.folder / TABLE, judged)
-        proven, words = verdict(judged)
+        proven, words = conclusion(judged)
         title = f"{Path(self.proof.station).stem}: {len(judged)} runs"
-        written_at_once(self.folder / PAGE, page(title, proven, words, judged, self.proof.figures))
+        written_at_once(self.folder / PAGE, page(title, proven, words, judged, self.proof.parameters))
         return proven, words
 
     def _judged(self, row: Row) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""The page of a proof: verdict, table and plots in one file of HTML that needs nothing else."""
+"""The page of a proof: conclusion, table and plots in one file of HTML that needs nothing else."""
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
@@ -10,10 +10,10 @@ from string import Template
 from matplotlib.figure import Figure
 
 from simrob_drake.results.plots.grid import COLOURS, style
+from simrob_drake.tuning.conclusion import START, WON, cost_columns
 from simrob_drake.tuning.measures import UNITS, measured
-from simrob_drake.tuning.rollout import Row
-from simrob_drake.tuning.study import Figures
-from simrob_drake.tuning.verdict import START, WON, cost_columns
+from simrob_drake.tuning.study import Parameters
+from simrob_drake.tuning.trial import COMPLETED, Row
 
 _PAGE = Template("""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>$title</title><style>
@@ -21,14 +21,14 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
 td, th { padding: .2rem .8rem; border-bottom: 1px solid #ddd; text-align: right }
 td:first-child, th:first-child { text-align: left }
-.verdict { border-left: .4rem solid $colour; padding: .2rem 1rem; background: #f6f6f6 }
+.conclusion { border-left: .4rem solid $colour; padding: .2rem 1rem; background: #f6f6f6 }
 img { max-width: 100% }
 </style></head><body>
 <h1>$title</h1>
-<div class="verdict">$verdict</div>
+<div class="conclusion">$conclusion</div>
 <h2>Under which doubt</h2>$doubts
 <h2>What was measured</h2>$measures<img alt="what was measured, by doubt" src="data:image/png;base64,$plot">
-<h2>What is compared</h2>$figures
+<h2>What is compared</h2>$compared
 </body></html>
 """)
 _GREEN, _RED = "#2a8f3d", "#c0392b"
@@ -36,35 +36,37 @@ _WIDTH, _HEIGHT, _COLUMNS, _DPI = 4.6, 2.8, 3, 100  # inches of a frame, and fra
 _ASIDE = 0.15  # of the two that are compared, so that their dots stand side by side
 
 
-def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], figures: Mapping[str, Figures]) -> str:
+def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], of: Mapping[str, Parameters]) -> str:
     """Return the page.
 
     Args:
         title: what is proven.
-        proven: the verdict.
-        words: the verdict in sentences, the shortest first.
+        proven: the conclusion.
+        words: the conclusion in sentences, the shortest first.
         rows: the runs, each with ``of`` and ``doubt``.
-        figures: what is compared.
+        of: the parameters of what is compared.
     """
     first, *others = (escape(words[0]), *(f"<p>{escape(sentence)}</p>" for sentence in words[1:]))
     return _PAGE.substitute(
         title=escape(title),
         colour=_GREEN if proven else _RED,
-        verdict=f"<p><strong>{first}</strong></p>{''.join(others)}",
+        conclusion=f"<p><strong>{first}</strong></p>{''.join(others)}",
         doubts=_table(_by_doubt(rows)),
         measures=_table(_by_measure(rows)),
         plot=b64encode(_plot(rows)).decode(),
-        figures=_table(_of_figures(figures)),
+        compared=_table(_of_parameters(of)),
     )
 
 
 def _by_doubt(rows: Sequence[Row]) -> list[list[str]]:
-    """Return how many runs went to their ends, and what they cost in the median, a line for each doubt."""
-    lines = [["doubt", *(f"{name}, {of}" for name in ("to the end", *cost_columns(rows[0])) for of in _compared(rows))]]
+    """Return for each doubt how many runs went to their ends and stayed within bounds, and their median costs."""
+    names = ("to the end", "within bounds", *cost_columns(rows[0]))
+    lines = [["doubt", *(f"{name}, {of}" for name in names for of in _compared(rows))]]
     for doubt in dict.fromkeys(row["doubt"] for row in rows):
         some = [[row for row in rows if (row["doubt"], row["of"]) == (doubt, of)] for of in _compared(rows)]
-        ends = [f"{sum(row['ended'] == 'completed' for row in own)} of {len(own)}" for own in some]
-        lines.append([doubt, *ends, *(_median(own, name) for name in cost_columns(rows[0]) for own in some)])
+        ends = [f"{sum(row['ended'] == COMPLETED for row in own)} of {len(own)}" for own in some]
+        within = [f"{sum(not row.get('beyond') for row in own)} of {len(own)}" for own in some]
+        lines.append([doubt, *ends, *within, *(_median(own, name) for name in cost_columns(rows[0]) for own in some)])
     return lines
 
 
@@ -77,10 +79,10 @@ def _by_measure(rows: Sequence[Row]) -> list[list[str]]:
     return lines
 
 
-def _of_figures(figures: Mapping[str, Figures]) -> list[list[str]]:
-    keys = list(figures[WON])
-    lines = [[key, *(f"{own[key]:.5g}" for own in figures.values())] for key in keys]
-    return [["", *figures], *lines] if lines else [["the station as it is"]]
+def _of_parameters(parameters: Mapping[str, Parameters]) -> list[list[str]]:
+    keys = list(parameters[WON])
+    lines = [[key, *(f"{own[key]:.5g}" for own in parameters.values())] for key in keys]
+    return [["", *parameters], *lines] if lines else [["the station as it is"]]
 
 
 def _compared(rows: Sequence[Row]) -> list[str]:
@@ -88,7 +90,7 @@ def _compared(rows: Sequence[Row]) -> list[str]:
 
 
 def _median(rows: Sequence[Row], name: str) -> str:
-    known = [row[name] for row in rows if row.get(name) is not None and row["ended"] == "completed"]
+    known = [row[name] for row in rows if row.get(name) is not None and row["ended"] == COMPLETED]
     return f"{median(known):.4g}" if known else "–"
 
 
@@ -111,7 +113,7 @@ def _plot(rows: Sequence[Row]) -> bytes:
         unit = UNITS.get(name.rpartition(".")[2])
         style(axes, f"{name} [{unit}]" if unit else name)
         for of, colour, aside in ((START, orange, -_ASIDE), (WON, blue, _ASIDE)):
-            own = [r for r in rows if r["of"] == of and r.get(name) is not None and r["ended"] == "completed"]
+            own = [r for r in rows if r["of"] == of and r.get(name) is not None and r["ended"] == COMPLETED]
             if own:
                 at = [doubts.index(row["doubt"]) + aside for row in own]
                 axes.plot(at, [row[name] for row in own], "o", color=colour, alpha=0.5, markersize=4, label=of)

@@ -11,15 +11,15 @@ from pydantic import Field
 
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.parts.controllers.walk import Walk
-from simrob_drake.quantities import Duration, Positive
+from simrob_drake.sections import Duration, Integer, Positive
 from simrob_drake.simulation.stepping import Outcome
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning.bisection import bracket
-from simrob_drake.tuning.rollout import Row
 from simrob_drake.tuning.runners import runner_of
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.subject import subject_of
-from simrob_drake.tuning.walking import COMPLETED, Trial, Walking, gait_of
+from simrob_drake.tuning.trial import COMPLETED, Row
+from simrob_drake.tuning.walking import Walking, WalkTrial, gait_of
 
 _PUSH = "pushed"  # what the station calls it
 _PERIOD = 0.8  # of two steps, unless a gait or a loop tells it [s]
@@ -31,9 +31,9 @@ class PushMap(Walking):
 
     name: ClassVar[str] = "pushes"
 
-    directions: Annotated[int, Field(ge=1, le=72)] = 4
+    directions: Annotated[Integer, Field(ge=1, le=72)] = 4
     """How many: the first is forward, the others follow evenly to the left."""
-    phases: Annotated[int, Field(ge=1, le=1000)] = 8
+    phases: Annotated[Integer, Field(ge=1, le=1000)] = 8
     """At how many moments, evenly over the period."""
     period: Duration | None = None
     """Of two steps [s]; those of the gait or of the loop `walk` unless given, or 0.8 s."""
@@ -58,12 +58,12 @@ class PushMap(Walking):
         """The directions: angles from ahead to the left [deg]."""
         return [360.0 * place / self.directions for place in range(self.directions)]
 
-    def trials(self, *, allow_code: bool = False) -> "list[Pushes]":
+    def trials(self, *, allow_code: bool = False) -> "list[PushTrial]":
         """Return all trials: with each of the settings, of each draw, at each moment."""
         period = self.period or _period(self.scene(self.overrides, self.start, allow_code=allow_code))
         moments = [round(self.start + period * phase / self.phases, 9) for phase in range(self.phases)]
         found = [
-            Pushes(0, name, changes, seed, allow_code, self, moment)
+            PushTrial(0, name, changes, seed, allow_code, self, moment)
             for name, changes in self.settings.items()
             for seed in self.draws
             for moment in moments
@@ -81,8 +81,8 @@ class PushMap(Walking):
             own = [row for row in rows if row["settings"] == name]
             for turn in (*self.turns, None):
                 some = [row for row in own if turn in (None, row["direction_deg"])]
-                told = _share(some) if self.force else _weakest(some)
-                found.append({"settings": name, "direction_deg": turn, **told})
+                weakest = _share(some) if self.force else _weakest(some)
+                found.append({"settings": name, "direction_deg": turn, **weakest})
         return found
 
 
@@ -107,64 +107,64 @@ def _period(scene: Scene) -> float:
     gait = gait_of(scene)
     for key, many in (("step_time", 2), ("leg_time", 4)):
         if hasattr(gait, key):
-            return many * float(scene.told.get(key, getattr(gait, key)))
+            return many * float(scene.gait_keys.get(key, getattr(gait, key)))
     for name, section in scene.config.controllers.items():
         if isinstance(section, Walk):
             robot = resolve(scene.config).robot(section.robot, f"controllers.{name}")
-            return 2 * section.figures(robot).step_time
+            return 2 * section.walking(robot).step_time
     return _PERIOD
 
 
 @dataclass(frozen=True)
-class Pushes(Trial):
+class PushTrial(WalkTrial):
     """Pushes in all directions at one moment [s].
 
     Attributes:
-        asked: the map that they belong to.
+        spec: the map that they belong to.
         moment: when they begin.
     """
 
-    asked: PushMap
+    spec: PushMap
     moment: float
 
     @property
-    def columns(self) -> list[Row]:
+    def own_columns(self) -> list[Row]:
         """Their moment and directions."""
-        return [{"moment": self.moment, "direction_deg": turn} for turn in self.asked.turns]
+        return [{"moment": self.moment, "direction_deg": turn} for turn in self.spec.turns]
 
     def scene(self) -> Scene:
         """Return the walk, with a push whose force is still to be told."""
-        seconds = self.moment + self.asked.duration + self.asked.after
+        seconds = self.moment + self.spec.duration + self.spec.after
         changes = {**self.changes, f"forces.{_PUSH}": {"kind": "push", **self._push([0.0, 0.0, 1.0])}}
-        return self.asked.scene(changes, seconds, seed=self.seed, allow_code=self.allow_code)
+        return self.spec.scene(changes, seconds, seed=self.seed, allow_code=self.allow_code)
 
-    def figures(self) -> list[Row]:
+    def measured(self) -> list[Row]:
         """Return for each direction the force, its impulse, that over the robot's mass, and how a run ended.
 
         Where the largest force was searched for, that is the run under the next larger one that was tried.
         """
-        asked, scene, rows = self.asked, self.scene(), list[Row]()
-        subject = subject_of(scene.config, asked.at)
+        spec, scene, rows = self.spec, self.scene(), list[Row]()
+        subject = subject_of(scene.config, spec.at)
         weight = subject.mass * STANDARD_GRAVITY
-        first = asked.first or _FIRST * weight
+        first = spec.first or _FIRST * weight
         fork = runner_of(scene.config).fork(self.moment, reference=scene.reference)
 
         def outcome(turn: float, force: float) -> Outcome:
             return fork.outcome({_PUSH: self._push((force * subject.along(np.deg2rad(turn))).tolist())})
 
-        for turn in asked.turns:
-            if asked.force is None:
-                force, end = _largest(partial(outcome, turn), first, close=asked.close, most=_MOST * weight)
+        for turn in spec.turns:
+            if spec.force is None:
+                force, end = _largest(partial(outcome, turn), first, close=spec.close, most=_MOST * weight)
                 first = force or first
             else:
-                force, end = asked.force, outcome(turn, asked.force)
-            impulse = force * asked.duration
-            told = {"ended": end.stopped_by or end.ending, "message": end.message}
-            rows.append({"force": force, "impulse": impulse, "impulse_per_mass": impulse / subject.mass, **told})
+                force, end = spec.force, outcome(turn, spec.force)
+            impulse = force * spec.duration
+            ending = {"ended": end.stopped_by or end.ending, "message": end.message}
+            rows.append({"force": force, "impulse": impulse, "impulse_per_mass": impulse / subject.mass, **ending})
         return rows
 
     def _push(self, force: list[float]) -> Row:
-        return {"at": self.asked.at, "start": self.moment, "duration": self.asked.duration, "force": force}
+        return {"at": self.spec.at, "start": self.moment, "duration": self.spec.duration, "force": force}
 
 
 def _largest(outcome: Callable[[float], Outcome], first: float, *, close: float, most: float) -> tuple[float, Outcome]:

@@ -6,16 +6,11 @@ from typing import Any, Self
 
 from pydantic import Field, model_validator
 
-from simrob_drake.errors import SimrobError
-from simrob_drake.quantities import Positive
+from simrob_drake.sections import Positive, Strict
 from simrob_drake.tuning.doubts import drawn
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.scene import Scene
-from simrob_drake.yaml_files import Strict
-
-Row = dict[str, Any]
-REFUSED, KILLED = "refused", "killed"
-"""How cases end that never ran to an end: their station could not be, or their process was killed."""
+from simrob_drake.tuning.trial import COMPLETED, Row, Trial
 
 
 class Margin(Strict):
@@ -34,11 +29,10 @@ class Margin(Strict):
 
 
 @dataclass(frozen=True)
-class Case:
+class Case(Trial):
     """A run to be made.
 
     Attributes:
-        number: of the case, from 1.
         station: a name or a file.
         overrides: what is changed in it, in its robot's gait or in the program; see
             :mod:`simrob_drake.tuning.scene`.
@@ -49,7 +43,6 @@ class Case:
         margin: what is asked beside the run, if anything; the run itself is then without that push.
     """
 
-    number: int
     station: str
     overrides: Mapping[str, Any]
     shown: Mapping[str, Any] = field(default_factory=dict)
@@ -70,28 +63,20 @@ class Case:
         changes = {**drawn(scene.config, self.seed), **self.overrides}
         return Scene.of(self.station, changes, allow_code=self.allow_code)
 
-    def row(self, ended: str, message: str, **figures: Any) -> Row:
-        """Return the case and its end as a row."""
-        return {"number": self.number, **self.shown, "seed": self.seed, "ended": ended, **figures, "message": message}
+    @property
+    def columns(self) -> list[Row]:
+        """What the table tells of it, and its seed."""
+        return [{**self.shown, "seed": self.seed}]
 
-
-def rollout(case: Case) -> Row:
-    """Run a case and return its row, whatever becomes of it."""
-    try:
-        scene = case.scene()
-        result = (scene if case.margin is None else scene.pushed(case.margin.push, 0.0)).run()
-        figures = measures(result)
-        if case.margin is not None and result.ending == "completed":
-            figures["margin"] = _withstood(scene, case.margin)
-    except SimrobError as problem:
-        return case.row(REFUSED, str(problem))
-    times = {"duration": result.config.duration, "stop_time": result.stop_time}
-    return case.row(result.stopped_by or result.ending, result.message, **times, **figures)
-
-
-def killed(case: Case) -> Row:
-    """Return the row of a case whose process was killed, and once more when it was alone."""
-    return case.row(KILLED, "its process was killed, twice")
+    def measured(self) -> list[Row]:
+        """Return how it ended, and its :func:`~simrob_drake.tuning.measures.measures`."""
+        scene = self.scene()
+        result = (scene if self.margin is None else scene.pushed(self.margin.push, 0.0)).run()
+        row = {"ended": result.stopped_by or result.ending, "duration": result.config.duration}
+        row |= {"stop_time": result.stop_time, **measures(result), "beyond": " ".join(result.verdict.beyond)}
+        if self.margin is not None and result.ending == COMPLETED:
+            row["margin"] = _withstood(scene, self.margin)
+        return [{**row, "message": result.message}]
 
 
 def _withstood(scene: Scene, margin: Margin) -> float:
@@ -99,6 +84,6 @@ def _withstood(scene: Scene, margin: Margin) -> float:
     stood, fell = 0, len(margin.sizes) + 1  # places of sizes, from 1
     while fell - stood > 1:
         middle = (stood + fell) // 2
-        completed = scene.pushed(margin.push, margin.sizes[middle - 1]).run().ending == "completed"
+        completed = scene.pushed(margin.push, margin.sizes[middle - 1]).run().ending == COMPLETED
         stood, fell = (middle, fell) if completed else (stood, middle)
     return margin.sizes[stood - 1] if stood else 0.0

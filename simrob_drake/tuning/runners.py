@@ -3,13 +3,13 @@
 from collections import deque
 
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation import Reference, Runner
+from simrob_drake.simulation import ReferenceLike, Runner
 from simrob_drake.stations.config import StationConfig
 
 _KEPT: deque[Runner] = deque(maxlen=4)  # some megabytes each
 
 
-def run(config: StationConfig, reference: Reference | None = None) -> SimulationResult:
+def run(config: StationConfig, reference: ReferenceLike | None = None) -> SimulationResult:
     """Run a station as :func:`~simrob_drake.simulation.simulate` does, to the last bit.
 
     Raises:

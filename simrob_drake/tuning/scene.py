@@ -1,7 +1,7 @@
 """What is run: a station alone, a gait of its robot, or a program, each with figures changed.
 
 Beside keys of the station an override may name those of a gait of ``gaits.yaml`` (``gait.name``, ``gait.steps``,
-``gait.amplitude``, ``gait.step_time``, ``gait.bearing.height`` ...) or those of a program (``program.file``,
+``gait.amplitude``, ``gait.step_time``, ``gait.bearing.height`` ...) or those of a program (``program``, its file, and
 ``program.moves.0.duration`` ...). ``engine: mujoco`` runs it in MuJoCo, several times as fast where MJCF can say it.
 """
 
@@ -17,22 +17,27 @@ import numpy as np
 import yaml
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.errors import InvalidConfig, UnknownName, one_of, quoted
+from simrob_drake.errors import InvalidConfig, UnknownName, one_of
 from simrob_drake.extras import needed
-from simrob_drake.folders import written_at_once
-from simrob_drake.parts.forces import Push
+from simrob_drake.folders import writing, written_at_once
+from simrob_drake.parts.forces.push import Push
+from simrob_drake.paths import ROBOT_FILE
+from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.registry import gaits_of
+from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.program import Program
-from simrob_drake.programs.whole_program import perform
-from simrob_drake.programs.workcell import Workcell
+from simrob_drake.programs.whole_program import carried_program, perform
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.robots.catalog import ROBOT_FILE, load_robot_file
+from simrob_drake.robots.catalog import load_robot_file
+from simrob_drake.sections import validated
+from simrob_drake.simulation import Runner
+from simrob_drake.stations.carried import carried
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning.runners import run
-from simrob_drake.yaml_files import read_yaml, validated
+from simrob_drake.yaml_files import place_of
 
 GAIT, PROGRAM, ENGINE = "gait", "program", "engine"
 DRAKE, MUJOCO = "drake", "mujoco"
@@ -47,14 +52,14 @@ class Scene:
         config: the station.
         motion: the gait that its robot goes, if any.
         program: what is done, if any.
-        told: what was asked of the gait, by its keys.
+        gait_keys: what was asked of the gait, by its keys.
         engine: in which it is run.
     """
 
     config: StationConfig
     motion: JointMotion | None = None
     program: Program | None = None
-    told: Mapping[str, Any] = field(default_factory=dict)
+    gait_keys: Mapping[str, Any] = field(default_factory=dict)
     engine: str = DRAKE
 
     @classmethod
@@ -81,20 +86,20 @@ class Scene:
         names = {key: name for key, name in (called or {}).items() if key in own}
         config = load_station(station, own, called=names, allow_code=allow_code)
         engine = one_of("engine", overrides.get(ENGINE, DRAKE), (DRAKE, MUJOCO))
-        gait, program = (_section(overrides, name) for name in (GAIT, PROGRAM))
-        if gait and program:
+        gait, program = _gait(overrides), carried_program(config)
+        if gait and any(key.partition(".")[0] == PROGRAM for key in own):
             raise InvalidConfig(station, GAIT, "stands beside a program: a robot does one or the other")
-        if program and engine != DRAKE:
-            raise InvalidConfig(station, ENGINE, f"is {engine}, which does no programs: they need {DRAKE}")
-        if program:
-            return cls(config, program=_program(program))
+        if program and not gait:
+            if engine != DRAKE:
+                raise InvalidConfig(station, ENGINE, f"is {engine}, which does no programs: they need {DRAKE}")
+            return cls(config, program=program)
         if not gait:
             return cls(config, engine=engine)
         if config.only_robot is None:
             raise InvalidConfig(station, GAIT, f"needs a station of one robot, and this has {len(config.robots)}")
         folder = resolve(config).robots[config.only_robot].model.folder
         motion = _motion(str(folder / ROBOT_FILE), json.dumps(gait, sort_keys=True))
-        return cls(motion.station(own, name=station), motion=motion, told=gait, engine=engine)
+        return cls(motion.station(own, name=station), motion=motion, gait_keys=gait, engine=engine)
 
     @property
     def digest(self) -> str:
@@ -111,6 +116,15 @@ class Scene:
     def reference(self) -> Trajectory | None:
         """The joint positions of its gait over time; None where the station says itself what is asked."""
         return None if self.motion is None else self.motion.trajectory()
+
+    def check(self) -> None:
+        """Check, without a run, that robots can follow what they are asked; what a program asks is known as it runs.
+
+        Raises:
+            SimrobError: they cannot.
+        """
+        if self.program is None:
+            Runner(self.config).check(self.reference)
 
     def run(self) -> SimulationResult:
         """Run it; what is built already is used where that can be.
@@ -138,86 +152,52 @@ class Scene:
         return replace(self, config=self.config.model_copy(update={"forces": {**self.config.forces, name: harder}}))
 
     def write(self, folder: Path) -> None:
-        """Write ``station.yaml``, and ``gait.yaml`` or ``program.yaml`` where there is one.
+        """Write ``station.yaml``, the files that it names, and ``gait.yaml`` or ``program.yaml`` where there is one.
 
         Raises:
             OutputError: the folder does not take them.
         """
-        written_at_once(folder / "station.yaml", station_yaml(self.config))
+        with writing(folder):
+            config = carried(self.config, folder)
+        written_at_once(folder / "station.yaml", station_yaml(config))
         if self.program is not None:
             self.program.save(folder / "program.yaml")
-        if self.told:
-            written_at_once(folder / "gait.yaml", yaml.safe_dump(dict(self.told), sort_keys=False))
+        if self.gait_keys:
+            written_at_once(folder / "gait.yaml", yaml.safe_dump(dict(self.gait_keys), sort_keys=False))
 
 
 def of_station(overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of some changes that are of the station."""
-    return {key: value for key, value in overrides.items() if key.partition(".")[0] not in (GAIT, PROGRAM, ENGINE)}
+    return {key: value for key, value in overrides.items() if key.partition(".")[0] not in (GAIT, ENGINE)}
 
 
-def beside(overrides: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return changes in which the file of a program that lies in a folder is named in full."""
-    file = _section(overrides, PROGRAM).get("file")
-    found = folder / str(file)
-    return {**overrides, "program.file": str(found.resolve())} if file and found.is_file() else dict(overrides)
-
-
-def _section(overrides: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return the keys of a section beside the station's, without its name before them."""
+def _gait(overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of a gait beside the station's, without the section's name before them."""
     found: dict[str, Any] = {}
     for key, value in overrides.items():
-        if key == name and isinstance(value, Mapping):
-            found |= value
-        elif key.startswith(f"{name}."):
+        if key == GAIT:
+            found |= value if isinstance(value, Mapping) else {"name": value}
+        elif key.startswith(f"{GAIT}."):
             found[key.partition(".")[2]] = value
-        elif key == name:
-            found["name" if name == GAIT else "file"] = value
     return found
 
 
 @lru_cache(maxsize=4)
-def _motion(robot_file: str, asked: str) -> JointMotion:
+def _motion(robot_file: str, keys_text: str) -> JointMotion:
     """Plan a gait, which takes about as long as its run: once for all conditions under which it is tried."""
-    robot, keys = load_robot_file(Path(robot_file)), json.loads(asked)
+    robot, keys = load_robot_file(Path(robot_file)), json.loads(keys_text)
     known = {**gaits_of(robot, steps=True), **gaits_of(robot, steps=False)}
     name = keys.pop("name", next(iter(known)))
     if name not in known:
         raise UnknownName(f"gait of {robot.name}", name, known)
-    section, gait = known[name]
-    sizes = [keys.pop("steps", _STEPS)] if section.steps else []
-    scaled = {"amplitude": keys.pop("amplitude", 1.0)} if section.steps else {}
+    gait = known[name]
+    steps, amplitude = (keys.pop("steps", _STEPS), keys.pop("amplitude", 1.0)) if gait.steps else (0, 1.0)
     content = gait.model_dump(exclude_unset=True)
     for key, value in keys.items():
-        _put(content, key, value, f"gait {name}")
+        section, last = place_of(content, key.split("."), f"gait {name}")
+        section[int(last) if isinstance(section, list) else last] = value
     validated(type(gait), content, f"gait {name}")
     changed = {key.partition(".")[0] for key in keys}
-    return section.plan(robot, *sizes, name, **scaled, **{key: content[key] for key in changed})
-
-
-def _program(keys: Mapping[str, Any]) -> Program:
-    if "file" not in keys:
-        raise InvalidConfig(PROGRAM, "file", "this key is needed: the YAML file of the program")
-    file = Path(str(keys["file"]))
-    content = read_yaml(file)
-    for key, value in keys.items():
-        if key != "file":
-            _put(content, key, value, file)
-    return validated(Program, content, file)
-
-
-def _put(content: Any, key: str, value: Any, where: Path | str) -> None:
-    """Set what stands under a dotted key; numbers are places in lists."""
-    *way, last = key.split(".")
-    for part in way:
-        known = isinstance(content, dict)
-        content = content.setdefault(part, {}) if known else content[_place(content, part, key, where)]
-    content[last if isinstance(content, dict) else _place(content, last, key, where)] = value
-
-
-def _place(content: Any, place: str, key: str, where: Path | str) -> int:
-    """Return a place in a list, checked."""
-    if not isinstance(content, list):
-        raise InvalidConfig(where, key, f"has no key '{place}': there stands {quoted(content)}")
-    if not place.isdigit() or int(place) >= len(content):
-        raise InvalidConfig(where, key, f"has no place '{place}'; those there are 0 to {len(content) - 1}")
-    return int(place)
+    return gait.changed({key: content[key] for key in changed}, amplitude, name).plan(
+        Walker.of(robot), steps, amplitude
+    )

@@ -9,22 +9,25 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.errors import InvalidConfig, one_of
+from simrob_drake.arguments import as_path
+from simrob_drake.errors import InvalidConfig, SimrobError, one_of
 from simrob_drake.frames import Vector
-from simrob_drake.given import as_path
-from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.importer.packages import Border
+from simrob_drake.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.stations.load import load_station
+from simrob_drake.stations.located import located_changes, located_station
 from simrob_drake.tuning.measures import UNITS
-from simrob_drake.tuning.rollout import Case, Margin, Row
-from simrob_drake.tuning.scene import Scene, beside, of_station
+from simrob_drake.tuning.rollout import Case, Margin
+from simrob_drake.tuning.scene import Scene, of_station
+from simrob_drake.tuning.trial import COMPLETED, Row
 from simrob_drake.tuning.variation import seeded
-from simrob_drake.yaml_files import Number, Strict, read_yaml, validated
+from simrob_drake.yaml_files import read_yaml
 
 Method = Literal["cma", "tpe", "gp", "genetic", "random", "nelder_mead", "powell", "differential_evolution"]
 SEVERAL_AIMS = ("genetic", "tpe", "gp", "random")
 """Methods that look for the best trades between several costs."""
 Weights = Annotated[dict[str, Number], Field(min_length=1)]
-Figures = dict[str, float]
+Parameters = dict[str, Number]
 """Values of what varies, by key."""
 
 
@@ -48,12 +51,15 @@ class Range(Strict):
             raise ValueError("start must lie between low and high")
         return self
 
+    def holds(self, value: object) -> bool:
+        """Whether something is a value of the range."""
+        return isinstance(value, float) and self.low <= value <= self.high
+
     def value(self, part: float) -> float:
         """Return the value at a part of the range, 0 to 1."""
         part = min(max(float(part), 0.0), 1.0)
-        if self.log:
-            return float(self.low * (self.high / self.low) ** part)
-        return self.low + (self.high - self.low) * part
+        value = self.low * (self.high / self.low) ** part if self.log else self.low + (self.high - self.low) * part
+        return min(max(float(value), self.low), self.high)  # which rounding may pass
 
     def part(self, value: float) -> float:
         """Return at which part of the range a value lies."""
@@ -72,9 +78,9 @@ class Conditions(Strict):
 
     cases: list[dict[str, Any]] = Field(default=[{}], min_length=1)
     """Changes of the station, such as other loads, moves and pushes."""
-    seeds: list[int] = Field(default=[0], min_length=1)
+    seeds: list[Annotated[int, Field(strict=True)]] = Field(default=[0], min_length=1)
     """Of all that is random in it."""
-    drawn: bool = False
+    drawn: Boolean = False
     """Whether each seed is another robot on another floor, too: joints 0.5° beside, other masses, other friction."""
 
 
@@ -98,11 +104,11 @@ class Study(Strict):
     failure: NotNegative = 100.0
     """What a run costs that does not go to its end; one that ends at once costs twice as much."""
     method: Method = "cma"
-    trials: int = Field(default=200, ge=1, le=1_000_000)
+    trials: Integer = Field(default=200, ge=1, le=1_000_000)
     """How many sets of figures are tried."""
-    together: int = Field(default=8, ge=1, le=1000)
+    together: Integer = Field(default=8, ge=1, le=1000)
     """How many of them are chosen at a time, and tried side by side; the same for any number of processes."""
-    seed: int = Field(default=0, ge=0)
+    seed: Integer = Field(default=0, ge=0)
     """Of the search."""
     search: Conditions = Conditions()
     proof: Conditions = Conditions()
@@ -118,12 +124,22 @@ class Study(Strict):
         """
         file = as_path(file, "file")
         study = validated(cls, read_yaml(file), file)
-        own = file.parent / study.station
-        if own.is_file():
-            study = study.model_copy(update={"station": str(own.resolve())})
-        study = study.model_copy(update={"overrides": beside(study.overrides, file.parent)})
+        study = study.located(file).model_copy(update={"station": located_station(study.station, file)})
         study.check(file)
         return study
+
+    def located(self, file: Path) -> Self:
+        """Return the study with absolute paths in all that it changes.
+
+        Raises:
+            InvalidConfig: one that may not be read for the file that the study stands in.
+        """
+        folder, border = file.absolute().parent, Border(file)
+        conditions = {
+            kind: one.model_copy(update={"cases": [located_changes(case, folder, border) for case in one.cases]})
+            for kind, one in (("search", self.search), ("proof", self.proof))
+        }
+        return self.model_copy(update={"overrides": located_changes(self.overrides, folder, border), **conditions})
 
     def check(self, where: Path | str = "study") -> None:
         """Check all that can be known before the search.
@@ -134,8 +150,8 @@ class Study(Strict):
         for name in self.measures:
             one_of("measure", name.rpartition(".")[2], UNITS)
         if len(self.aims) > 1 and self.method not in SEVERAL_AIMS:
-            told = f"knows one cost, and here are {len(self.aims)}; these know several: {', '.join(SEVERAL_AIMS)}"
-            raise InvalidConfig(where, f"method {self.method}", told)
+            expected = f"knows one cost, and here are {len(self.aims)}; these know several: {', '.join(SEVERAL_AIMS)}"
+            raise InvalidConfig(where, f"method {self.method}", expected)
         if self.margin is None and any(name.endswith("margin") for name in self.measures):
             raise InvalidConfig(where, "margin", "this key is needed where a margin counts")
         for kind, conditions in (("search", self.search), ("proof", self.proof)):
@@ -147,6 +163,10 @@ class Study(Strict):
                 called |= {key: f"overrides {key}" for key in self.overrides}
                 called |= {key: f"vary {key}" for key in self.vary}
                 scene = Scene.of(self.station, {**self.overrides, **case, **self.start}, called=called)
+                try:
+                    scene.check()
+                except SimrobError as problem:
+                    raise InvalidConfig(where, f"{kind}.cases.{number}", str(problem)) from problem
                 if self.margin is not None:
                     scene.pushed(self.margin.push, 0.0)
 
@@ -161,39 +181,39 @@ class Study(Strict):
         return list(dict.fromkeys([*(name for aim in self.aims for name in aim), *self.limits, *self.least]))
 
     @property
-    def start(self) -> Figures:
+    def start(self) -> Parameters:
         """Where the search begins."""
         return {key: one.first for key, one in self.vary.items()}
 
-    def at(self, parts: Vector) -> Figures:
+    def at(self, parts: Vector) -> Parameters:
         """Return the figures at parts of their ranges, shape (n,)."""
         return {key: one.value(part) for (key, one), part in zip(self.vary.items(), parts, strict=True)}
 
-    def cases(self, figures: Figures, conditions: Conditions, first: int = 1) -> list[Case]:
+    def cases(self, parameters: Parameters, conditions: Conditions, first: int = 1) -> list[Case]:
         """Return the runs that tell what figures cost, numbered from ``first``."""
         runs = [(case, seed) for case in conditions.cases for seed in conditions.seeds]
         return [
-            self._case(number, figures, case, seed, drawn=conditions.drawn)
+            self._case(number, parameters, case, seed, drawn=conditions.drawn)
             for number, (case, seed) in enumerate(runs, start=first)
         ]
 
-    def _case(self, number: int, figures: Figures, case: Mapping[str, Any], seed: int, *, drawn: bool) -> Case:
+    def _case(self, number: int, parameters: Parameters, case: Mapping[str, Any], seed: int, *, drawn: bool) -> Case:
         changed = {**self.overrides, **case}
         streams = _streams(self.station, json.dumps(of_station(changed), sort_keys=True), seed)
-        overrides = {**changed, **streams, **figures}
-        return Case(number, self.station, overrides, figures, seed, drawn=drawn, margin=self.margin)
+        overrides = {**changed, **streams, **parameters}
+        return Case(number, self.station, overrides, parameters, seed, drawn=drawn, margin=self.margin)
 
     def judged(self, row: Row) -> tuple[Vector, float]:
         """Return what a run costs, shape (aims,), and by which part it breaks limits, which is in these, too."""
         known = {name: float(row[name]) for name in self.measures if row.get(name) is not None}
-        figures = {name: value for name, value in known.items() if np.isfinite(value)}
-        counts = row["ended"] == "completed" or bool(row.get("fall") and "fall" in figures)
-        if not counts or len(figures) < len(self.measures):
+        measures = {name: value for name, value in known.items() if np.isfinite(value)}
+        counts = row["ended"] == COMPLETED or bool(row.get("fall") and "fall" in measures)
+        if not counts or len(measures) < len(self.measures):
             done = 0.0 if counts else float(row.get("stop_time", 0.0)) / float(row.get("duration", np.inf))
             return np.full(len(self.aims), self.failure * (2.0 - done)), 2.0 - done
-        over = sum(max(figures[name] / most - 1.0, 0.0) for name, most in self.limits.items())
-        over += sum(max(1.0 - figures[name] / least, 0.0) for name, least in self.least.items())
-        costs = [sum(weight * figures[name] for name, weight in aim.items()) for aim in self.aims]
+        over = sum(max(measures[name] / most - 1.0, 0.0) for name, most in self.limits.items())
+        over += sum(max(1.0 - measures[name] / least, 0.0) for name, least in self.least.items())
+        costs = [sum(weight * measures[name] for name, weight in aim.items()) for aim in self.aims]
         return np.array(costs) + self.failure * over, float(over)
 
     def mean(self, rows: Sequence[Row]) -> tuple[Vector, float]:
@@ -207,7 +227,7 @@ class Study(Strict):
         Raises:
             InvalidConfig: one that is missing in all that went to their ends; there would be nothing to compare.
         """
-        ended = [row for row in rows if row["ended"] == "completed"]
+        ended = [row for row in rows if row["ended"] == COMPLETED]
         for name in self.measures:
             if ended and all(row.get(name) is None for row in ended):
                 raise InvalidConfig("study", f"cost.{name}", "means nothing in this station")

@@ -1,32 +1,51 @@
-"""The folder of a study: every trial as it ends, the best of them, and what that is worth where it was never tried.
+"""The folder of a study: every trial as it ends, the best of them, and what that is worth where it was never tried."""
 
-Trials stand in a journal of Optuna, ``trials.log``, which its own tools show, too.
-"""
-
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from pydantic import ConfigDict
 
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidConfig
-from simrob_drake.extras import needed
-from simrob_drake.folders import alone_in, writing, written_at_once
+from simrob_drake.folders import written_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.given import as_path
 from simrob_drake.progress import progress_bar
-from simrob_drake.tuning import journal
+from simrob_drake.sections import Number, Strict, validated
 from simrob_drake.tuning.engines import Engine, engine
-from simrob_drake.tuning.rollout import Row, killed, rollout
+from simrob_drake.tuning.journal import ROWS, Journal, read_spec
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.search import Enough, search
-from simrob_drake.tuning.study import Conditions, Figures, Study, named
+from simrob_drake.tuning.study import Conditions, Parameters, Study, named
 from simrob_drake.tuning.table import write_rows
-from simrob_drake.yaml_files import validated
+from simrob_drake.tuning.trial import Record, Row, killed, made, table
+from simrob_drake.yaml_files import read_yaml
 
 STUDY, WINNER, TRIALS, FRONT, PROOF = "study.yaml", "winner.yaml", "trials.csv", "front.csv", "proof.csv"
-_JOURNAL = "trials.log"
+
+
+class _Winner(Strict):
+    """What stands in ``winner.yaml``: figures by their keys."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Number]
+
+
+def winner_of(folder: Path, study: Study) -> Parameters:
+    """Return the figures that a study has found.
+
+    Raises:
+        InvalidConfig: it has not ended yet, or the file is damaged.
+    """
+    file = folder / WINNER
+    if not file.is_file():
+        raise InvalidConfig(folder, "", f"has no {WINNER} yet: let simrob tune go on with it first")
+    parameters: Parameters = validated(_Winner, read_yaml(file), file).model_dump()
+    if parameters.keys() != study.vary.keys():
+        raise InvalidConfig(file, "", f"must hold figures of {', '.join(study.vary)}, and of nothing else")
+    return parameters
 
 
 class StudyFolder:
@@ -35,56 +54,61 @@ class StudyFolder:
     Attributes:
         folder: where they stand.
         study: what is searched for.
-        trials: the figures that were tried, and what each cost, in order.
     """
 
     def __init__(self, folder: Path | str, study: Study, *, force: bool = False) -> None:
         """Begin a study in a new folder, or go on with the same one.
 
         Raises:
-            SimrobError: a study that cannot be, or the extra ``tune`` is missing.
+            SimrobError: a study that cannot be.
             OutputError: the folder holds something else, or cannot be written.
-            InvalidConfig: its station has changed since it began.
+            InvalidConfig: its station has changed since it began, or a line of its journal is damaged.
         """
         folder = as_path(folder, "folder")
         self.folder, self.study = folder, study
         study.check(folder / STUDY)
         digest = study.cases(study.start, study.search)[0].scene().digest
-        if journal.take(folder, STUDY, study, digest, force=force, other=["trials"]):
-            with writing(folder):
-                (folder / _JOURNAL).unlink(missing_ok=True)
-        self._kept = _journal(folder / _JOURNAL, len(study.aims))
-        self.trials: list[tuple[Figures, Vector]] = []
-        self._over: list[float] = []
-        for trial in self._kept.trials:
-            self.trials.append(({key: trial.params[key] for key in study.vary}, np.array(trial.values)))
-            self._over.append(trial.constraints["limits"])
-        self._asked = 0
+        self._journal = Journal(folder, STUDY, study, digest, columns=self._columns, force=force, other=["trials"])
+        self._tried = {record.number: self._of(record) for record in self._journal.records}
+        self._started = 0
 
     @classmethod
     def there(cls, folder: Path | str) -> "StudyFolder":
         """Return the study that stands in a folder.
 
         Raises:
-            InvalidConfig: there is none, it is damaged, or its station has changed since.
+            InvalidConfig: there is none, it is damaged, names files that may not be read, or its station has changed.
         """
         place = as_path(folder, "folder")
-        return cls(place, validated(Study, journal.asked_of(place, STUDY), place / STUDY))
+        return cls(place, read_spec(place, STUDY, Study).located(place / STUDY))
 
     @property
-    def best(self) -> tuple[Figures, Vector]:
+    def trials(self) -> list[tuple[Parameters, Vector]]:
+        """The figures that were tried, and what each cost, in order."""
+        return [(parameters, costs) for _, (parameters, costs, _) in sorted(self._tried.items())]
+
+    @property
+    def best(self) -> tuple[Parameters, Vector]:
         """The figures that cost least, and what they cost; of several costs the front's nearest to the least of all."""
-        front = self.front()
-        costs = np.array([self.trials[place][1] for place in front])
+        trials = self.trials
+        front = [trials[place] for place in self.front()]
+        costs = np.array([cost for _, cost in front])
         span = np.ptp(costs, axis=0)
         parts = (costs - costs.min(axis=0)) / np.where(span > 0, span, 1.0)
-        return self.trials[front[int(parts.sum(axis=1).argmin())]]
+        return front[int(parts.sum(axis=1).argmin())]
 
     def front(self) -> list[int]:
-        """Return the places of the trials that no other beats in all costs at once; with one cost just the best."""
-        if len(self.study.aims) > 1 and (best := self._kept.best_trials):
-            return sorted(trial.number for trial in best)
-        return [min(range(len(self.trials)), key=lambda place: float(self.trials[place][1].sum()))]
+        """Return the places of the trials that no other beats in all costs at once; with one cost just the best.
+
+        Those that break limits count only where all do, and then by the sum of their costs.
+        """
+        costs = np.array([cost for _, cost in self.trials])
+        within = np.flatnonzero([over <= 0 for _, (*_, over) in sorted(self._tried.items())])
+        if len(self.study.aims) == 1 or not within.size:
+            return [int(costs.sum(axis=1).argmin())]
+        others = costs[within]
+        beaten = [bool(((others <= own).all(axis=1) & (others < own).any(axis=1)).any()) for own in others]
+        return [int(place) for place in within[np.logical_not(beaten)]]
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
         """Make the trials that are not made yet, and prove the best.
@@ -98,88 +122,91 @@ class StudyFolder:
             the runs of the proof, those of where the search began and then those of the best, with a column ``of``.
 
         Raises:
-            SimrobError: the trials that are kept are not those of this search; no such scheduler.
+            SimrobError: the trials that are kept are not those of this search; no such scheduler; the extra ``tune`` is
+                missing, and the method needs it.
         """
         study = self.study
         start = np.array([one.part(one.first) for one in study.vary.values()])
         with (
-            alone_in(self.folder),
+            self._journal.adding() as add,
             engine(workers=workers, scheduler=scheduler) as workers_,
             progress_bar(f"{study.trials} trials", study.trials, shown=progress) as move,
         ):
-            self._asked = 0
+            self._tried = {record.number: self._of(record) for record in self._journal.records}
+            self._started = 0
 
             def costs(points: Vector) -> tuple[Vector, Vector]:
-                first = self._asked
-                for _ in self._tried(workers_, points[: study.trials - first]):
+                first = self._started
+                for _ in self._make(workers_, points[: study.trials - first], add):
                     if move:
-                        move(self._asked, f"least cost {_told(self.best[1])}")
-                if self._asked - first < len(points) or self._asked == study.trials:
+                        least = np.min([cost for _, cost in self.trials], axis=0)
+                        move(self._started, f"least cost {', '.join(f'{cost:.4g}' for cost in least)}")
+                if self._started - first < len(points) or self._started == study.trials:
                     raise Enough
-                told = slice(first, self._asked)
-                return np.array([cost for _, cost in self.trials[told]]), np.array(self._over[told])
+                made = [self._tried[number] for number in range(first + 1, self._started + 1)]
+                return np.array([cost for _, cost, _ in made]), np.array([over for *_, over in made])
 
             search(study.method, start, costs, together=study.together, seed=study.seed, aims=len(study.aims))
             proof = self._proof(workers_)
         self._write(proof)
         return proof
 
-    def _tried(self, workers: Engine, points: Vector) -> Iterator[None]:
+    def _make(self, workers: Engine, points: Vector, add: Callable[[Record], None]) -> Iterator[None]:
         """Try points, unless they are kept from before, and keep what they cost as soon as all before them are."""
-        asked = [self.study.at(point) for point in points]
-        known = self.trials[self._asked : self._asked + len(asked)]
-        if any(figures != kept for figures, (kept, _) in zip(asked, known, strict=False)):
-            told = "holds trials of a search by other versions of packages; begin another study"
-            raise InvalidConfig(self.folder / _JOURNAL, "", told)
-        self._asked += len(known)
-        new = asked[len(known) :]
-        for figures, rows in zip(new, self._runs(workers, new, self.study.search), strict=True):
-            if not self.trials:
-                self.study.check_measures(rows)
-            self._keep(figures, *self.study.mean(rows), [row["ended"] for row in rows])
-            self._asked += 1
+        parameters_of = dict(enumerate(map(self.study.at, points), start=self._started + 1))
+        for number, parameters in parameters_of.items():
+            if number in self._tried and self._tried[number][0] != parameters:
+                message = "holds trials of a search by other versions of packages; begin another study"
+                raise InvalidConfig(self.folder / ROWS, "", message)
+        new = [parameters for number, parameters in parameters_of.items() if number not in self._tried]
+        runs = self._runs(workers, new, self.study.search)
+        for number in parameters_of:
+            if number not in self._tried:
+                rows = [row for record in next(runs) for row in record.rows]
+                if not self._tried:
+                    self.study.check_measures(rows)
+                record = Record(number=number, rows=rows)
+                add(record)
+                self._tried[number] = self._of(record)
+            self._started += 1
             yield
 
-    def _runs(self, workers: Engine, tried: list[Figures], under: Conditions) -> Iterator[list[Row]]:
-        """Yield the rows of all runs of each set of figures, in order, as they come."""
+    def _runs(self, workers: Engine, tried: list[Parameters], under: Conditions) -> Iterator[list[Record]]:
+        """Yield the records of all runs of each set of figures, in order, as they come."""
         many = len(under.cases) * len(under.seeds)
-        cases = [self.study.cases(figures, under, first=many * place) for place, figures in enumerate(tried)]
-        rows: dict[int, Row] = {}
+        cases = [self.study.cases(parameters, under, first=many * place + 1) for place, parameters in enumerate(tried)]
+        records: dict[int, Record] = {}
         place = 0
-        for row in workers.outcomes(rollout, [case for some in cases for case in some], killed):
-            rows[row["number"]] = row
-            while place < len(cases) and all(case.number in rows for case in cases[place]):
-                yield [rows[case.number] for case in cases[place]]
+        for record in workers.outcomes(made, [case for some in cases for case in some], killed):
+            records[record.number] = record
+            while place < len(cases) and all(case.number in records for case in cases[place]):
+                yield [records[case.number] for case in cases[place]]
                 place += 1
+
+    def _columns(self, record: Record) -> Sequence[Row]:
+        """Return what identifies the runs of a trial: its figures, and their seeds."""
+        parameters: dict[str, Any] = {key: record.rows[0].get(key) for key in self.study.vary}
+        if not all(one.holds(parameters[key]) for key, one in self.study.vary.items()):
+            return []
+        return [row for case in self.study.cases(parameters, self.study.search) for row in case.columns]
+
+    def _of(self, record: Record) -> tuple[Parameters, Vector, float]:
+        """Return the figures of a trial, what they cost, and by which part they break limits."""
+        return {key: record.rows[0][key] for key in self.study.vary}, *self.study.mean(record.rows)
 
     def _proof(self, workers: Engine) -> list[Row]:
         found = self._runs(workers, [self.study.start, self.best[0]], self.study.proof)
-        told = zip(("start", "best"), found, strict=True)
-        return [{"of": of, **row, **named(self.study.judged(row)[0])} for of, rows in told for row in rows]
-
-    def _keep(self, figures: Figures, costs: Vector, over: float, ended: list[str]) -> None:
-        import optuna
-
-        ranges: dict[str, optuna.distributions.BaseDistribution] = {
-            key: optuna.distributions.FloatDistribution(one.low, one.high, log=one.log)
-            for key, one in self.study.vary.items()
-        }
-        trial = optuna.create_trial(
-            params=figures,
-            distributions=ranges,
-            values=costs.tolist(),
-            constraints={"limits": over},
-            user_attrs={"ended": ended},
-        )
-        self._kept.add_trial(trial)
-        self.trials.append((figures, costs))
-        self._over.append(over)
+        return [
+            {"of": of, **row, **named(self.study.judged(row)[0])}
+            for of, records in zip(("start", "best"), found, strict=True)
+            for row in table(records)
+        ]
 
     def _write(self, proof: list[Row]) -> None:
         """Write what was found: all trials, those of the front, the winner, and the runs of the proof."""
         tried = [
-            {"trial": place, **figures, **named(costs), "over_limits": over}
-            for place, ((figures, costs), over) in enumerate(zip(self.trials, self._over, strict=True), start=1)
+            {"trial": number, **parameters, **named(costs), "over_limits": over}
+            for number, (parameters, costs, over) in sorted(self._tried.items())
         ]
         write_rows(self.folder / TRIALS, tried)
         if len(self.study.aims) > 1:
@@ -188,20 +215,3 @@ class StudyFolder:
         winner = self.best[0]
         written_at_once(self.folder / WINNER, yaml.safe_dump(winner, sort_keys=False))
         Scene.of(self.study.station, {**self.study.overrides, **winner}).write(self.folder)
-
-
-def _told(costs: Vector) -> str:
-    return ", ".join(f"{cost:.4g}" for cost in costs)
-
-
-def _journal(file: Path, aims: int) -> Any:
-    """Return the study of Optuna that a file keeps."""
-    with needed("a study", "tune"):
-        import optuna
-        from optuna.storages import JournalStorage
-        from optuna.storages.journal import JournalFileBackend
-
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    storage = JournalStorage(JournalFileBackend(str(file)))
-    directions: Any = ["minimize"] * aims
-    return optuna.create_study(study_name="simrob", storage=storage, directions=directions, load_if_exists=True)

@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.forces.force import place_of
-from simrob_drake.parts.monitors import Fall
+from simrob_drake.parts.monitors.fall import Fall
 from simrob_drake.parts.site import named
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.results.record.walks import headings
@@ -60,11 +60,11 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
     name = config.only_robot or place.partition(".")[0]
     robot = resolved.robots[name]
     if config.mode == "kinematic" or not robot.floats:
-        told = f"a dynamic station with a robot on feet of its own, and {name} is held"
-        raise InvalidParameter("station", config.name, told)
+        expected = f"a dynamic station with a robot on feet of its own, and {name} is held"
+        raise InvalidParameter("station", config.name, expected)
     if not any(isinstance(one, Fall) and one.faller(config.only_robot) == name for one in config.monitors.values()):
-        told = f"a station that tells when {name} has fallen: monitors: {{fall: {{height: METRES, tilt_deg: 60}}}}"
-        raise InvalidParameter("station", config.name, told)
+        expected = f"a station that tells when {name} has fallen: monitors: {{fall: {{height: METRES, tilt_deg: 60}}}}"
+        raise InvalidParameter("station", config.name, expected)
     station = add_plant(DiagramBuilder(), resolved)
     plant, context, body = station.plant, station.plant.CreateDefaultContext(), station.robots[name]
     base = body.root.CalcPoseInWorld(context)

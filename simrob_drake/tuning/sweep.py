@@ -8,11 +8,11 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.sections import Integer, Strict
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.tuning.rollout import Case
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.variation import MOST_SEEDS, Variation, parsed, seed_keys, seeded
-from simrob_drake.yaml_files import Strict
 
 _MOST_RUNS = 100_000
 
@@ -26,7 +26,7 @@ class Sweep(Strict):
     """Dotted paths of keys, and the values that each takes, as :func:`~simrob_drake.tuning.variation.parsed` reads."""
     overrides: dict[str, Any] = Field(default_factory=dict)
     """What is changed in all runs."""
-    seeds: Annotated[int, Field(ge=1, le=MOST_SEEDS)] = 1
+    seeds: Annotated[Integer, Field(ge=1, le=MOST_SEEDS)] = 1
     """How many runs each combination gets, with the seeds 0, 1, 2 ... of all that is random."""
 
     @property
@@ -50,7 +50,9 @@ class Sweep(Strict):
         variations = self.variations
         first = {one.key: one.values[0] if one.values else one.draw(0, 0) for one in variations}
         called = {key: f"--set {key}" for key in self.overrides} | {key: f"--vary {key}" for key in first}
-        config = Scene.of(self.station, {**self.overrides, **first}, called=called, allow_code=allow_code).config
+        scene = Scene.of(self.station, {**self.overrides, **first}, called=called, allow_code=allow_code)
+        scene.check()
+        config = scene.config
         if not (variations or self.seeds > 1):
             raise InvalidParameter("--vary", "left out", "given at least once, or --seeds above 1")
         if self.seeds > 1 and not (any(one.drawn for one in variations) or seed_keys(config.model_dump())):

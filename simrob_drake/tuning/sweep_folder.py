@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
-from simrob_drake.given import as_path
-from simrob_drake.tuning import journal
-from simrob_drake.tuning.rollout import Row, killed, rollout
+from simrob_drake.arguments import as_path
+from simrob_drake.importer.packages import Border
+from simrob_drake.stations.located import located_changes
+from simrob_drake.tuning.journal import Journal, columns_of, read_spec, run
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_plots import save_sweep_plots
 from simrob_drake.tuning.table import write_rows
-from simrob_drake.yaml_files import validated
+from simrob_drake.tuning.trial import Row, table
 
 SWEEP, TABLE = "sweep.yaml", "sweep.csv"
 
@@ -20,6 +21,7 @@ class SweepFolder:
         folder: where they stand.
         sweep: what is run.
         cases: all of its runs.
+        journal: those that are made.
     """
 
     def __init__(self, folder: Path | str, sweep: Sweep, *, force: bool = False, allow_code: bool = False) -> None:
@@ -38,26 +40,27 @@ class SweepFolder:
         """
         self.folder, self.sweep = as_path(folder, "folder"), sweep
         self.cases = sweep.cases(allow_code=allow_code)
-        journal.take(self.folder, SWEEP, sweep, self.cases[0].scene().digest, force=force)
+        digest = self.cases[0].scene().digest
+        self.journal = Journal(self.folder, SWEEP, sweep, digest, columns=columns_of(self.cases), force=force)
 
     @classmethod
     def there(cls, folder: Path | str, *, allow_code: bool = False) -> "SweepFolder":
         """Return the sweep that stands in a folder.
 
         Raises:
-            InvalidConfig: there is none, it is damaged, or its station has changed since.
+            InvalidConfig: there is none, it is damaged, names files that may not be read, or its station has changed.
         """
         place = as_path(folder, "folder")
-        return cls(place, validated(Sweep, journal.asked_of(place, SWEEP), place / SWEEP), allow_code=allow_code)
+        sweep = read_spec(place, SWEEP, Sweep)
+        changes = located_changes(sweep.overrides, place.absolute(), Border(place / SWEEP))
+        return cls(place, sweep.model_copy(update={"overrides": changes}), allow_code=allow_code)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
         """Make the runs that are not done yet, write the table and the plots of all, and return the rows.
 
         Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
         """
-        rows = journal.run(
-            self.folder, self.cases, rollout, killed, workers=workers, scheduler=scheduler, progress=progress
-        )
+        rows = table(run(self.journal, self.cases, workers=workers, scheduler=scheduler, progress=progress))
         write_rows(self.folder / TABLE, rows)
         save_sweep_plots(self.sweep, rows, self.folder / "plots")
         return rows

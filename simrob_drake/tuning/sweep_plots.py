@@ -13,15 +13,14 @@ from simrob_drake.folders import writing
 from simrob_drake.frames import Vector
 from simrob_drake.results.plots.grid import COLOURS, style
 from simrob_drake.tuning.measures import UNITS, measured
-from simrob_drake.tuning.rollout import Row
 from simrob_drake.tuning.sweep import Sweep
+from simrob_drake.tuning.trial import COMPLETED, Row
 from simrob_drake.tuning.variation import Variation
 
 _DPI = 110
 _WIDTH, _HEIGHT, _COLUMNS = 3.8, 2.7, 3  # inches of a frame, and frames in a row
 _BINS = 20
 _BLUE, _ORANGE, *_ = COLOURS
-_COMPLETED = "completed"
 
 
 def save_sweep_plots(sweep: Sweep, rows: Sequence[Row], folder: Path) -> list[Path]:
@@ -62,10 +61,10 @@ Draw = Callable[[Axes, Sequence[Row], str], None]
 
 def _figure(rows: Sequence[Row], title: str, draw: Draw) -> Figure:
     """Draw a frame for each measure that a run has, and, unless all did, which part of the runs went to their ends."""
-    shown = [{**row, _COMPLETED: float(row["ended"] == "completed")} for row in rows]
+    shown = [{**row, COMPLETED: float(row["ended"] == COMPLETED)} for row in rows]
     names = list(measured(rows))
-    if not names or any(not row[_COMPLETED] for row in shown):
-        names.append(_COMPLETED)
+    if not names or any(not row[COMPLETED] for row in shown):
+        names.append(COMPLETED)
     columns = min(_COLUMNS, len(names))
     lines = -(-len(names) // columns)
     figure = Figure(figsize=(_WIDTH * columns, _HEIGHT * lines + 0.4), layout="constrained")

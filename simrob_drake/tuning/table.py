@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.folders import replaced_at_once
-from simrob_drake.tuning.rollout import Row
+from simrob_drake.tuning.trial import Row
 
 
 def write_rows(file: Path, rows: list[Row]) -> None:

@@ -58,14 +58,14 @@ def parsed(key: str, text: str) -> Variation:
         InvalidParameter: anything else, an empty range, or ends that a logarithm does not take.
     """
     option = f"--vary {key}"
-    kind, *figures = text.split(":")
+    kind, *numbers = text.split(":")
     if kind not in _GRIDS and kind not in _DRAWN:
         values = parse_yaml(f"[{text}]", option)
         if not values or None in values:
             raise InvalidParameter(option, text or "nothing", _EXPECTED)
         return Variation(key, text, tuple(values))
     try:
-        first, second, *count = (float(figure) for figure in figures)
+        first, second, *count = (float(number) for number in numbers)
     except ValueError as problem:
         raise InvalidParameter(option, text, _EXPECTED) from problem
     if not np.isfinite([first, second, *count]).all() or len(count) != (kind in _GRIDS):
@@ -81,15 +81,15 @@ def parsed(key: str, text: str) -> Variation:
     return Variation(key, text, tuple(_GRIDS[kind](first, second, int(count[0])).tolist()))
 
 
-def seeded(content: Mapping[str, Any], seed: int, given: Mapping[str, Any]) -> dict[str, int]:
+def seeded(content: Mapping[str, Any], seed: int, changes: Mapping[str, Any]) -> dict[str, int]:
     """Return the seeds of all parts of a station that are random, each with a stream of its own.
 
     Args:
         content: the station's sections.
         seed: of the run.
-        given: what the user changes, whose seeds stay.
+        changes: what the user changes, whose seeds stay.
     """
-    own = seed_keys(given)
+    own = seed_keys(changes)
     return {key: seed + MOST_SEEDS * place for place, key in enumerate(seed_keys(content)) if key not in own}
 
 

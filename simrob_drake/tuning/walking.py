@@ -12,17 +12,15 @@ from pydantic import Field
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.programs.gaits.registry import gaits_of
+from simrob_drake.sections import Number, Strict
 from simrob_drake.tuning.doubts import Change, drawn
-from simrob_drake.tuning.rollout import KILLED, REFUSED, Row
 from simrob_drake.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
 from simrob_drake.tuning.subject import subject_of
+from simrob_drake.tuning.trial import COMPLETED, Row, Trial
 from simrob_drake.tuning.variation import MOST_SEEDS
-from simrob_drake.yaml_files import Number, Strict
 
-GIVEN = "as given"
+UNCHANGED = "as given"
 """What the settings are called that nothing beside changes."""
-COMPLETED = "completed"
-"""How a run ends that nothing ends before."""
 _REST = 2.0  # before a gait ends its robot slows down and stands: trials end before that [s]
 _FEW = 12  # steps
 
@@ -36,7 +34,7 @@ class Walking(Strict, ABC):
     """A name, or a file."""
     overrides: dict[str, Any] = Field(default_factory=dict)
     """What is changed in it, or in the gait that its robot goes (``gait.name`` ...)."""
-    beside: dict[str, Any] = Field(default_factory=dict)
+    variant: dict[str, Any] = Field(default_factory=dict)
     """What is changed, too, in a second set of trials beside the first; there is none unless this is given."""
     seeds: Annotated[int, Field(ge=0, le=MOST_SEEDS)] = 0
     """How many draws of the robot and its floor; 0 takes both as they were thought."""
@@ -53,8 +51,8 @@ class Walking(Strict, ABC):
     @property
     def settings(self) -> dict[str, Change]:
         """The changes of each set of trials, by its name."""
-        told = ", ".join(f"{key}={value}" for key, value in self.beside.items())
-        return {GIVEN: self.overrides} | ({told: {**self.overrides, **self.beside}} if self.beside else {})
+        name = ", ".join(f"{key}={value}" for key, value in self.variant.items())
+        return {UNCHANGED: self.overrides} | ({name: {**self.overrides, **self.variant}} if self.variant else {})
 
     @property
     def draws(self) -> list[int | None]:
@@ -62,7 +60,7 @@ class Walking(Strict, ABC):
         return list(range(self.seeds)) or [None]
 
     @abstractmethod
-    def trials(self, *, allow_code: bool = False) -> "Sequence[Trial]":
+    def trials(self, *, allow_code: bool = False) -> "Sequence[WalkTrial]":
         """Return all trials; ``allow_code`` tells whether the station may name Python code.
 
         Raises:
@@ -75,7 +73,7 @@ class Walking(Strict, ABC):
         Raises:
             SimrobError: a station that cannot be, no robot on feet of its own, or one that falls by itself.
         """
-        if "duration" in self.overrides | self.beside:
+        if "duration" in self.overrides | self.variant:
             raise InvalidParameter("--set duration", "given", "left out: how long a run is, its trial tells")
         walks = [self.scene(changes, self.longest, allow_code=allow_code) for changes in self.settings.values()]
         subject_of(walks[0].config, self.at)
@@ -100,22 +98,22 @@ class Walking(Strict, ABC):
         Raises:
             SimrobError: a station or a gait that cannot be.
         """
-        called = {key: f"--set {key}" for key in self.overrides} | {key: f"--beside {key}" for key in self.beside}
+        called = {key: f"--set {key}" for key in self.overrides} | {key: f"--variant {key}" for key in self.variant}
 
         def scene(changed: Change) -> Scene:
             return Scene.of(self.station, changed, called=called, allow_code=allow_code)
 
-        asked = {**changes, "duration": seconds}
-        found, steps = scene(asked), _FEW
+        overrides = {**changes, "duration": seconds}
+        found, steps = scene(overrides), _FEW
         if found.program is not None or found.engine != DRAKE:
             key = ENGINE if found.program is None else PROGRAM
             raise InvalidConfig(self.station, key, f"is to be left out: a station alone is tried, or its {GAIT}")
-        counted = gait_of(found) is not None and "steps" not in found.told
+        counted = gait_of(found) is not None and "steps" not in found.gait_keys
         while counted and found.motion is not None and found.motion.duration < seconds + _REST:
             steps *= 2
-            asked[f"{GAIT}.steps"] = steps
-            found = scene(asked)
-        return found if seed is None else scene({**drawn(found.config, seed), **asked})
+            overrides[f"{GAIT}.steps"] = steps
+            found = scene(overrides)
+        return found if seed is None else scene({**drawn(found.config, seed), **overrides})
 
 
 def gait_of(scene: Scene) -> Any:
@@ -123,60 +121,32 @@ def gait_of(scene: Scene) -> Any:
     if scene.motion is None:
         return None
     known = gaits_of(scene.motion.model, steps=True)
-    name = scene.told.get("name", next(iter(known), None))
-    return known[name][1] if name in known else None
+    name = scene.gait_keys.get("name", next(iter(known), None))
+    return known.get(name)
 
 
 @dataclass(frozen=True)
-class Trial(ABC):
-    """One of many trials, whose rows belong to a table.
+class WalkTrial(Trial):
+    """A trial of a robot that walks.
 
     Attributes:
-        number: from 1.
         settings: the name of those it is made with.
         changes: what these are.
         seed: of its draw, if any.
         allow_code: whether the station may name Python code.
     """
 
-    number: int
     settings: str
     changes: Change
     seed: int | None
     allow_code: bool
 
     @property
-    @abstractmethod
     def columns(self) -> list[Row]:
-        """What tells its rows from each other and from those of others."""
+        """Its settings, its seed, and what tells its rows from each other."""
+        return [{"settings": self.settings, "seed": self.seed, **own} for own in self.own_columns]
 
+    @property
     @abstractmethod
-    def figures(self) -> list[Row]:
-        """Return the other columns of its rows.
-
-        Raises:
-            SimrobError: what cannot be run.
-        """
-
-    def row(self, figures: Sequence[Row]) -> Row:
-        """Return its number, and its rows."""
-        own = {"settings": self.settings, "seed": self.seed}
-        told = [{**own, **columns, **more} for columns, more in zip(self.columns, figures, strict=True)]
-        return {"number": self.number, "rows": told}
-
-    def lost(self, ended: str, message: str) -> Row:
-        """Return its rows if it never came to an end."""
-        return self.row([{"ended": ended, "message": message}] * len(self.columns))
-
-
-def made(trial: Trial) -> Row:
-    """Make a trial, whatever becomes of it."""
-    try:
-        return trial.row(trial.figures())
-    except SimrobError as problem:
-        return trial.lost(REFUSED, str(problem))
-
-
-def killed(trial: Trial) -> Row:
-    """Return the rows of a trial whose process was killed, and once more when it was alone."""
-    return trial.lost(KILLED, "its process was killed, twice")
+    def own_columns(self) -> list[Row]:
+        """What tells its rows from each other, and from those of trials with the same settings and seed."""

@@ -5,26 +5,26 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from simrob_drake.arguments import as_path
 from simrob_drake.folders import written_at_once
-from simrob_drake.given import as_path
-from simrob_drake.tuning import journal
+from simrob_drake.sections import validated
+from simrob_drake.tuning.journal import Journal, columns_of, run
 from simrob_drake.tuning.push_map import PushMap
 from simrob_drake.tuning.push_picture import save_push_picture
-from simrob_drake.tuning.rollout import Row
 from simrob_drake.tuning.table import write_rows
-from simrob_drake.tuning.walking import Walking, killed, made
-from simrob_drake.yaml_files import validated
+from simrob_drake.tuning.trial import Row, table
+from simrob_drake.tuning.walking import Walking
 
 
 class WalkingFolder:
     """Trials of a robot that walks, in a folder."""
 
-    def __init__(self, folder: Path | str, asked: Walking, *, force: bool = False, allow_code: bool = False) -> None:
+    def __init__(self, folder: Path | str, walking: Walking, *, force: bool = False, allow_code: bool = False) -> None:
         """Begin trials in a new folder, or go on with the same ones.
 
         Args:
             folder: where to.
-            asked: which.
+            walking: which.
             force: replace others that are there, or the same ones.
             allow_code: whether the station may name Python code.
 
@@ -33,47 +33,45 @@ class WalkingFolder:
             OutputError: the folder holds something else, or cannot be written.
             InvalidConfig: the station has changed since they began.
         """
-        self.folder, self._asked = as_path(folder, "folder"), asked
-        digest = asked.check(allow_code=allow_code)
-        self._trials = asked.trials(allow_code=allow_code)
-        journal.take(self.folder, f"{asked.name}.yaml", asked, digest, force=force)
+        self.folder, self._walking = as_path(folder, "folder"), walking
+        digest = walking.check(allow_code=allow_code)
+        self._trials = walking.trials(allow_code=allow_code)
+        columns = columns_of(self._trials)
+        self._journal = Journal(self.folder, f"{walking.name}.yaml", walking, digest, columns=columns, force=force)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:
         """Make the trials that are not made yet, write table, summary and picture, and return the rows of the table.
 
         Args and errors are those of :func:`simrob_drake.tuning.journal.run`.
         """
-        kept = journal.run(
-            self.folder, self._trials, made, killed, workers=workers, scheduler=scheduler, progress=progress
-        )
-        rows = [row for trial in kept for row in trial["rows"]]
-        asked, place = self._asked, self.folder / self._asked.name
+        rows = table(run(self._journal, self._trials, workers=workers, scheduler=scheduler, progress=progress))
+        walking, place = self._walking, self.folder / self._walking.name
         write_rows(place.with_suffix(".csv"), rows)
-        told = {"asked": asked.model_dump(mode="json"), "summary": asked.summary(rows)}
-        written_at_once(place.with_suffix(".json"), json.dumps(told, indent=1, ensure_ascii=False))
-        if isinstance(asked, PushMap):
-            save_push_picture(asked, rows, place.with_suffix(".png"))
+        content = {"asked": walking.model_dump(mode="json"), "summary": walking.summary(rows)}
+        written_at_once(place.with_suffix(".json"), json.dumps(content, indent=1, ensure_ascii=False))
+        if isinstance(walking, PushMap):
+            save_push_picture(walking, rows, place.with_suffix(".png"))
         return rows
 
 
 def push_map(
-    station: str, folder: Path | str | None = None, *, workers: int | None = None, progress: bool = True, **asked: Any
+    station: str, folder: Path | str | None = None, *, workers: int | None = None, progress: bool = True, **keys: Any
 ) -> list[Row]:
     """Push a robot that walks, and return a row for each direction, moment, draw and set of settings.
 
-    A row has ``settings``, ``seed``, ``moment`` [s], ``direction_deg`` from ahead to the left, ``force`` [N],
-    ``impulse`` [N·s], ``impulse_per_mass`` [N·s/kg], and ``ended``, how a run ended.
+    A row has the ``number`` of its trial, ``settings``, ``seed``, ``moment`` [s], ``direction_deg`` from ahead to the
+    left, ``force`` [N], ``impulse`` [N·s], ``impulse_per_mass`` [N·s/kg], and ``ended``, how a run ended.
 
     Args:
         station: a name, or a file.
         folder: where table, summary and picture go; they are not kept unless given.
         workers: how many processes; as many as there are processors unless given.
         progress: show a bar.
-        asked: the other keys of :class:`~simrob_drake.tuning.push_map.PushMap`.
+        keys: the other keys of :class:`~simrob_drake.tuning.push_map.PushMap`.
 
     Raises:
         SimrobError: a map that cannot be.
     """
-    what = validated(PushMap, {"station": station, **asked}, "push map")
+    what = validated(PushMap, {"station": station, **keys}, "push map")
     with TemporaryDirectory() as nowhere:
         return WalkingFolder(folder or Path(nowhere) / what.name, what).run(workers=workers, progress=progress)

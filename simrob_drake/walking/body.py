@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.feet import FootContact
 
+Rows = Sequence[Sequence[float]]
+"""A matrix."""
 _ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 1, 3, 5], 3: [3, 4, 5]}
 """Which of [roll, pitch, yaw, ahead, left, up] of its foot a leg of so many joints is asked for."""
 _ABOUT = np.zeros((9, 3))  # from the entries of a small rotation, a row after the other, to what it turns about
@@ -26,21 +28,20 @@ _LEAST_KNEE = 0.05  # so that a leg never bends the other way [rad]
 _LARGEST = 0.3  # change of a joint in a sample [rad]
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What a robot does, in the world.
+class Seen(NamedTuple):
+    """What a robot does, in the world; matrices are rows of plain numbers, which are quicker than arrays.
 
     Attributes:
-        com, speed: its centre of mass and the velocity of that, shape (3,) [m, m/s].
-        feet: poses of the soles' middles, turned from flat and ahead.
-        trunk: how the root is turned from upright and ahead.
+        com, speed: its centre of mass and the velocity of that, x y z [m, m/s].
+        feet: poses of the soles' middles, turned from flat and ahead, shape (3, 4) each.
+        trunk: how the root is turned from upright and ahead, shape (3, 3).
         lowest: height of each foot's lowest point [m].
     """
 
-    com: Vector
-    speed: Vector
-    feet: Sequence[RigidTransform]
-    trunk: RotationMatrix
+    com: Sequence[float]
+    speed: Sequence[float]
+    feet: Sequence[Rows]
+    trunk: Rows
     lowest: Sequence[float]
 
 
@@ -85,11 +86,11 @@ class Body:
                 )
         self._plant, self._instance, self._axes = weakref.proxy(plant), instance, axes
         self._root, self._feet = root.index(), [foot.index() for foot in feet]
-        self._seen, self._asked = plant.CreateDefaultContext(), plant.CreateDefaultContext()  # set anew each time
-        self._state, self._positions = plant.GetPositionsAndVelocities(self._seen), plant.GetPositions(self._asked)
+        self._seen, self._goal = plant.CreateDefaultContext(), plant.CreateDefaultContext()  # set anew each time
+        self._state, self._positions = plant.GetPositionsAndVelocities(self._seen), plant.GetPositions(self._goal)
         self.facing = RotationMatrix.MakeZRotation(-facing)  # of a root that looks along x
-        self._ahead = RigidTransform(self.facing)
-        self._from_com = self._ahead.multiply(root.CalcPoseInWorld(self._asked).inverse())
+        self._ahead, self._behind = RigidTransform(self.facing), self.facing.inverse()
+        self._from_com = self._ahead.multiply(root.CalcPoseInWorld(self._goal).inverse())
         self._places, self._signs = self._read(root.body())
         self._legs = np.array([list(leg) for leg in legs])
         self._which, joints = np.arange(len(legs))[:, np.newaxis], self._legs.shape[1]
@@ -101,6 +102,8 @@ class Body:
         self._lower, self._upper = limits[0].copy(), limits[1]
         self._lower[list(knees)] = np.maximum(self._lower[list(knees)], _LEAST_KNEE)
         self._soles(contact, [foot.name() for foot in feet])
+        self._facing = self.facing.matrix()  # arrays of what is multiplied in every sample
+        self._middles = np.array([upright.GetAsMatrix4() for upright in self._upright])
 
     def _read(self, root: RigidBody) -> tuple[npt.NDArray[np.intp], Vector]:
         """Return where in the plant's state the values lie that are read, in their order, and their signs."""
@@ -112,7 +115,7 @@ class Body:
 
     def _soles(self, contact: FootContact, links: Sequence[str]) -> None:
         """Find the middles of the soles, and which way they look, from the robot with all axes at zero."""
-        plant, context = self._plant, self._asked
+        plant, context = self._plant, self._goal
         plant.SetPositions(context, self._axes.spread_positions(0.0, plant.GetPositions(context)))
         root = plant.get_frame(self._root)
         self._tips, self._upright, self.homes, self.over = list[Vector](), list[RigidTransform](), list[Vector](), 0.0
@@ -144,70 +147,75 @@ class Body:
         state[self._places] = self._signs * read
         plant.SetPositionsAndVelocities(context, state)
         links = zip(self._feet, self._upright, strict=True)
-        feet = [plant.get_frame(index).CalcPoseInWorld(context).multiply(upright) for index, upright in links]
+        poses = [plant.get_frame(index).CalcPoseInWorld(context).multiply(upright) for index, upright in links]
+        feet: list[Rows] = [pose.GetAsMatrix34().tolist() for pose in poses]
+        trunk = plant.get_frame(self._root).CalcPoseInWorld(context).rotation().multiply(self._behind)
         return Seen(
-            com=plant.CalcCenterOfMassPositionInWorld(context, [self._instance]),
-            speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, [self._instance]),
+            com=plant.CalcCenterOfMassPositionInWorld(context, [self._instance]).tolist(),
+            speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, [self._instance]).tolist(),
             feet=feet,
-            trunk=plant.get_frame(self._root).CalcPoseInWorld(context).rotation().multiply(self.facing.inverse()),
-            lowest=[_lowest(foot, corners) - self.over for foot, corners in zip(feet, self._corners, strict=True)],
+            trunk=trunk.matrix().tolist(),
+            lowest=[_lowest(foot[2], corners) - self.over for foot, corners in zip(feet, self._corners, strict=True)],
         )
 
     def take(self, posture: Vector) -> None:
         """Take a posture (n,), upright and ahead: that which :meth:`centre` and :meth:`reached` are about."""
         self._posture = posture
         self._positions[self._axes.position_places] = self._axes.signs * posture
-        self._plant.SetPositions(self._asked, self._positions)
+        self._plant.SetPositions(self._goal, self._positions)
 
-    def centre(self) -> Vector:
-        """Return where the centre of mass is from the root, shape (3,) [m]."""
-        com = self._plant.CalcCenterOfMassPositionInWorld(self._asked, [self._instance])
-        return np.asarray(self._from_com.multiply(com))
+    def centre(self) -> list[float]:
+        """Return where the centre of mass is from the root, x y z [m]."""
+        com = self._plant.CalcCenterOfMassPositionInWorld(self._goal, [self._instance])
+        found: list[float] = self._from_com.multiply(com).tolist()
+        return found
 
-    def reached(self, root: RigidTransform, feet: Sequence[RigidTransform], rounds: int = 1) -> Vector:
+    def reached(self, turn: Rows, root: Sequence[float], feet: Vector, rounds: int = 1) -> Vector:
         """Return the posture (n,) in which the soles are where they shall be, by Newton's method from the one taken.
 
         Args:
-            root: pose of the root, turned from upright and ahead.
-            feet: poses of the soles' middles.
+            turn: how the root is turned from upright and ahead, shape (3, 3).
+            root: where it is, x y z [m].
+            feet: poses of the soles' middles, shape (feet, 3, 4) [1, m].
             rounds: steps of the method; one is enough for a reference that goes on from the last sample's.
         """
-        plant, context, posture = self._plant, self._asked, self._posture
+        plant, context, posture = self._plant, self._goal, self._posture
         frame, links = plant.get_frame(self._root), [plant.get_frame(index) for index in self._feet]
-        seen = root.multiply(self._ahead).inverse()
-        wanted = np.array([seen.multiply(foot).GetAsMatrix34() for foot in feet])
-        rates, there = np.empty((len(links), 6, plant.num_velocities())), np.empty((len(links), 3, 4))
+        feet[:, :, 3] -= root
+        target = (np.array(turn) @ self._facing).T @ feet  # as seen from the root
+        rates, poses = np.empty((len(links), 6, plant.num_velocities())), np.empty((len(links), 3, 4))
         for done in range(rounds):
             if done:
                 self.take(posture)
             for number, link in enumerate(links):
-                there[number] = link.CalcPose(context, frame).multiply(self._upright[number]).GetAsMatrix34()
+                poses[number] = link.CalcPose(context, frame).GetAsMatrix34()
                 rates[number] = plant.CalcJacobianSpatialVelocity(
                     context, JacobianWrtVariable.kV, link, self._tips[number], frame, frame
                 )
+            there = poses @ self._middles
             posture = posture.copy()
-            posture[self._legs] += self._step(rates, there, wanted)
+            posture[self._legs] += self._step(rates, there, target)
             posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
 
-    def _step(self, rates: Vector, there: Vector, wanted: Vector) -> Vector:
+    def _step(self, rates: Vector, there: Vector, target: Vector) -> Vector:
         """Return a damped step of the legs' joints (legs, k) from poses of the feet towards others, (legs, 3, 4) each.
 
         The Jacobians (legs, 6, nv) are in the root's axes, as the poses are.
         """
-        turn = wanted[:, :, :3] @ there[:, :, :3].transpose(0, 2, 1)
-        errors = np.empty((len(turn), 1, 6))
-        errors[:, 0, :3] = turn.reshape(-1, 9) @ _ABOUT
-        errors[:, 0, 3:] = wanted[:, :, 3] - there[:, :, 3]
+        turn = target[:, :, :3] @ there[:, :, :3].transpose(0, 2, 1)
+        errors = np.empty((len(turn), 6))
+        errors[:, :3] = turn.reshape(-1, 9) @ _ABOUT
+        errors[:, 3:] = target[:, :, 3] - there[:, :, 3]
         own = rates[self._which, :, self._columns]
         if self._rows is not None:
             own, errors = own @ self._rows, errors @ self._rows
         square = own @ own.transpose(0, 2, 1) + self._damping
-        step = np.linalg.solve(square, own @ errors.transpose(0, 2, 1))[..., 0] * self._senses
+        step = np.linalg.solve(square, own @ errors[..., np.newaxis])[..., 0] * self._senses
         return np.asarray(np.minimum(np.maximum(step, -_LARGEST), _LARGEST))
 
 
-def _lowest(foot: RigidTransform, corners: Sequence[Sequence[float]]) -> float:
-    """Return how high the lowest of some points of a foot is [m]."""
-    a, b, c, over = foot.GetAsMatrix34()[2].tolist()
-    return float(over + min(a * x + b * y + c * z for x, y, z in corners))
+def _lowest(upward: Sequence[float], corners: Rows) -> float:
+    """Return how high the lowest of some points of a foot is [m], by the last row of its pose."""
+    a, b, c, over = upward
+    return over + min([a * x + b * y + c * z for x, y, z in corners])

@@ -9,11 +9,10 @@ from math import degrees, isfinite, radians
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.quantities import NotNegative
-from simrob_drake.walking.figures import Fastest
+from simrob_drake.sections import NotNegative, Number, Strict
+from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.path import Follower
 from simrob_drake.walking.steps import Command, within
-from simrob_drake.yaml_files import Number, Strict
 
 _ROUNDING = 1e-9  # s
 
@@ -36,18 +35,18 @@ class Commanded(Strict):
         return Command(complex(self.ahead, self.sideways), radians(self.turn_deg))
 
 
-def clipped(command: Command, fastest: Fastest) -> Command:
+def clipped(command: Command, max_speed: MaxSpeed) -> Command:
     """Return what of a command the legs can follow; the same object if that is all of it."""
-    ahead = min(max(command.speed.real, -fastest.backward), fastest.ahead)
-    left = within(command.speed.imag, fastest.sideways)
-    turn = within(command.turn, radians(fastest.turn_deg))
+    ahead = min(max(command.speed.real, -max_speed.backward), max_speed.ahead)
+    left = within(command.speed.imag, max_speed.sideways)
+    turn = within(command.turn, radians(max_speed.turn_deg))
     same = ahead == command.speed.real and left == command.speed.imag and turn == command.turn
     return command if same else Command(complex(ahead, left), turn)
 
 
-def beyond(command: Command, fastest: Fastest) -> list[tuple[str, float, float, str]]:
+def beyond(command: Command, max_speed: MaxSpeed) -> list[tuple[str, float, float, str]]:
     """Return what of a command the legs cannot follow: keys, values, what they can, units."""
-    can = clipped(command, fastest)
+    can = clipped(command, max_speed)
     parts = (
         ("ahead", command.speed.real, can.speed.real, "m/s"),
         ("sideways", command.speed.imag, can.speed.imag, "m/s"),
@@ -72,21 +71,21 @@ class Commander:
         self._path = path
 
     def now(
-        self, time: float, hand: Vector, given: Vector | None, base: Vector, progress: float
+        self, time: float, hand: Vector, by_port: Vector | None, base: Vector, progress: float
     ) -> tuple[Command | None, float]:
         """Return what is asked for, and how far on its path the robot is; None if the path does not see where that is.
 
         Args:
             time: since the run began [s]; no hand has commanded when it begins.
             hand: what is remembered of it.
-            given: an input (3): speeds ahead and to the left [m/s], turn [rad/s]; not a number says nothing.
+            by_port: an input (3): speeds ahead and to the left [m/s], turn [rad/s]; not a number says nothing.
             base: pose of the root, x y z qw qx qy qz.
             progress: so far [m].
         """
         if hand[0] and time:
             return command_of(hand[1:]), progress
-        if given is not None and isfinite(given.sum()):
-            return command_of(given), progress
+        if by_port is not None and isfinite(by_port.sum()):
+            return command_of(by_port), progress
         row = bisect_right(self._times, time + _ROUNDING) - 1
         if row >= 0:
             return self._table[row], progress

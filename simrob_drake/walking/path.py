@@ -22,10 +22,9 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from simrob_drake.frames import Vector
-from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.walking.figures import Fastest
+from simrob_drake.sections import NotNegative, Number, Speed, Strict
+from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.steps import Command
-from simrob_drake.yaml_files import Number, Strict
 
 _SAME = 1e-6  # of points [m]
 _HOP = 0.05  # how much further on its path a robot comes in a sample, at most [m]
@@ -45,7 +44,7 @@ class Waypoints(Strict):
 
     points: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=2)]
     """x, y in the world [m]; the first one within 0.5 m of where the robot begins."""
-    speed: Positive = 0.1
+    speed: Annotated[Speed, Field(gt=0)] = 0.1
     """[m/s]."""
     rounding: NotNegative = 0.2
     """How far from a corner its arc begins at most; never beyond the middles of the lines [m]. 0: turn on the spot."""
@@ -125,17 +124,17 @@ class Path:
 class Follower:
     """Commands a robot along a path, by where its root is."""
 
-    def __init__(self, waypoints: Waypoints, fastest: Fastest, facing: float) -> None:
+    def __init__(self, waypoints: Waypoints, max_speed: MaxSpeed, facing: float) -> None:
         """Prepare.
 
         Args:
             waypoints: what to follow.
-            fastest: that the legs can do.
+            max_speed: that the legs can do.
             facing: where the robot looks while its root is not turned, from the world's x axis [rad].
         """
         self.path = Path(waypoints.corners, waypoints.rounding)
-        self._speed, self._facing = min(waypoints.speed, fastest.ahead), facing
-        self._aside, self._turn = fastest.sideways, radians(fastest.turn_deg)
+        self._speed, self._facing = min(waypoints.speed, max_speed.ahead), facing
+        self._aside, self._turn = max_speed.sideways, radians(max_speed.turn_deg)
         self._heading = None if waypoints.heading_deg is None else radians(waypoints.heading_deg)
 
     def now(self, base: Vector, progress: float) -> tuple[Command | None, float]:

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from math import ceil, radians
 from typing import NamedTuple
 
-from simrob_drake.walking.figures import Feedback, WalkingFigures
-from simrob_drake.walking.pendulum import weights
+from simrob_drake.walking.parameters import Feedback, WalkingParameters
+from simrob_drake.walking.pendulum import Weights, weights
 
 _AHEAD = 3  # steps that are looked ahead: what comes later counts for a hundredth
 _GRID = 0.02  # between the times of landing that are compared [s]
 
 
-@dataclass(frozen=True)
-class Command:
+class Command(NamedTuple):
     """What a robot shall do: speeds [m/s] and turn [rad/s]."""
 
     speed: complex = 0j
@@ -26,10 +25,10 @@ class Command:
         """Whether it goes anywhere."""
         return abs(self.speed) > 1e-9 or abs(self.turn) > 1e-9
 
-    def nearer(self, wanted: Command, most: tuple[float, float, float]) -> Command:
+    def nearer(self, target: Command, most: tuple[float, float, float]) -> Command:
         """Return a command nearer to another one, each part by its largest change (ahead, left, turn [deg/s])."""
         ahead, left, turn = most
-        way, more = wanted.speed - self.speed, wanted.turn - self.turn
+        way, more = target.speed - self.speed, target.turn - self.turn
         step = complex(within(way.real, ahead), within(way.imag, left))
         return Command(self.speed + step, self.turn + within(more, radians(turn)))
 
@@ -45,35 +44,36 @@ class Landing(NamedTuple):
 class Steps:
     """Footsteps of a robot whose feet, one or a group, stand and swing in turn: 0 the right ones, 1 the left ones."""
 
-    def __init__(self, figures: WalkingFigures, half: float, rolls: float = 1.0) -> None:
+    def __init__(self, parameters: WalkingParameters, half: float, rolls: float = 1.0) -> None:
         """Prepare.
 
         Args:
-            figures: of the walk.
+            parameters: of the walk.
             half: how far the middles of the two groups are to the side of the robot's [m].
             rolls: how much further than its legs go a robot gets because its feet roll meanwhile.
         """
-        self._half, self._time, self._pace = half, figures.step_time, figures.step_time / rolls
-        self.transfer = figures.double_support * figures.step_time
-        self._inward, self._ahead = figures.zmp_inward, figures.zmp_ahead
-        self._reach, self._feedback = figures.reach, figures.feedback
-
-    def rest_point(self, standing: int) -> complex:
-        """Return where the zero-moment point stays while a foot stands, from that foot."""
-        return complex(self._ahead, self._inward if standing == 0 else -self._inward)
-
-    def beside(self, swinging: int) -> complex:
-        """Return where a foot stands from the other one, in a robot at rest."""
-        return complex(0.0, 2.0 * self._half if swinging else -2.0 * self._half)
+        self._time, self._pace = parameters.step_time, parameters.step_time / rolls
+        self.transfer = parameters.double_support * parameters.step_time
+        self._foothold, self._feedback = parameters.foothold, parameters.feedback
+        ahead, inward = parameters.zmp_ahead, parameters.zmp_inward
+        self.rest_points = complex(ahead, inward), complex(ahead, -inward)
+        """Where the zero-moment point stays while a foot stands, from that foot."""
+        self.apart = complex(0.0, -2.0 * half), complex(0.0, 2.0 * half)
+        """Where a foot stands from the other one, in a robot at rest."""
 
     def middle(self, standing: int, foot: complex) -> complex:
         """Return where the zero-moment point rests while both feet stand, the other one beside the first."""
-        return 0.5 * (self.rest_point(standing) + foot + self.rest_point(1 - standing))
+        return 0.5 * (self.rest_points[standing] + foot + self.rest_points[1 - standing])
 
     def planned(self, swinging: int, command: Command) -> Landing:
         """Return where a foot lands by a command: about the middle of the robot, which goes and turns."""
-        yaw, out = command.turn * self._pace, 0.5 * self.beside(swinging)
-        return Landing(self._time, command.speed * self._pace + out + turned_by(1j * yaw) * out, yaw)
+        yaw = command.turn * self._pace
+        return Landing(self._time, self._place(swinging, command, turned_by(1j * yaw)), yaw)
+
+    def _place(self, swinging: int, command: Command, turn: complex) -> complex:
+        """Return that place, for a turn by its end as a complex number of length one."""
+        out = 0.5 * self.apart[swinging]
+        return command.speed * self._pace + out + turn * out
 
     def start_of(self, standing: int, command: Command, omega: float, before: complex, ahead: int = _AHEAD) -> complex:
         """Return the divergent component at the start of a planned step, and of those after it.
@@ -85,11 +85,16 @@ class Steps:
             before: where the zero-moment point comes from.
             ahead: how many steps more are looked at; then the robot rests.
         """
-        start, rest, end = weights(omega, self._time, self.transfer)
         turn = turned_by(1j * command.turn * self._pace)
-        here = self.rest_point(standing), self.rest_point(1 - standing)  # in this step, in the next, and so on in turn
-        lands = self.planned(1 - standing, command).place, self.planned(standing, command).place
-        came = [(place - landed) / turn for place, landed in zip(here, lands, strict=True)]  # seen from the next foot
+        return self._start_of(standing, command, turn, weights(omega, self._time, self.transfer), before, ahead)
+
+    def _start_of(
+        self, standing: int, command: Command, turn: complex, weights: Weights, before: complex, ahead: int = _AHEAD
+    ) -> complex:
+        (start, rest, end), swinging = weights, 1 - standing
+        here = self.rest_points[standing], self.rest_points[swinging]  # in this step, in the next, and so on in turn
+        lands = self._place(swinging, command, turn), self._place(standing, command, turn)
+        came = (here[0] - lands[0]) / turn, (here[1] - lands[1]) / turn  # seen from the next foot
         found = 0.5 * (came[ahead % 2] + here[1 - ahead % 2])
         for step in range(ahead, -1, -1):  # from rest backwards
             own = step % 2
@@ -101,10 +106,9 @@ class Steps:
 
         a counts the zero-moment point from which the next step begins, that of the foot which stands now.
         """
-        swinging, here = 1 - standing, self.rest_point(standing)
-        turn = turned_by(1j * command.turn * self._pace)
-        start = weights(omega, self._time, self.transfer).start
-        return start, turn * self.start_of(swinging, command, omega, 0j) + start * here
+        parts, turn = weights(omega, self._time, self.transfer), turned_by(1j * command.turn * self._pace)
+        begins = self._start_of(1 - standing, command, turn, parts, 0j)
+        return parts.start, turn * begins + parts.start * self.rest_points[standing]
 
     def adjusted(
         self, swinging: int, planned: Landing, xi: Divergent, foot: complex, after: tuple[float, complex]
@@ -118,31 +122,31 @@ class Steps:
         with the foothold u* by which the next steps are as planned, u what the foot reaches of it, and the planned
         :math:`u_0` and :math:`T_0`.
         """
-        told = self._feedback
-        assert told is not None  # who has none does not ask
-        first = max(xi.now + _GRID, xi.lifts + told.shortest)
-        count = max(ceil((xi.lifts + told.longest - first) / _GRID), 1)
+        feedback = self._feedback
+        assert feedback is not None  # who has none does not ask
+        first = max(xi.now + _GRID, xi.lifts + feedback.min_swing_time)
+        count = max(ceil((xi.lifts + feedback.max_swing_time - first) / _GRID), 1)
         best, least = planned, float("inf")
         for time in (planned.time, *(first + _GRID * number for number in range(count))):
             if time < first - 1e-9:
                 continue
-            wanted = (xi.at(time) - after[1]) / (1.0 - after[0])
-            place = self._reached(swinging, planned, wanted, foot, time - max(xi.now, xi.lifts), told)
-            cost = abs(wanted - place) ** 2 + told.keeps_place * abs(place - planned.place) ** 2
-            cost += told.keeps_time * (time - planned.time) ** 2
+            desired = (xi.at(time) - after[1]) / (1.0 - after[0])
+            place = self._reached(swinging, planned, desired, foot, time - max(xi.now, xi.lifts), feedback)
+            cost = abs(desired - place) ** 2 + feedback.place_weight * abs(place - planned.place) ** 2
+            cost += feedback.time_weight * (time - planned.time) ** 2
             if cost < least:
                 best, least = Landing(time, place, planned.yaw), cost
         return best
 
     def _reached(
-        self, swinging: int, planned: Landing, wanted: complex, foot: complex, time: float, told: Feedback
+        self, swinging: int, planned: Landing, desired: complex, foot: complex, time: float, feedback: Feedback
     ) -> complex:
         """Return what a foot reaches in a time of where it is wanted."""
-        side, reach = (1.0 if swinging else -1.0), self._reach
-        place = planned.place + told.gain / (1.0 + told.keeps_place) * (wanted - planned.place)
-        out = min(max(side * place.imag, reach.near), reach.far)
-        way = complex(min(max(place.real, -reach.behind), reach.ahead), side * out) - foot
-        most = told.foot_speed * max(time, 0.0)
+        side, foothold = (1.0 if swinging else -1.0), self._foothold
+        place = planned.place + feedback.step_gain / (1.0 + feedback.place_weight) * (desired - planned.place)
+        out = min(max(side * place.imag, foothold.inner), foothold.outer)
+        way = complex(min(max(place.real, -foothold.behind), foothold.ahead), side * out) - foot
+        most = feedback.max_foot_speed * max(time, 0.0)
         return foot + (way * (most / abs(way)) if abs(way) > most else way)
 
 

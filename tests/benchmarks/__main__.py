@@ -27,6 +27,7 @@ from tests.benchmarks.mujoco_humanoid import beside_mujoco
 from tests.benchmarks.mujoco_stations import stations_in_mujoco
 from tests.benchmarks.programs import attaching, planning
 from tests.benchmarks.turns import ROUNDS, in_turn
+from tests.benchmarks.verdicts import verdicts
 
 REALIZATIONS = ("per_joint", "vector", "implicit")
 
@@ -129,6 +130,7 @@ def main() -> None:
         costs,
         runner,
         contact,
+        verdicts,
         inverse_kinematics,
         every_branch,
         planning,

@@ -12,7 +12,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from simrob_drake import apply_solver, load_station
 from simrob_drake.blocks.actuator_servo import add_actuator_servos
 from simrob_drake.blocks.joint_stops import add_joint_stops
-from simrob_drake.blocks.references import add_course
+from simrob_drake.blocks.references import add_reference
 from simrob_drake.blocks.servo import ServoSignals, add_servos
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
@@ -25,7 +25,7 @@ def stepping_time(realization: str) -> float:
     station = add_plant(builder, resolve(config))
     plant, (robot,) = station.plant, station.robots.values()
     ramp = PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.outer(np.ones(6), [0.0, np.pi / 6]))
-    source = add_course(builder, ramp)
+    source = add_reference(builder, ramp)
     signals = ServoSignals(source.position, plant.get_state_output_port(robot.instance))
     if realization == "implicit":
         add_actuator_servos(builder, plant, robot.instance, signals, robot.gains, actuation_map=np.eye(6))
@@ -33,7 +33,9 @@ def stepping_time(realization: str) -> float:
         per_joint = realization == "per_joint"
         torque = add_servos(builder, signals, robot.gains, names=robot.axes, per_joint=per_joint)
         builder.Connect(torque, plant.get_actuation_input_port(robot.instance))
-    add_joint_stops(builder, plant, stiffness=config.joint_stops.stiffness, damping=config.joint_stops.damping)
+    stops = add_joint_stops(builder, plant, stiffness=config.joint_stops.stiffness, damping=config.joint_stops.damping)
+    if stops is not None:
+        builder.Connect(stops, plant.get_applied_generalized_force_input_port())
     simulator = Simulator(builder.Build())
     apply_solver(simulator, config)
     began = time.perf_counter()

@@ -25,7 +25,7 @@ _CHILD = """
 import resource, sys, time
 from pathlib import Path
 began = time.perf_counter()
-from simrob_drake.importer.cache import robot_from_file
+from simrob_drake.importer.importing import robot_from_file
 loaded = time.perf_counter()
 robot = robot_from_file(Path(sys.argv[1]))
 ended = time.perf_counter()

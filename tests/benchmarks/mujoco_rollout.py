@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from simrob_drake.blocks.references import course_values
+from simrob_drake.blocks.references import reference_values
 from simrob_drake.frames import Vector
 from simrob_drake.mujoco.built import BuiltStation
-from simrob_drake.stations.closed import station_courses
+from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
 from tests.benchmarks.stepping import SAMPLES, Motion
 
@@ -67,7 +67,7 @@ class MujocoHumanoid:
     def __init__(self, config: StationConfig) -> None:
         built = BuiltStation.of(config)
         (self.robot,) = built.ports.plant.robots.values()
-        self._course = station_courses(built.station)[self.robot.name]
+        self._course = station_references(built.station)[self.robot.name]
         self.duration = config.duration
         self._spec = built.spec
         self._references: dict[float, Vector] = {}
@@ -105,7 +105,7 @@ class MujocoHumanoid:
         """Return the references at the ends of the steps, where servos that are treated implicitly act."""
         if step not in self._references:
             ends = step * np.arange(1, round(self.duration / step) + 1)
-            self._references[step] = course_values(self._course, ends)
+            self._references[step] = reference_values(self._course, ends)
         return self._references[step]
 
     def _motion(self, model: mujoco.MjModel, states: Vector, step: float, seconds: float) -> Motion:

@@ -41,14 +41,14 @@ def stations_in_mujoco() -> Table:
 
 
 def _add(table: Table, told: str, config: StationConfig, reference: object) -> None:
-    from simrob_drake.mujoco.runner import MujocoRunner, Wanted
+    from simrob_drake.mujoco.runner import MujocoRunner, RunRequest
 
     drake, mujoco = Runner(config), MujocoRunner(config, step=STEP)
     one, other = drake.run(reference=reference), mujoco.run(reference=reference)
     candidates: dict[str, Callable[[], object]] = {
         "drake": partial(drake.run, reference=reference),
         "mujoco": partial(mujoco.run, reference=reference),
-        "batch": partial(mujoco.runs, [Wanted(reference=reference)] * BATCH, threads=2),
+        "batch": partial(mujoco.runs, [RunRequest(reference=reference)] * BATCH, threads=2),
     }
     seconds = in_turn({name: partial(_seconds, run) for name, run in candidates.items()}, ROUNDS)
     rates = {name: 1 / np.median(values) for name, values in seconds.items()}

@@ -18,7 +18,8 @@ from simrob_drake.tuning import runners
 from simrob_drake.tuning.cluster import Cluster
 from simrob_drake.tuning.engines import Engine
 from simrob_drake.tuning.processes import Processes
-from simrob_drake.tuning.rollout import Case, killed, rollout
+from simrob_drake.tuning.rollout import Case
+from simrob_drake.tuning.trial import killed, made
 
 STATION, SHORT = "humanoid_dynamic", {"duration": 0.5}
 ROUNDS = 3
@@ -37,7 +38,7 @@ def cases(count: int, first: int = 1) -> list[Case]:
 def rebuilding(case: Case) -> object:
     """Make a run without what was built before."""
     runners._KEPT.clear()
-    return rollout(case)
+    return made(case)
 
 
 def processor_time() -> float:
@@ -67,11 +68,11 @@ def rates(count: int) -> Table:
             stack.enter_context(engine)
 
         def made_by(engine: Engine) -> Callable[[], object]:
-            return lambda: list(engine.outcomes(rollout, cases(count), killed))
+            return lambda: list(engine.outcomes(made, cases(count), killed))
 
         ways: dict[str, Callable[[], object]] = {
             "rebuilding, in this process": lambda: [rebuilding(case) for case in cases(count // 4)],
-            "a runner, in this process": lambda: [rollout(case) for case in cases(count // 4)],
+            "a runner, in this process": lambda: [made(case) for case in cases(count // 4)],
             **{name: made_by(engine) for name, engine in engines.items()},
         }
         counts = {name: count // 4 if "this" in name else count for name in ways}
@@ -95,10 +96,10 @@ def memory() -> Table:
     gains = [Case(n, "irb120_dynamic", {"duration": 0.05, "servo.kp": 500.0 + n}) for n in range(MANY)]
     for name, all_of_them in {"other pushes": cases(MANY), "other gains": gains}.items():
         for case in all_of_them[:50]:
-            rollout(case)
+            made(case)
         before = me.memory_info().rss
         for case in all_of_them[50:]:
-            rollout(case)
+            made(case)
         table.add_row(name, f"{before / 1e6:.0f}", f"{me.memory_info().rss / 1e6:.0f}")
     return table
 

@@ -29,7 +29,11 @@ LINKS = {"front_right": "FR_foot", "rear_left": "RL_foot", "front_left": "FL_foo
 UNEVEN = {
     **{f"sensors.{place}": {"kind": "force", "body": link} for place, link in LINKS.items()},
     "controllers.walk.reads": {f"{place}_foot": f"force.{place}" for place in LINKS},
-    "controllers.walk.gait": {"lift": 0.14, "rises": 1.5, "feedback": {"late": 0.04, "search": 0.1, "even": 20}},
+    "controllers.walk.gait": {
+        "lift": 0.14,
+        "lift_exponent": 1.5,
+        "feedback": {"late_touchdown": 0.04, "search_speed": 0.1, "level_rate": 20},
+    },
     "controllers.walk.commands": [],
     "controllers.walk.path": {"points": [[0, 0], [2.8, 0]], "speed": 0.2},
     "duration": 30.0,

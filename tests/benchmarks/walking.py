@@ -11,8 +11,8 @@ import numpy as np
 from simrob_drake import SimulationResult, simulate
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import load_gaits
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, three_legs, trot
+from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.gaits.sequences import march
 from simrob_drake.results.record.walks import locomotion
 

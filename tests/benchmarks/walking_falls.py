@@ -23,7 +23,7 @@ from simrob_drake import simulate
 from simrob_drake.paths import models_root
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.yaml_files import read_yaml
 

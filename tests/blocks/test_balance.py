@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
 from simrob_drake.parts.controllers.balance import Answer, StandingBalance
-from simrob_drake.parts.controllers.capture_step import Stepper, Stepping
+from simrob_drake.parts.controllers.capture_step import StepChooser, Stepping
 from simrob_drake.parts.controllers.support import Balanced, Support
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import compose
@@ -171,7 +171,7 @@ def stands(error, lifted=0.02):
 
 
 def test_a_step_begins_beyond_its_threshold_and_reaches_as_far_as_the_error_grew():
-    stepper, state, moved = Stepper([stepping(measures="backward"), stepping()], 0.01), np.zeros(3), np.zeros(2)
+    stepper, state, moved = StepChooser([stepping(measures="backward"), stepping()], 0.01), np.zeros(3), np.zeros(2)
     for error in (0.04, -0.04, 0.05):
         state, moved = stepper.next(state, moved, stands(error))
         assert not state.any()
@@ -192,7 +192,7 @@ def test_a_step_begins_beyond_its_threshold_and_reaches_as_far_as_the_error_grew
 
 
 def test_a_foot_that_touches_after_half_of_the_step_is_down():
-    stepper, state, moved = Stepper([stepping()], 0.01), np.zeros(3), np.zeros(2)
+    stepper, state, moved = StepChooser([stepping()], 0.01), np.zeros(3), np.zeros(2)
     for number in range(1, 7):
         state, moved = stepper.next(state, moved, stands(0.2, lifted=0.001))
         assert state[1] == pytest.approx(0.1 * number if number < 6 else 1)

@@ -98,13 +98,13 @@ SPEEDS, PUSHES = np.array([2.0, 0.5, 1.0]), np.array([4.0, 6.0, 1.0])
 
 
 def test_axes_go_straight_and_arrive_together_at_the_limit_of_one() -> None:
-    course = cruising(START, TARGET, SPEEDS, PUSHES, np.full(3, np.inf), start_time=0.5)
+    reference = cruising(START, TARGET, SPEEDS, PUSHES, np.full(3, np.inf), start_time=0.5)
     shares = np.abs(TARGET - START)[:2]
     speed, push = (SPEEDS[:2] / shares).min(), (PUSHES[:2] / shares).min()  # of the way from 0 to 1
-    assert course.start_time() == 0.5
-    assert course.end_time() - 0.5 == pytest.approx(1 / speed + speed / push)
-    times = np.linspace(0.5, course.end_time(), 500)
-    q, v, a = (course.MakeDerivative(order).vector_values(times).T for order in range(3))
+    assert reference.start_time() == 0.5
+    assert reference.end_time() - 0.5 == pytest.approx(1 / speed + speed / push)
+    times = np.linspace(0.5, reference.end_time(), 500)
+    q, v, a = (reference.MakeDerivative(order).vector_values(times).T for order in range(3))
     parts = (q[:, 0] - START[0]) / (TARGET - START)[0]
     np.testing.assert_allclose(q, START + np.outer(parts, TARGET - START), atol=1e-12)
     np.testing.assert_allclose(q[-1], TARGET, atol=1e-12)
@@ -115,9 +115,9 @@ def test_axes_go_straight_and_arrive_together_at_the_limit_of_one() -> None:
 
 
 def test_an_s_curve_of_axes_keeps_their_jerks() -> None:
-    course = cruising(START, TARGET, SPEEDS, PUSHES, np.array([30.0, 20.0, 1.0]))
-    times = np.linspace(0, course.end_time(), 2000)
-    jerks = np.abs(course.MakeDerivative(3).vector_values(times)).max(axis=1)
+    reference = cruising(START, TARGET, SPEEDS, PUSHES, np.array([30.0, 20.0, 1.0]))
+    times = np.linspace(0, reference.end_time(), 2000)
+    jerks = np.abs(reference.MakeDerivative(3).vector_values(times)).max(axis=1)
     assert (jerks <= [30.0 + 1e-6, 20.0 + 1e-6, 1e-12]).all()
     assert np.isclose(jerks[:2], [30.0, 20.0]).any()
 

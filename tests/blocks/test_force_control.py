@@ -6,7 +6,7 @@ from pydrake.math import RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake import load_station
-from simrob_drake.parts.controllers.force_control import PressingTool
+from simrob_drake.parts.controllers.force_control import ForceControl, PressingTool
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 from tests.blocks.test_loop import Driven
@@ -23,19 +23,9 @@ def arm():
 
 def pressing(arm, *, sensor=None, **changed):
     (robot,) = arm.robots.values()
-    figures = {
-        "period": 0.01,
-        "plant": arm.plant,
-        "axes": robot.axis_map,
-        "tool": robot.tools[robot.tcp],
-        "sensor": arm.plant.world_frame() if sensor is None else robot.tools[sensor],
-        "force": 10.0,
-        "direction": np.array([0.0, 0.0, -1.0]),
-        "gains": (0.003, 0.006),
-        "speeds": (0.01, 0.05),
-        "reach": 0.05,
-    }
-    return PressingTool(**{**figures, **changed})
+    section = ForceControl.model_validate({"kind": "force_control", "force": 10.0, "ki": 0.006, **changed})
+    frame = arm.plant.world_frame() if sensor is None else robot.tools[sensor]
+    return PressingTool(section, arm.plant, robot.axis_map, robot.tools[robot.tcp], frame)
 
 
 def pose(arm, joints):
@@ -59,7 +49,7 @@ def test_its_speed_is_a_pi_law_whose_integral_acts_near_the_force_alone(arm):
 
 
 def test_it_is_slow_until_it_touches_fast_afterwards_and_does_not_wind_up_at_its_speed_or_reach(arm):
-    loop = pressing(arm, gains=(0.02, 0.1))
+    loop = pressing(arm, kp=0.02, ki=0.1)
     assert loop.next_path(0.0, 0.0, 0.0) == (pytest.approx(1e-4), 0.0)
     assert loop.next_path(0.0, 0.0, 0.1) == (pytest.approx(5e-4), 0.0)
     assert loop.next_path(0.0, 0.2, 9.0) == (pytest.approx(5e-4), 0.2)  # near, but at its speed
@@ -79,7 +69,7 @@ def test_the_tool_goes_along_the_direction_and_nowhere_else(arm):
 
 def test_the_direction_is_one_of_the_sensor_s_axes_and_the_reference_moves_on_below(arm):
     """The path of a tool that the reference turns and moves goes along its own axis as it is then."""
-    driven, direction = Driven(pressing(arm, sensor="pencil", direction=np.array([0, 0.6, 0.8]))), [0, 0.6, 0.8]
+    driven, direction = Driven(pressing(arm, sensor="pencil", direction=[0, 0.6, 0.8])), [0, 0.6, 0.8]
     for k in range(100):
         asked = POSTURE + 0.005 * k
         given = driven.sample(force=[0, -2.4, -3.2], asked=asked)  # 4 N against the direction

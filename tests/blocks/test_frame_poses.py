@@ -68,6 +68,13 @@ def test_all_ports_follow_a_change_of_the_state_in_any_order(plant: MultibodyPla
             np.testing.assert_array_equal(block.GetOutputPort(name).Eval(context), pose(block_of(plant), name, q))
 
 
+def test_recorded_states_give_what_the_ports_give(plant: MultibodyPlant) -> None:
+    block, states = block_of(plant), np.random.default_rng(3).normal(size=(5, 12))
+    for name in FRAMES:
+        np.testing.assert_array_equal(block.at(name, states), [pose(block, name, state) for state in states])
+        assert block.at(name, states[:0]).shape == (0, 7)
+
+
 def test_a_frame_that_cannot_move_needs_no_state(plant: MultibodyPlant) -> None:
     block = block_of(plant)
     standing = block.GetOutputPort("base_link").Eval(block.CreateDefaultContext())

@@ -18,7 +18,9 @@ STIFFNESS, DAMPING = 1e4 * 180 / np.pi, 10 * 180 / np.pi
 
 def with_stops(builder: DiagramBuilder, plant: MultibodyPlant) -> Diagram:
     plant.Finalize()
-    add_joint_stops(builder, plant, stiffness=STIFFNESS, damping=DAMPING)
+    stops = add_joint_stops(builder, plant, stiffness=STIFFNESS, damping=DAMPING)
+    if stops is not None:
+        builder.Connect(stops, plant.get_applied_generalized_force_input_port())
     builder.ExportInput(plant.get_actuation_input_port(), "actuation")
     return builder.Build()
 
@@ -40,7 +42,9 @@ def arm(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> tuple[Multibo
     builder = DiagramBuilder()
     plant = add_irb120(builder)
     plant.Finalize()
-    add_joint_stops(builder, plant, stiffness=STIFFNESS, damping=DAMPING)
+    stops = add_joint_stops(builder, plant, stiffness=STIFFNESS, damping=DAMPING)
+    if stops is not None:
+        builder.Connect(stops, plant.get_applied_generalized_force_input_port())
     return plant, builder.Build()
 
 
@@ -73,7 +77,9 @@ def test_each_joint_may_have_figures_of_its_own(add_irb120: Callable[[DiagramBui
     plant = add_irb120(builder)
     plant.Finalize()
     stiffness, damping = np.geomspace(1e2, 1e5, 6), np.linspace(50.0, 0.0, 6)
-    add_joint_stops(builder, plant, stiffness=stiffness, damping=damping)
+    stops = add_joint_stops(builder, plant, stiffness=stiffness, damping=damping)
+    if stops is not None:
+        builder.Connect(stops, plant.get_applied_generalized_force_input_port())
     diagram = builder.Build()
     q, v = plant.GetPositionUpperLimits() + 0.1, np.full(6, 0.2)
     np.testing.assert_allclose(stop_force(plant, diagram, q, v), -stiffness * 0.1 - damping * 0.2)

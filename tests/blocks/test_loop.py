@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from simrob_drake.blocks.sampled import RunEnds, SampledBlock
-from simrob_drake.parts.controllers.fall_guard import ProtectivePosture
+from simrob_drake.parts.controllers.fall_guard import FallGuard, ProtectivePosture
 from simrob_drake.parts.controllers.limbs import Limb
 from simrob_drake.parts.controllers.objective import WeightedObjective
 from simrob_drake.parts.controllers.pi_law import PiLaw
-from simrob_drake.parts.controllers.sequencer import CellSequence
-from simrob_drake.parts.controllers.touchdown import UnknownGround
+from simrob_drake.parts.controllers.sequencer import CellSequence, Sequencer
+from simrob_drake.parts.controllers.touchdown import Touchdown, UnknownGround
 
 NAN = np.nan
 
@@ -33,15 +33,10 @@ class Driven:
 
 
 def two_cells(**changed):
-    figures = {
-        "period": 0.1,
-        "targets": [np.array([1.0, NAN]), np.array([NAN, -0.5])],
-        "durations": [0.5, 0.0],
-        "tolerance": np.full(2, 0.05),
-        "speed": np.full(2, 0.2),
-        "names": ["hip", "knee"],
-    }
-    return CellSequence(**{**figures, **changed})
+    cells = [{"targets_deg": {"hip": 1}, "duration": 0.5}, {"targets_deg": {"knee": 1}, "duration": 0.0}]
+    section = Sequencer.model_validate({"kind": "sequencer", "rate": 10, "cells": cells, **changed})
+    targets = [np.array([1.0, NAN]), np.array([NAN, -0.5])]
+    return CellSequence(section, targets, np.full(2, 0.05), np.full(2, 0.2), ["hip", "knee"])
 
 
 def test_a_sequence_ramps_waits_for_each_joint_and_for_its_speed_and_then_goes_on():
@@ -70,7 +65,7 @@ def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on(
     memory |= {"elapsed": np.array([0.95]), "origin": np.zeros(2), "clock": np.ones(1), "reached": np.full(2, -1.0)}
     with pytest.raises(RunEnds, match="cell 0 was not reached within 1 s: hip is late"):
         loop.sample(memory, read)
-    went_on = two_cells(timeout=1.0, stops=False).sample(memory, read)
+    went_on = two_cells(timeout=1.0, on_timeout="go_on").sample(memory, read)
     assert went_on["cell"] == 1
     assert "reached" not in went_on
     with pytest.raises(RunEnds, match="the last of 2 cells is done"):
@@ -78,8 +73,10 @@ def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on(
 
 
 def guard(**changed):
-    figures = {"period": 0.1, "posture": np.array([1.0, -1.0]), "duration": 0.2, "height": 0.4, "tilt": 0.5}
-    return ProtectivePosture(**{**figures, "up": np.array([0.0, 0.0, 1.0]), **changed})
+    posture, toward = np.array([1.0, -1.0]), changed.pop("toward", None)
+    figures = {"height": 0.4, "tilt_deg": np.rad2deg(0.5), "posture_deg": {"hip": 1}, **changed}
+    section = FallGuard.model_validate({"kind": "fall_guard", "rate": 10, **figures})
+    return ProtectivePosture(section, posture=posture, up=np.array([0.0, 0.0, 1.0]), toward=toward)
 
 
 UPRIGHT, LOW = np.array([0, 0, 0.41, 1, 0, 0, 0.0]), np.array([0, 0, 0.39, 1, 0, 0, 0.0])
@@ -105,7 +102,7 @@ def test_a_guard_acts_at_the_first_sample_beyond_its_threshold_and_stays():
 
 
 def test_a_guard_of_one_side_leaves_a_fall_to_the_other_side_alone():
-    one_side = {"toward": np.array([-1.0, 0.0, 0.0]), "height": -np.inf}
+    one_side = {"toward": np.array([-1.0, 0.0, 0.0]), "height": None}
     for angle, acts in ((0.51, 0), (0.49, 0), (-0.49, 0), (-0.51, 1)):  # about y: a positive angle leans along x
         assert Driven(guard(**one_side)).sample(base_pose=leaning(angle), reference=np.zeros(2))["active"] == acts
 
@@ -191,16 +188,16 @@ LEG = {"turns": np.array([[0.0, -1.0, 0.0]]), "points": np.zeros((1, 3)), "end":
 def touchdown(**changed):
     """Two legs of 1 m that lie ahead: a small angle lifts a foot by as many metres."""
     figures = {
-        "period": 0.01,
-        "limbs": {"left": Limb([0], **LEG), "right": Limb([1], **LEG)},
-        "size": 2,
+        "kind": "touchdown",
         "force": 15.0,
         "clearance": 0.01,
-        "search": (0.5, 0.012),
+        "search": 0.5,
+        "reach": 0.012,
         "release": 0.05,
         "settle": 0.1,
     }
-    driven = Driven(UnknownGround(**{**figures, **changed}))
+    limbs = {"left": Limb([0], **LEG), "right": Limb([1], **LEG)}
+    driven = Driven(UnknownGround(Touchdown.model_validate({**figures, **changed}), limbs, 2))
     offset = np.zeros(2)
 
     def step(left, *, force=0.0, position=0.0):
@@ -242,7 +239,7 @@ def test_a_foot_that_finds_no_ground_goes_on_downward_as_far_as_it_may():
 
 
 def test_a_foot_that_touches_may_keep_its_torques_instead():
-    step = touchdown(holds_torques=True)
+    step = touchdown(holds="torques")
     step(0.05)
     step(0.04)
     assert step(0.03, force=1, position=0.036)["feedforward"] == pytest.approx([7, 0])

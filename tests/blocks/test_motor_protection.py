@@ -4,24 +4,23 @@ import numpy as np
 import pytest
 
 from simrob_drake.blocks.sampled import RunEnds
-from simrob_drake.parts.controllers.motor_protection import GuardedMotors
+from simrob_drake.parts.controllers.motor_protection import GuardedMotors, MotorProtection
 from tests.blocks.test_loop import Driven
 
 T = 0.01
 
 
-def motors(**changed):
-    figures = {
-        "period": T,
-        "limit": np.array([40.0, np.inf]),
-        "nominal": np.array([20.0, np.inf]),
-        "thermal_time": 2.0,
-        "warn": 0.8,
-        "stiffness": np.array([1000.0, 500.0]),
-        "times": (0.02, 0.1, np.inf),
-        "fastest": np.array([1.0, 1.0]),
-    }
-    return GuardedMotors(**{**figures, **changed})
+def motors(limit=(40.0, np.inf), nominal=(20.0, np.inf), fastest=1.0, **changed):
+    figures = {"kind": "motor_protection", "thermal_time": 2.0, "hold": 0.02, "patience": 0.1, **changed}
+    return GuardedMotors(
+        MotorProtection.model_validate(figures),
+        limit=np.array(limit),
+        nominal=np.array(nominal),
+        stiffness=np.array([1000.0, 500.0]),
+        fastest=np.full(2, fastest),
+        names=["hip", "knee"],
+        units=["N·m", "N·m"],
+    )
 
 
 def sample(driven, torque, *, position=(0.1, 0.2), asked=(0.5, 0.6), **read):
@@ -39,7 +38,7 @@ def test_heat_follows_its_differential_equation_and_knows_no_sign():
 
 def test_an_axis_gives_way_until_the_torque_of_its_servo_is_at_the_limit():
     """A joint that is stuck: its servo gives what is left between reference and position, up to 150 N·m."""
-    cold = {"nominal": np.full(2, np.inf), "times": (0.02, 1.0, np.inf)}
+    cold = {"nominal": np.full(2, np.inf), "patience": 1.0}
     driven, offset, seen = Driven(motors(**cold)), 0.0, []
     for _ in range(20):
         torque = min(1000 * (0.3 + offset), 150.0)
@@ -55,7 +54,7 @@ def test_an_axis_gives_way_until_the_torque_of_its_servo_is_at_the_limit():
 
 
 def test_it_comes_back_at_its_own_speed_once_it_can_and_guards_again():
-    driven = Driven(motors(times=(0.0, 1.0, np.inf), fastest=np.array([2.0, 2.0])))
+    driven = Driven(motors(hold=0.0, patience=1.0, fastest=2.0))
     sample(driven, 90.0)
     seen = [sample(driven, torque) for torque in (10.0, 28.0, 10.0, 10.0)]
     assert [given["offset"][0] for given in seen] == pytest.approx([-0.03, -0.018, 0, 0])
@@ -63,7 +62,7 @@ def test_it_comes_back_at_its_own_speed_once_it_can_and_guards_again():
 
 
 def test_a_motor_that_is_too_warm_warns_and_may_give_no_more_than_forever():
-    driven = Driven(motors(thermal_time=0.1, times=(0.02, 10.0, np.inf)))
+    driven = Driven(motors(thermal_time=0.1, hold=0.02, patience=10.0))
     torque, stages, heats = 30.0, [], []
     for _ in range(60):
         given = sample(driven, torque)
@@ -87,7 +86,7 @@ def test_it_stops_when_it_has_given_way_for_too_long_and_holds_where_it_was():
 
 
 def test_it_lets_go_without_a_jump_once_all_was_well():
-    driven = Driven(motors(times=(0.02, 0.1, 0.05)))
+    driven = Driven(motors(hold=0.02, patience=0.1, reset_after=0.05))
     while sample(driven, 60.0)["stage"] != 3:
         pass
     held = sample(driven, 60.0)["target"]
@@ -98,10 +97,10 @@ def test_it_lets_go_without_a_jump_once_all_was_well():
 
 
 def test_a_force_stops_it_at_once_and_can_end_the_run():
-    driven = Driven(motors(force=140.0, times=(0.0, 0.1, np.inf)))
+    driven = Driven(motors(force=140.0, hold=0.0, patience=0.1))
     assert sample(driven, 5.0, force=[80.0, 80.0, -80.0])["stage"] == 0  # 139 N
     assert sample(driven, 5.0, force=[0.0, 0.0, 141.0])["stage"] == 3
-    loop = motors(force=140.0, times=(0.0, 0.1, np.inf), ends=True)
+    loop = motors(force=140.0, hold=0.0, patience=0.1, then="end")
     memory = {name: np.zeros(2) for name in ("offset", "heat", "above")}
     memory |= {name: np.zeros(1) for name in ("stage", "pressed", "lasts")}
     with pytest.raises(RunEnds, match="above 140 N"):
@@ -109,7 +108,7 @@ def test_a_force_stops_it_at_once_and_can_end_the_run():
 
 
 def test_the_reason_names_the_axis_and_its_limit():
-    loop = motors(ends=True, names=["hip", "knee"])
+    loop = motors(then="end")
     memory = {name: np.zeros(2) for name in ("offset", "heat", "above")}
     memory |= {"stage": np.array([2.0]), "pressed": np.zeros(1), "lasts": np.array([0.1])}
     with pytest.raises(RunEnds, match=r"hip was held at 40 N·m for 0\.11 s"):

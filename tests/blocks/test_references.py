@@ -17,17 +17,17 @@ from scipy.interpolate import CubicSpline
 
 from simrob_drake.blocks.events import EventTimes
 from simrob_drake.blocks.references import (
-    Course,
+    Reference,
     ReferenceSource,
-    SineCourse,
-    add_course,
+    SineReference,
+    add_reference,
     corner_times,
-    course_values,
     hermite,
     hold,
     later,
     move,
     ramp,
+    reference_values,
     sequence,
     table,
 )
@@ -206,7 +206,7 @@ def test_of_a_trajectory_that_is_no_polynomial_only_the_ends_count() -> None:
 def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: int) -> None:
     builder = DiagramBuilder()
     trajectory = move(START, TARGET, duration=1.0, start_time=0.5)
-    diagram = played(builder, add_course(builder, trajectory, derivatives=derivatives))
+    diagram = played(builder, add_reference(builder, trajectory, derivatives=derivatives))
     np.testing.assert_allclose(signal(diagram, "position", 0.0), START, atol=1e-14)
     np.testing.assert_allclose(signal(diagram, "position", 9.0), TARGET, atol=1e-14)
     np.testing.assert_allclose(signal(diagram, "position", 0.8), value(trajectory, 0.8), atol=1e-14)
@@ -219,7 +219,7 @@ def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: int) -> N
 @pytest.mark.parametrize(("time", "moving"), [(0.25, False), (1.0, True), (2.75, False)])
 def test_outside_of_a_ramp_the_velocity_is_zero(time: float, moving: bool) -> None:
     builder = DiagramBuilder()
-    source = add_course(builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=2)
+    source = add_reference(builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=2)
     expected = (TARGET - START) / 2 if moving else np.zeros(3)
     np.testing.assert_allclose(signal(played(builder, source), "velocity", time), expected, atol=1e-14)
 
@@ -228,7 +228,7 @@ def test_corners_become_events_of_the_simulation() -> None:
     builder = DiagramBuilder()
     trajectory = ramp(START, TARGET, duration=0.7, start_time=0.3)
     builder.AddNamedSystem("edges", EventTimes(corner_times(trajectory)))
-    diagram = played(builder, add_course(builder, trajectory))
+    diagram = played(builder, add_reference(builder, trajectory))
     ends: list[float] = []
     simulator = Simulator(diagram)
     simulator.set_monitor(lambda context: ends.append(context.get_time()))
@@ -239,14 +239,14 @@ def test_corners_become_events_of_the_simulation() -> None:
 def test_a_trajectory_is_a_column() -> None:
     wide = PiecewisePolynomial(np.zeros((2, 3)))
     with pytest.raises(InvalidParameter, match="trajectory is 2 x 3"):
-        add_course(DiagramBuilder(), wide)
+        add_reference(DiagramBuilder(), wide)
 
 
 def test_a_sine_and_its_derivatives_are_the_closed_form() -> None:
     centre, amplitude, phase = np.array([0.1, -1.0]), np.array([0.5, 0.2]), np.array([0.0, 1.2])
     frequency = 1.5
     builder = DiagramBuilder()
-    diagram = played(builder, add_course(builder, SineCourse(centre, amplitude, frequency, phase)))
+    diagram = played(builder, add_reference(builder, SineReference(centre, amplitude, frequency, phase)))
     omega = 2 * np.pi * frequency
     for time in (0.0, 0.123, 4.5):
         angle = omega * time + phase
@@ -261,23 +261,25 @@ CUBIC = PiecewisePolynomial.CubicShapePreserving([0.0, 0.7, 1.5, 2.0], np.array(
 
 
 @pytest.mark.parametrize(
-    "course",
+    "reference",
     [
         ramp(START, TARGET, duration=1.0, start_time=0.5),
         move(START, TARGET, duration=2.0),
         hermite([0.0, 0.4, 2.0], [START, TARGET, START], np.ones((3, 3))),
         CompositeTrajectory([CUBIC.slice(0, 1), CUBIC.slice(1, 2)]),
         PathParameterizedTrajectory(CUBIC, PiecewisePolynomial.FirstOrderHold([0.0, 2.0], [[0.0, 2.0]])),
-        SineCourse(START, TARGET, 0.7, np.array([0.1, 0.2, 0.3])),
+        SineReference(START, TARGET, 0.7, np.array([0.1, 0.2, 0.3])),
     ],
     ids=["polynomial", "smooth", "spline", "composite", "of_another_kind", "sine"],
 )
-def test_a_course_goes_on_later_as_it_was(course: Course) -> None:
+def test_a_reference_goes_on_later_as_it_was(reference: Reference) -> None:
     """At 0.9 s of it as at 0 of what is left; the one of another kind to the error of its samples."""
     times = np.linspace(0.0, 1.0, 37)
-    np.testing.assert_allclose(course_values(later(course, 0.9), times), course_values(course, times + 0.9), atol=1e-8)
+    np.testing.assert_allclose(
+        reference_values(later(reference, 0.9), times), reference_values(reference, times + 0.9), atol=1e-8
+    )
 
 
-def test_a_course_that_is_over_holds_its_end() -> None:
+def test_a_reference_that_is_over_holds_its_end() -> None:
     left = later(move(START, TARGET, duration=2.0), 3.0)
-    np.testing.assert_allclose(course_values(left, np.zeros(1))[0], TARGET, atol=1e-15)
+    np.testing.assert_allclose(reference_values(left, np.zeros(1))[0], TARGET, atol=1e-15)

@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, Sine
 from scipy import signal
 
-from simrob_drake.blocks.signal_net import SignalNet, Wired
+from simrob_drake.blocks.signal_net import SignalNet, WiredBlock, signal_net
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 
 ONE, TIME, U = 0, 1, 2
@@ -25,17 +25,38 @@ def block(kind, **figures):
 
 def run(blocks, *, duration=2.0, frequency=3.0, amplitude=1.0, rows=201):
     """Return times, the sine that is measured, and the outputs of blocks (name: (block, inputs)) by element."""
+    wired = {name: WiredBlock(*given) for name, given in blocks.items()}
     builder = DiagramBuilder()
     source = builder.AddSystem(Sine(amplitude=amplitude, frequency=frequency, phase=0.3, size=1))
-    net = builder.AddSystem(SignalNet({name: Wired(*given) for name, given in blocks.items()}, 1))
+    net = builder.AddSystem(signal_net(wired, 1))
     builder.Connect(source.get_output_port(0), net.get_input_port())
     times = np.linspace(0, duration, rows)
     log = LogVectorOutput(net.get_output_port(), builder, duration / (rows - 1))
     simulator = Simulator(builder.Build())
     simulator.get_mutable_integrator().set_target_accuracy(1e-8)
     simulator.AdvanceTo(duration)
+    if not isinstance(net, SignalNet):
+        same_as_written(net, SignalNet(wired, 1), [x for one in wired.values() for x in one.block.start])
     found = log.FindLog(simulator.get_context())
     return times, amplitude * np.sin(frequency * times + 0.3), found.data()[:, :rows]
+
+
+def same_as_written(net, written, start):
+    """A net of expressions gives what the blocks' own equations give, in other states than the start as well."""
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        contexts = net.CreateDefaultContext(), written.CreateDefaultContext()
+        state, (given, when) = rng.uniform(-1, 1, len(start)), rng.uniform(-1, 1, 2)
+        for system, context, origin in zip((net, written), contexts, (np.array(start), 0.0), strict=True):
+            context.SetTime(when)
+            system.get_input_port().FixValue(context, [given])
+            if start:
+                context.SetContinuousState(state - origin)
+        outputs = [one.get_output_port().Eval(context) for one, context in zip((net, written), contexts, strict=True)]
+        np.testing.assert_allclose(*outputs, atol=1e-12)
+        if start:
+            rates = [one.EvalTimeDerivatives(context) for one, context in zip((net, written), contexts, strict=True)]
+            np.testing.assert_allclose(*(rate.get_vector().CopyToVector() for rate in rates), atol=1e-9)
 
 
 def test_a_transfer_function_is_that_of_scipy():
@@ -137,8 +158,78 @@ def test_a_loop_through_an_integrator_is_none_and_one_through_a_gain_is():
     np.testing.assert_allclose(y, np.exp(-2 * times), atol=1e-6)
     with pytest.raises(CycleError):
         run({"J": (block("sum"), [[(4, -2.0)]]), "K": (block("sum"), [[(FIRST, 1.0)]])})
-    with pytest.raises(ValueError, match=r"periods of 0\.02, 0\.03 s"):
-        run({name: (block("delay", period=float(name)), [[(U, 1.0)]]) for name in ("0.02", "0.03")})
+    with pytest.raises(ValueError, match=r"periods of 0\.02, 0\.0200002 s"):
+        run({name: (block("hold", period=float(name)), [[(U, 1.0)]]) for name in ("0.02", "0.0200002")})
+
+
+def test_periods_share_a_common_step():
+    blocks = {name: (block("hold", period=float(name)), [[(U, 1.0)]]) for name in ("0.02", "0.03")}
+    _, u, (fast, slow) = run(blocks)
+    for held, every in ((fast, 2), (slow, 3)):
+        np.testing.assert_allclose(held[1:], np.repeat(u[::every], every)[:200], atol=1e-12)
+
+
+def test_a_delay_of_several_steps_is_as_late():
+    _, u, (y,) = run({"D": (block("delay", period=0.01, steps=5, initial=9.0), [[(U, 1.0)]])})
+    np.testing.assert_allclose(y[1:], [*[9.0] * 5, *u[:195]], atol=1e-12)
+
+
+def test_a_net_whose_blocks_read_each_other_often_is_not_written_out():
+    """Each block doubles what it reads: 2 to the power of 30 terms as one expression."""
+    blocks = {f"B{k}": WiredBlock(block("product", of=["u", "u"]), [[(FIRST + k - 1, 1.0)]] * 2) for k in range(1, 31)}
+    net = signal_net({"B0": WiredBlock(block("sum"), [[(ONE, 1.0)]]), **blocks}, 1)
+    assert isinstance(net, SignalNet)
+
+
+@pytest.mark.parametrize("filtering", [3.0, 40.0])
+def test_a_pid_is_a_sum_of_its_parts(filtering):
+    given = block("pid", p=2, i=3, d=0.5, filter=filtering, integration_initial=0.2, of=["u"])
+    numerator = [2 + 0.5 * filtering, 2 * filtering + 3, 3 * filtering]
+    dense = np.linspace(0, 2, 20001)
+    _, wanted, _ = signal.lsim((numerator, [1, filtering, 0]), np.sin(3 * dense + 0.3), dense)
+    _, _, (y,) = run({"C": (given, [[(U, 1.0)]])})
+    np.testing.assert_allclose(y, wanted[::100] + 0.2, atol=2e-5)
+
+
+def test_a_pid_of_three_errors_acts_on_each():
+    given = block("pid", p=2, i=3, d=0.5, filter=40.0, of=["a", "b", "c"])
+    _, _, (y, own) = run({
+        "C": (given, [[(U, 0.5)], [(U, 1.0)], [(TIME, -1.0)]]),
+        "S": (block("state_space", A=[[0, 0], [0, -40]], B=[[0, 3, 0], [0, 0, 1]], C=[[1, -0.5 * 1600]], D=[[2, 0, 20]],
+                    of=["a", "b", "c"]), [[(U, 0.5)], [(U, 1.0)], [(TIME, -1.0)]]),
+    })  # fmt: skip
+    np.testing.assert_allclose(y, own, atol=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["none", "clamping", "back_calculation"])
+def test_a_pid_stops_integrating_at_its_bounds(mode):
+    """Against the controller's own equation in steps of 10 µs."""
+    given = block("pid", p=1, i=8, lower=-1.0, upper=0.6, anti_windup=mode, back_calculation=5.0)
+    _, _, (y,) = run({"C": (given, [[(U, 1.0)]])})
+    integral, wanted = 0.0, []
+    for error in np.sin(3 * np.arange(0, 2.00001, 1e-5) + 0.3):
+        free = error + integral
+        wanted.append(min(max(free, -1.0), 0.6))
+        rate = 8 * error
+        if mode == "clamping" and (free - wanted[-1]) * rate > 0:
+            rate = 0.0
+        integral += 1e-5 * (rate - (5.0 * (free - wanted[-1]) if mode == "back_calculation" else 0.0))
+    np.testing.assert_allclose(y, wanted[::1000], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("weight", "upper", "lower"), [(0, [0, 1], [1, -1]), (1, [1, 0], [1, -1]), (0.5, [1, 1], [2, -2])]
+)
+def test_a_sampled_pid_integrates_by_its_method(weight, upper, lower):
+    """1/s is T/(z-1), T z/(z-1) or T/2 (z+1)/(z-1), in the integral and in the filter of the derivative alike."""
+    given = block(
+        "pid", p=0.5, i=2, d=0.1, filter=20.0, period=0.01, integration_weight=weight, filtering_weight=weight
+    )
+    _, u, (y,) = run({"C": (given, [[(U, 1.0)]])})
+    upper, lower = 0.01 * np.array(upper, dtype=float), np.array(lower, dtype=float)
+    integral = signal.lfilter(upper, lower, u)
+    derivative = signal.lfilter(20 * lower, lower + 20 * upper, u)
+    np.testing.assert_allclose(y[1:], (0.5 * u + 2 * integral + 0.1 * derivative)[:-1], atol=1e-9)
 
 
 def test_sums_take_the_time_and_constants():

@@ -2,12 +2,15 @@
 
 import sys
 import traceback
-from pathlib import Path
+from collections.abc import Callable, Mapping
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import SimrobError
+from simrob_drake.learning.environment import StationEnvironment
 from simrob_drake.programs.program import Program
+from simrob_drake.tuning.proof import Proof
+from simrob_drake.tuning.study import Study
 from tests.fuzz.cases import Case
 
 ALLOWED = ("done", "refused", "diverged")
@@ -17,14 +20,30 @@ TRACEBACK = 98
 """Exit code of a case that raised what no user should see."""
 
 
+def _task(file: str) -> None:
+    environment = StationEnvironment(file)
+    environment.reset(seed=1)
+    environment.step(environment.action_space.sample())
+
+
+_LOADERS: Mapping[str, Callable[[str], object]] = {
+    "program": Program.load,
+    "study": Study.read,
+    "proof": lambda folder: Proof.of(folder, 1).cases(),
+    "task": _task,
+}
+"""What reads files that no command reads, or none without minutes of work."""
+
+
 def run(case: Case) -> int:
     """Run a case in the working folder, and return its exit code."""
+    name, *rest = case.arguments
     try:
-        if case.arguments[0] != "program":
+        if name not in _LOADERS:
             return run_command(case.arguments)
-        Program.load(Path(case.arguments[1]))
+        _LOADERS[name](rest[0])
         return ExitCode.DONE
-    except SimrobError as problem:  # of a program of legs
+    except SimrobError as problem:  # of what is loaded in Python alone
         print(f"simrob: {problem}", file=sys.stderr)
         return ExitCode.BAD_INPUT
     except BaseException:  # Drake's SystemExit, too

@@ -120,6 +120,9 @@ def exported(mesh: trimesh.Trimesh, kind: str) -> bytes:
     return content.encode() if isinstance(content, str) else bytes(content)
 
 
+HAND = exported(trimesh.creation.box((0.1, 0.2, 0.16)), "glb")
+
+
 def binary_stl(triangles: np.ndarray) -> bytes:
     """Return an STL of triangles (n, 3, 3), good ones or not."""
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
@@ -186,7 +189,7 @@ class Package:
             "meshes/upper.dae": DAE.encode(),
             "meshes/lower.obj": OBJ.encode(),
             "meshes/lower.mtl": MTL.encode(),
-            "meshes/hand.glb": exported(trimesh.creation.box((0.1, 0.2, 0.16)), "glb"),
+            "meshes/hand.glb": HAND,
             "../plate_pkg/package.xml": b"<package><name>plate_support</name></package>",
             "../plate_pkg/plate.stl": FOOT,
             "../../secret.stl": FOOT,
@@ -467,7 +470,11 @@ SHAPES = [
     Defect("negative radius", swap('<sphere radius="0.05"/>', '<sphere radius="-0.05"/>'), "dropped: not positive"),
     Defect("cylinder of length nan", swap('length="0.06"', 'length="nan"'), "dropped: <cylinder> has no length"),
     Defect("unknown shape", swap(UPPER_BOX, "<cone/>"), "dropped: <cone> in <geometry>: 1 ×"),
-    Defect("two shapes", swap(UPPER_BOX, f'{UPPER_BOX}<sphere radius="1"/>'), "dropped: a second shape, <sphere>"),
+    Defect(
+        "two shapes",
+        swap(UPPER_BOX, f'{UPPER_BOX}<sphere radius="1"/>'),
+        "dropped: <sphere>: a <geometry> holds one shape",
+    ),
     Defect("no geometry", swap(f"<geometry>{UPPER_BOX}</geometry>", ""), "dropped: has no <geometry>"),
     Defect("place of two numbers", swap('<origin xyz="0 0 0.2"/>', '<origin xyz="0 0.2"/>'), 'defaulted: xyz="0 0.2"'),
 ]
@@ -547,8 +554,8 @@ JOINTS = [
         "repaired: joint 'float': floats below 'odom', which is left out",
     ),
     Defect("nothing moves", fixed_all, "error: has no joint that moves"),
-    Defect("mimic", add(FINGER.format('<axis xyz="1 0 0"/><mimic joint="elbow"/>')), "dropped: mimics 'elbow'"),
-    Defect("mimic of nothing", swap(ELBOW_LIMIT, f"{ELBOW_LIMIT}<mimic/>"), "dropped: joint 'elbow': mimics ''"),
+    Defect("mimic", add(FINGER.format('<axis xyz="1 0 0"/><mimic joint="elbow"/>')), "lost: mimics 'elbow'"),
+    Defect("mimic of nothing", swap(ELBOW_LIMIT, f"{ELBOW_LIMIT}<mimic/>"), "lost: joint 'elbow': mimics ''"),
     Defect("no axis", swap('<axis xyz="0 0.6 0.8"/>', ""), "defaulted: joint 'elbow': has no axis; 1 0 0"),
     Defect("axis zero", swap("0 0.6 0.8", "0 0 0"), "error: joint 'elbow' <axis>: xyz=\"0 0 0\" is no direction"),
     Defect("long axis", swap("0 0.6 0.8", "0 3 4"), "repaired: joint 'elbow' <axis>: xyz=\"0 3 4\" is 5 long"),
@@ -572,7 +579,7 @@ JOINTS = [
     Defect(
         "velocity negative", swap('velocity="4"', 'velocity="-4"'), "defaulted: joints 'elbow' <limit>: no velocity"
     ),
-    Defect("friction", swap('damping="0.1"', 'damping="0.1" friction="0.3"'), "dropped: friction 0.3, seldom measured"),
+    Defect("friction", swap('damping="0.1"', 'damping="0.1" friction="0.3"'), "lost: friction 0.3, seldom measured"),
     Defect("damping negative", swap('damping="0.1"', 'damping="-0.1"'), "repaired: damping -0.1 is negative; 0"),
     Defect("numbers with units", swap('xyz="0 0 0.4"', 'xyz="0 0 0.4m"'), 'repaired: written as "0 0 0.4"'),
     Defect("numbers with commas", swap('rpy="0 0 0.1"', 'rpy="0,0,0.1"'), 'repaired: written as "0 0 0.1"'),
@@ -592,18 +599,19 @@ DRIVES = [
 ]
 
 INERTIAS = [
-    Defect("no inertia", swap(UPPER_INERTIAL, ""), "refused: link 'upper': has no usable inertia"),
+    Defect("no inertia", swap(UPPER_INERTIAL, ""), "open: link 'upper': has no usable inertia"),
     Defect("no inertia, estimated", swap(UPPER_INERTIAL, ""), "defaulted: estimated: 2.56 kg", options=ESTIMATE),
-    Defect("mass zero", swap('value="2.5"', 'value="0"'), "refused: link 'upper': has no usable inertia"),
+    Defect("mass zero", swap('value="2.5"', 'value="0"'), "open: link 'upper': has no usable inertia"),
     Defect("mass negative", swap('value="2.5"', 'value="-1"'), "dropped: mass -1 kg is negative; left out"),
     Defect("mass negative, estimated", swap('value="2.5"', 'value="-1"'), "defaulted: mass -1", options=ESTIMATE),
     Defect("mass missing", swap('<mass value="2.5"/>', ""), "dropped: has moments of inertia but no mass; left out"),
     Defect("mass is nan", swap('value="2.5"', 'value="nan"'), 'dropped: value="nan" is not a finite number'),
+    Defect("mass of a star", swap('value="2.5"', 'value="2e29"'), "error: robot.yaml servo.kp"),
     Defect("mass in tonnes", swap('value="2.5"', 'value="2500000"'), "read: link 'upper' <inertial>: mass 2.5e+06 kg"),
     Defect(
         "moments zero on the axis", swap(HAND_INERTIAL, HAND_POINT), "dropped: has a mass but no moments of inertia"
     ),
-    Defect("moments zero, refused", swap(HAND_INERTIAL, HAND_POINT), "refused: link 'hand': has no usable inertia"),
+    Defect("moments zero, refused", swap(HAND_INERTIAL, HAND_POINT), "open: link 'hand': has no usable inertia"),
     Defect("moments zero, estimated", swap(HAND_INERTIAL, HAND_POINT), "defaulted: link 'hand'", options=ESTIMATE),
     Defect("moments missing", upper_inertia("", "", ""), "dropped: has a mass but no moments of inertia; left out"),
     Defect("moments negative", upper_inertia(-0.1, 0.1, 0.1), "dropped: no body has the principal moments"),
@@ -613,7 +621,7 @@ INERTIAS = [
     Defect("triangle, estimated", upper_inertia(0.01, 0.01, 0.5), "defaulted: scaled to its mass", options=ESTIMATE),
     Defect("moments in g mm²", upper_inertia(3e7, 3e7, 3e6), "read: times those of a solid body"),
     Defect("centre in mm", swap(UPPER_INERTIAL, UPPER_INERTIAL.replace("0 0 0.2", "0 0 200")), "read: in mm?"),
-    Defect("legs without inertias", bare, "refused: link 'left_shin': has no usable inertia", LEGS),
+    Defect("legs without inertias", bare, "open: link 'left_shin': has no usable inertia", LEGS),
     Defect("legs, estimated", bare, "defaulted: link 'left_shin': has no inertia; estimated: 0.32 kg", LEGS, ESTIMATE),
     Defect("legs on the world", on_world, "read: fixed base: its root link is the world", LEGS),
     Defect(
@@ -631,11 +639,13 @@ FILES = [
         "byte order mark", content(lambda text: b"\xef\xbb\xbf" + text.encode()), "repaired: byte order mark (UTF-8)"
     ),
     Defect("Latin-1", content(lambda text: text.replace("tcp", "pié").encode("latin-1")), "repaired: is not utf-8"),
-    Defect("late declaration", content(lambda text: b"\n" + text.encode()), "repaired: blanks before <?xml"),
+    Defect(
+        "late declaration", content(lambda text: b"\n" + text.encode()), "repaired: <?xml ...?> is not at the beginning"
+    ),
     Defect("entities", content(lambda text: text.replace("<robot", f"{BOMB}<robot", 1).encode()), "error: entities"),
     Defect("deep", content(lambda text: b"<robot>" + b"<link>" * 9999), "error: nests elements more than 60 deep"),
-    Defect("SDF", content(lambda text: b"<sdf version='1.9'><model name='m'/></sdf>"), "error: <sdf>: this is an SDF"),
-    Defect("MJCF", content(lambda text: b"<mujoco/>"), "error: <mujoco>: this is an MJCF file"),
+    Defect("SDF", content(lambda text: b"<sdf version='1.9'><model name='m'/></sdf>"), "error: has no link"),
+    Defect("MJCF", content(lambda text: b"<mujoco/>"), "error: has no joint that moves"),
     Defect("mesh", content(lambda text: DAE.encode()), "error: <COLLADA>: this is a COLLADA mesh"),
     Defect("robot of nothing", content(lambda text: b"<robot name='r'/>"), "error: arm.urdf: has no link"),
     Defect("robot of one link", content(lambda text: b"<robot><link name='l'/></robot>"), "error: no joint that moves"),

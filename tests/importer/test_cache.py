@@ -9,7 +9,7 @@ import pytest
 from simrob_drake.errors import InvalidModel
 from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.importer import importing
-from simrob_drake.importer.cache import import_summary, robot_from_file
+from simrob_drake.importer.importing import import_summary, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.paths import models_root
 from simrob_drake.simulation import simulate
@@ -76,7 +76,7 @@ def test_any_change_imports_anew(published_irb120, cache, change):
 def test_a_correction_of_the_importer_imports_anew(published_irb120, cache, tmp_path, monkeypatch):
     robot_from_file(published_irb120)
     (tmp_path / "code").mkdir()
-    monkeypatch.setattr("simrob_drake.importer.cache._CODE", [tmp_path / "code"])
+    monkeypatch.setattr("simrob_drake.importer.importing._CODE", [tmp_path / "code"])
     robot_from_file(published_irb120)
     (tmp_path / "code" / "gains.py").write_text("_FREQUENCY = 31.0")
     robot_from_file(published_irb120)

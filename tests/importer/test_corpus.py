@@ -11,12 +11,11 @@ from broken_robots import ARM, DEFECTS, LEGS, Absent, Defect, Package, Swap
 
 from simrob_drake.errors import InvalidModel, OutputError
 from simrob_drake.importer.importing import ImportedRobot, import_robot
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.probe import probe
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.parse import lone_robot
 
-PAIRS = 150
+PAIRS, FEW = 150, 30
 LONGEST = 400
 """Of a refusal, without the path of the file."""
 
@@ -123,7 +122,13 @@ def pairs() -> list[tuple[Defect, Defect]]:
     return random.Random(0).sample(together, PAIRS)
 
 
-@pytest.mark.parametrize("pair", pairs(), ids=lambda pair: f"{pair[0].name} + {pair[1].name}")
+@pytest.mark.parametrize(
+    "pair",
+    [
+        pytest.param(pair, id=f"{pair[0].name} + {pair[1].name}", marks=[pytest.mark.long] if number >= FEW else [])
+        for number, pair in enumerate(pairs())
+    ],
+)
 def test_two_defects_are_mended_or_refused(tmp_path, pair):
     package = applied(pair)
     assert package is not None

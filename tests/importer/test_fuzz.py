@@ -16,7 +16,7 @@ from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 
-FILES = 400
+FILES = 200
 """Of each kind."""
 
 SEED = """<robot name="seed">
@@ -75,6 +75,7 @@ def folder(tmp_path_factory) -> Path:
 def tried(robot: ET.Element, folder: Path, options: ImportOptions) -> None:
     """Import a robot in this very process: Drake builds what comes out, or one line says why nothing does."""
     source, out = folder / "seed" / "robot.urdf", folder / "out"
+    shutil.rmtree(out, ignore_errors=True)  # of a case that failed
     source.parent.mkdir(exist_ok=True)
     (source.parent / "wedge.obj").write_text(WEDGE)
     source.write_bytes(ET.tostring(robot, encoding="utf-8"))
@@ -109,6 +110,7 @@ def numeric_places(robot: ET.Element) -> list[tuple[ET.Element, str]]:
     return [(element, key) for element in robot.iter() for key in element.attrib if key in NUMERIC]
 
 
+@pytest.mark.long
 @everywhere
 @given(options=options, changes=st.lists(st.tuples(st.integers(0, 999), numbers), min_size=1, max_size=4))
 def test_any_figures(folder, options, changes):
@@ -163,6 +165,7 @@ def damage(robot: ET.Element, kind: str, dice: random.Random) -> None:
 harms = st.sampled_from(["delete", "duplicate", "move", "rename", "forget", "swap", "exchange"])
 
 
+@pytest.mark.long
 @everywhere
 @given(options=options, kinds=st.lists(harms, min_size=1, max_size=4), dice=st.integers(0, 2**32))
 def test_any_structure(folder, options, kinds, dice):

@@ -8,8 +8,7 @@ import pytest
 from repair_stages import joint, repair
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.robots import urdf_check
 from simrob_drake.robots.urdf_check import check_urdf
 

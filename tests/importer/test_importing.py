@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidModel, OutputError
-from simrob_drake.importer.importing import examine_robot, import_robot
+from simrob_drake.importer.importing import default_folder, examine_robot, import_robot
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.parse import LoneRobot, lone_robot
@@ -96,6 +96,17 @@ def test_an_output_within_the_source_is_refused(published_irb120, place):
     with pytest.raises(OutputError, match="within the source"):
         import_robot(published_irb120, package / place)
     assert files_below(package) == before
+
+
+def test_an_import_goes_here_or_beside_a_source_in_which_one_is(published_irb120, tmp_path, monkeypatch):
+    package, folder = published_irb120.parent.parent, f"{published_irb120.stem}_imported"
+    monkeypatch.chdir(tmp_path)
+    assert default_folder(published_irb120) == Path(folder)
+    monkeypatch.chdir(published_irb120.parent)
+    beside = default_folder(Path(published_irb120.name))
+    assert beside == package.parent / folder
+    import_robot(published_irb120.name, beside)
+    assert [file.suffix for file in beside.glob("*.urdf")] == [".urdf"]
 
 
 def test_only_an_import_is_replaced_and_only_by_force(imported, published_irb120, tmp_path):

@@ -11,7 +11,8 @@ from trimesh.visual.material import PBRMaterial
 
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary
-from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
+from simrob_drake.importer.meshes.places import MeshPlaces
+from simrob_drake.importer.packages import OutsideBorder
 
 KINDS = ["stl", "stl_ascii", "obj", "ply", "ply_ascii", "off", "dae", "glb", "gltf"]
 
@@ -51,7 +52,7 @@ def damaged(data: bytes, chance: random.Random) -> bytes:
 def outcome(path: Path) -> Mesh | str:
     try:
         return MeshLibrary(MeshPlaces(path.parent / "arm.urdf")).load(path.name, (1.0, 1.0, 1.0))
-    except (UnreadableMesh, MeshOutside) as problem:
+    except (UnreadableMesh, OutsideBorder) as problem:
         return str(problem)
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from simrob_drake.importer.meshes.places import MeshMissing, MeshOutside, MeshPlaces, mesh_files
+from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces, mesh_files
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import package_root
+from simrob_drake.importer.packages import OutsideBorder, package_root
 
 MANIFEST = "<package><name>{}</name></package>"
 
@@ -134,7 +134,7 @@ def test_files_outside_are_refused_with_the_way_to_allow_them(robot: Path, tmp_p
         "..\\..\\..\\..\\elsewhere\\secret.stl",
         "%2e%2e/%2e%2e/%2e%2e/%2e%2e/elsewhere/secret.stl",
     ):
-        with pytest.raises(MeshOutside) as problem:
+        with pytest.raises(OutsideBorder) as problem:
             MeshPlaces(robot).find(uri)
         assert "lies outside of the allowed folders" in str(problem.value)
         assert f"--mesh-path {outside.parent}" in str(problem.value)
@@ -168,12 +168,48 @@ def test_the_top_folders_of_a_system_are_no_packages() -> None:
         MeshPlaces(Path("/etc/robot/urdf/arm.urdf")).find("package://etc/hostname")
 
 
-def test_ros_variables_are_not_read(robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    put(tmp_path / "ros" / "share" / "legs" / "leg.stl")
-    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
-        monkeypatch.setenv(variable, str(tmp_path / "ros" / "share"))
+@pytest.mark.parametrize(
+    ("variable", "place"),
+    [
+        ("ROS_PACKAGE_PATH", "src/stack/legs"),
+        ("AMENT_PREFIX_PATH", "share/legs"),
+        ("GZ_SIM_RESOURCE_PATH", "models/legs"),
+        ("ROBOT_DESCRIPTIONS_CACHE", "repository/legs"),
+    ],
+)
+def test_packages_are_found_where_ros_and_robot_descriptions_keep_them(
+    robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str, place: str
+) -> None:
+    mesh = put(tmp_path / "ros" / place / "leg.stl")
+    put(mesh.parent / "package.xml", MANIFEST.format("legs"))
+    secret = put(tmp_path / "ros" / "secret.stl")
     with pytest.raises(MeshMissing):
         MeshPlaces(robot).find("package://legs/leg.stl")
+    monkeypatch.setenv(variable, str(tmp_path / "ros"))
+    places = MeshPlaces(robot)
+    assert places.find("package://legs/leg.stl").path == mesh
+    with pytest.raises(OutsideBorder):  # what a package is found in is not its part
+        places.find(str(secret))
+
+
+def test_a_repository_is_one_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one folder an arm, of its sibling a hand, both in a third: none has a manifest."""
+    source = put(tmp_path / "work" / "repository" / "robots" / "both" / "both.urdf")
+    hand = put(tmp_path / "work" / "repository" / "robots" / "hands" / "palm.stl")
+    beside = put(tmp_path / "work" / "other" / "x.stl")
+    with pytest.raises(OutsideBorder):
+        MeshPlaces(source).find("../hands/palm.stl")
+    (tmp_path / "work" / "repository" / ".git").mkdir()
+    assert package_root(source) == tmp_path / "work" / "repository"
+    places = MeshPlaces(source)
+    assert places.find("../hands/palm.stl").path == places.find("package://hands/palm.stl").path == hand
+    with pytest.raises(OutsideBorder):
+        places.find(str(beside))
+    put(source.parent / "package.xml", MANIFEST.format("both"))
+    assert package_root(source) == source.parent
+    monkeypatch.setattr(Path, "home", lambda: tmp_path / "work" / "repository")
+    (source.parent / "package.xml").unlink()
+    assert package_root(source) == source.parent  # a home with a repository for its dotfiles
 
 
 def test_packages_and_files_are_found_below_a_mesh_path(robot: Path, tmp_path: Path) -> None:
@@ -221,5 +257,5 @@ def test_what_the_name_of_a_package_leads_to_its_path_does_too(robot: Path) -> N
     mesh = put(other / "base.stl")
     assert MeshPlaces(robot).find(f"file://{mesh}").path == mesh  # as a xacro writes `$(find other)/base.stl`
     (other / "package.xml").unlink()
-    with pytest.raises(MeshOutside):
+    with pytest.raises(OutsideBorder):
         MeshPlaces(robot).find(f"file://{mesh}")

@@ -14,7 +14,8 @@ from trimesh.visual.material import PBRMaterial
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary
 from simrob_drake.importer.meshes.parts import points_of
-from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
+from simrob_drake.importer.meshes.places import MeshPlaces
+from simrob_drake.importer.packages import OutsideBorder
 
 RED, BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
 BOUNDS = np.array([[0.25, 0.4, 0.5], [0.35, 0.6, 0.9]])  # of the box, in metres
@@ -241,7 +242,7 @@ def test_buffers_and_textures_outside_of_the_package_are_refused(tmp_path: Path)
         ("b.obj", "mtllib linked.mtl\n"),
         ("c.obj", "mtllib x.mtl\n"),
     ):
-        with pytest.raises(MeshOutside, match=f"--mesh-path {tmp_path}"):
+        with pytest.raises(OutsideBorder, match=f"--mesh-path {tmp_path}"):
             read(write(folder / name, data))
 
 

@@ -6,7 +6,7 @@ from pydrake.multibody.tree import SpatialInertia
 from repair_stages import ARM, END, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.repairs.inertia_figures import mended
+from simrob_drake.importer.repairs.inertial import mended
 from simrob_drake.robots.bodies import links_without_inertia
 
 ESTIMATE = ImportOptions(estimate_inertia=True)
@@ -48,13 +48,13 @@ def test_an_impossible_inertia_is_left_out_or_estimated(tmp_path, good, bad, wor
     text = with_defect(good, bad)
     left_out = Repaired(text, tmp_path)
     assert any(words in line and line.endswith("left out") for line in left_out.told("dropped"))
-    assert left_out.told("refused") == [
+    assert left_out.told("open") == [
         "link 'upper': has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia"
     ]
     assert links_without_inertia(left_out.robot) == ["upper"]
     estimated = Repaired(text, tmp_path, ESTIMATE)
     assert any(words in line and "estimated: " in line for line in estimated.told("defaulted"))
-    assert estimated.told("refused") == []
+    assert estimated.told("open") == []
     found, centre, about = body(estimated)
     assert found == pytest.approx(mass)  # the link's own where it is possible, of its shapes at 1000 kg/m³ else
     assert centre == pytest.approx([0, 0, 0.1])
@@ -63,7 +63,7 @@ def test_an_impossible_inertia_is_left_out_or_estimated(tmp_path, good, bad, wor
 
 def test_a_missing_inertia_is_refused_or_estimated(tmp_path):
     text = with_defect(INERTIAL, "")
-    assert len(Repaired(text, tmp_path).told("refused")) == 1
+    assert len(Repaired(text, tmp_path).told("open")) == 1
     done = Repaired(text, tmp_path, ImportOptions(estimate_inertia=True, density=100))
     assert body(done)[0] == pytest.approx(0.3)
     assert "link 'upper': has no inertia; estimated: 0.3 kg" in done.told("defaulted")[0]
@@ -72,7 +72,7 @@ def test_a_missing_inertia_is_refused_or_estimated(tmp_path):
 def test_a_link_that_only_names_a_frame_needs_no_inertia(tmp_path):
     for nothing in ("", "<inertial/>", '<inertial><mass value="0"/></inertial>'):
         done = Repaired(with_defect(TIP, f'<link name="tip">{nothing}</link>'), tmp_path, ESTIMATE)
-        assert done.told("refused") == done.told("defaulted") == []
+        assert done.told("open") == done.told("defaulted") == []
         assert body(done)[0] == 1.0
 
 
@@ -158,9 +158,9 @@ def test_the_shapes_of_rigidly_joined_links_make_one_body(tmp_path):
 
 def test_the_root_of_a_floating_robot_needs_an_inertia_too(tmp_path):
     floating = ImportOptions(base="floating")
-    assert [line.split(":")[0] for line in Repaired(ARM, tmp_path, floating).told("refused")] == ["link 'base'"]
-    assert Repaired(ARM, tmp_path, floating.model_copy(update={"estimate_inertia": True})).told("refused") == []
-    assert Repaired(ARM, tmp_path).told("refused") == []
+    assert [line.split(":")[0] for line in Repaired(ARM, tmp_path, floating).told("open")] == ["link 'base'"]
+    assert Repaired(ARM, tmp_path, floating.model_copy(update={"estimate_inertia": True})).told("open") == []
+    assert Repaired(ARM, tmp_path).told("open") == []
 
 
 @pytest.mark.parametrize(

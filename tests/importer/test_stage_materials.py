@@ -5,8 +5,7 @@ from pydrake.geometry import Rgba, Role, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from repair_stages import ARM, Repaired, with_defect
 
-from simrob_drake.importer.cache import robot_from_file
-from simrob_drake.importer.importing import import_robot
+from simrob_drake.importer.importing import import_robot, robot_from_file
 from simrob_drake.importer.repairs.materials import DEFAULT_RGBA
 from simrob_drake.robots.parse import add_urdf
 

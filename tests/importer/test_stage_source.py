@@ -7,9 +7,9 @@ import pytest
 from repair_stages import ARM
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.importer.reading import source
+from simrob_drake.importer.options import ImportReport
+from simrob_drake.importer.reading import xml_file
 from simrob_drake.importer.reading.source import read_source
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, movable_joints
 
 BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"><link name="l"/></robot>'
@@ -55,8 +55,8 @@ def test_a_clean_file_is_read_without_a_word(tmp_path):
         pytest.param(BOMB.encode(), "declares a document type or entities", id="entity bomb"),
         pytest.param(b'<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>', "document type", id="doctype"),
         pytest.param(b"<a>" * 500 + b"</a>" * 500, "more than 60 deep", id="deep"),
-        pytest.param(b'<sdf version="1.9"/>', "<sdf>: this is an SDF file", id="sdf"),
-        pytest.param(b"<mujoco/>", "<mujoco>: this is an MJCF file", id="mjcf"),
+        pytest.param(b'<sdf version="1.9"/>', "holds no model", id="sdf"),
+        pytest.param(b"<mujocoinclude/>", "<mujocoinclude>: this is a part of an MJCF file", id="mjcf"),
         pytest.param(b"<COLLADA/>", "<COLLADA>: this is a COLLADA mesh", id="dae"),
         pytest.param(b"<cube/>", "<cube>: the outermost element of a URDF is <robot>", id="else"),
         pytest.param(b"\xff\xfea", "cannot be read as UTF-16-LE text", id="half a character"),
@@ -78,7 +78,7 @@ def test_files_that_are_none_are_refused(tmp_path):
 
 
 def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(source, "LARGEST_URDF", 1_000_000)
+    monkeypatch.setattr(xml_file, "LARGEST_URDF", 1_000_000)
     path = tmp_path / "a.urdf"
     path.write_bytes(b"<robot>" + b" " * 1_000_001 + b"</robot>")
     assert "is larger than 1 MB" in refusal(path)
@@ -97,7 +97,12 @@ def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
         pytest.param(
             b'<?xml version="1.0" encoding="klingon"?>' + ARM.encode(), "is not klingon", id="unknown encoding"
         ),
-        pytest.param(b' \n<?xml version="1.0"?>' + ARM.encode(), "blanks before <?xml", id="late declaration"),
+        pytest.param(b' \n<?xml version="1.0"?>' + ARM.encode(), "<?xml ...?> is not at the", id="late declaration"),
+        pytest.param(
+            b'<!-- licence -->\n<?xml version="1.0" encoding="utf-8"?>' + ARM.encode(),
+            "<?xml ...?> is not at the beginning",
+            id="comment before it",
+        ),
         pytest.param(b"<!-- a -- b -->" + ARM.encode(), "1 comment(s) hold --", id="dashes in a comment"),
     ],
 )
@@ -114,6 +119,11 @@ def test_an_encoding_is_heeded(tmp_path):
     robot, report = read(tmp_path / "a.urdf", text.encode("latin-1"))
     assert robot.get("name") == "cañón"
     assert report.entries == []
+
+
+def test_an_encoding_after_a_comment_is_heeded(tmp_path):
+    text = '<!-- licence --><?xml version="1.0" encoding="iso-8859-1"?><robot name="cañón"/>'
+    assert read(tmp_path / "a.urdf", text.encode("latin-1"))[0].get("name") == "cañón"
 
 
 def test_undeclared_prefixes_are_no_error(tmp_path):

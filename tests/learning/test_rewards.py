@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from simrob_drake.learning.rewards import TERMS, Moment, rewards, turned_from
+from simrob_drake.learning.rewards import TERMS, RewardSample, rewards, turned_from
 
-NOW = Moment(
+NOW = RewardSample(
     place=np.array([1.0, -0.2, -0.05]),
     speed=np.array([0.4, 9.0, 9.0]),
     turned=RollPitchYaw(0.1, -0.2, 0.3).ToRotationMatrix(),
@@ -18,7 +18,7 @@ NOW = Moment(
     tool_speed=np.array([0.1, 0.0, 0.0]),
     goal=np.array([0.3, 0.3, 0.8]),
     push=np.array([10.0, 0.0, 5.0]),
-    wanted_speed=0.3,
+    desired_speed=0.3,
     yields=0.02,
     ended=True,
 )
@@ -49,7 +49,7 @@ def test_weights_count_by_the_time_but_the_end_counts_once():
 
 
 def test_a_robot_that_stands_higher_than_at_the_start_pays_nothing_for_it():
-    assert TERMS["height"](Moment(**{**vars(NOW), "place": np.array([0, 0, 0.1])})) == 0
+    assert TERMS["height"](RewardSample(**{**vars(NOW), "place": np.array([0, 0, 0.1])})) == 0
 
 
 def test_turns_are_seen_from_where_it_stood():

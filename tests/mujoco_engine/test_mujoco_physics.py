@@ -8,7 +8,8 @@ from scipy.special import ellipk
 
 from simrob_drake import load_station, simulate
 from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.mujoco.runner import MujocoRunner, Wanted
+from simrob_drake.errors import VerdictError
+from simrob_drake.mujoco.runner import MujocoRunner, RunRequest
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 
@@ -192,7 +193,7 @@ def walker() -> MujocoRunner:
 
 
 def test_many_runs_at_once_are_the_same_runs(walker: MujocoRunner) -> None:
-    wanted = [Wanted(pushes={"shove": {"start": 0.1, "force": [0, size, 0]}}) for size in (5.0, 20.0, 40.0)]
+    wanted = [RunRequest(pushes={"shove": {"start": 0.1, "force": [0, size, 0]}}) for size in (5.0, 20.0, 40.0)]
     together = walker.runs(wanted, duration=0.5, threads=2)
     alone = [walker.run(pushes=one.pushes, duration=0.5) for one in wanted]
     for one, other in zip(together, alone, strict=True):
@@ -235,6 +236,19 @@ def test_a_stiff_servo_at_its_limit_is_warned_of() -> None:
     """The humanoid's damping of 100 N·m·s/rad on light links, which MuJoCo treats explicitly at the limit of 3 N·m."""
     reference = {"kind": "move", "target_deg": {"left_knee": 60.0}, "duration": 0.3}
     runner = MujocoRunner(load_station("humanoid_dynamic", {"reference": reference, "duration": 0.3}))
-    (warning,) = runner.run().warnings
+    (warning,) = runner.run().solver_warnings
     assert "left_knee" in warning
-    assert not runner.run(reference=(np.array([0.0, 0.3]), np.zeros((2, 18)))).warnings
+    assert not runner.run(reference=(np.array([0.0, 0.3]), np.zeros((2, 18)))).solver_warnings
+
+
+def test_a_run_has_the_verdict_that_it_has_in_drake() -> None:
+    """The same criteria look at both: a box at rest is pressed in by m g / (4 k) = 49 µm at its corners."""
+    config = load_station("box_on_floor", {"duration": 0.5})
+    drake, mujoco = simulate(config, progress=False).verdict, MujocoRunner(config).run().verdict
+    for verdict in (drake, mujoco):
+        assert verdict["penetration"].worst.subject == "box and floor"
+        assert verdict["penetration"].worst.value == pytest.approx(2 * 9.80665 / 4e5, rel=0.5)
+        assert verdict.warnings == []
+    weak = {"servo.torque_limit": 2.0, "reference.duration": 0.1, "duration": 0.3}
+    with pytest.raises(VerdictError, match="off what was asked"):
+        MujocoRunner(load_station("irb120_dynamic", weak)).run(strict=True)

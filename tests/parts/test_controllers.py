@@ -190,3 +190,15 @@ def test_touchdown_drives_the_legs_of_its_feet_alone():
     robot = resolve(load_station("yobotics_terrain")).robots["robot"]
     loop = Touchdown(kind="touchdown", reads={"front_left_foot": "force.front_left"})
     assert loop.axes(robot) == ["front_left_hip_roll", "front_left_hip_pitch", "front_left_knee"]
+
+
+def test_an_objective_does_under_drakes_integrators_what_it_does_with_steps_of_the_plant():
+    """Sampled expressions refuse to be asked for derivatives, as these integrators do with every system."""
+    ends = []
+    for solver in ({"kind": "continuous", "scheme": "radau3"}, {"kind": "discrete", "time_step": 0.001}):
+        changes = {"controllers": {"lift": objective()}, "solver": solver, "duration": 0.5}
+        result = simulate(load_station("irb120_dynamic", changes), progress=False)
+        assert result.ending == "completed", result.message
+        ends.append(result["lift.offset.joint_2"][-1])
+    assert abs(ends[0]) > 0.01
+    assert ends[0] == pytest.approx(ends[1], rel=0.05)

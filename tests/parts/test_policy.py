@@ -124,6 +124,19 @@ def test_a_policy_of_the_wrong_size_is_refused_with_both_sizes(tmp_path):
         simulate(station(file), duration=0.1)
 
 
+def test_a_network_that_gives_no_number_is_told_as_what_it_is(tmp_path):
+    """From a moment on: at the start the clock's sine is 0, later times a weight of infinity it is."""
+    (first, one), (second, two) = layers()
+    second[0, 0] = np.inf
+    result = simulate(station(write_network(tmp_path / "net.onnx", [(first, one), (second, two)])), duration=0.1)
+    assert (result.ending, result.stopped_by) == ("completed", None)  # an infinite action is one, at its bound
+    second[0, 1] = -np.inf
+    one[:2], first[:2] = 1.0, 0.0
+    result = simulate(station(write_network(tmp_path / "net.onnx", [(first, one), (second, two)])), duration=0.1)
+    assert (result.ending, result.stopped_by) == ("failed", "controller.learnt")
+    assert result.message == "controller.learnt failed at 0 s: it has a network that gives nan as an action"
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [(None, "No such file"), (b"no network", "must be a network as ONNX"), (b"", "must be a network as ONNX")],

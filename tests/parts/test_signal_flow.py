@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import LeafSystem
 
 from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
@@ -80,7 +81,10 @@ def test_a_stop_ends_the_run():
          "must be 1 × 1, for 1 inputs"),
         ({"blocks": {"A": {"kind": "lookup", "points": [1, 0], "values": [1, 0], "of": "one"}}}, "points must rise"),
         ({"blocks": {name: {"kind": "delay", "period": period, "of": "one"}
-                     for name, period in (("A", 0.02), ("B", 0.03))}, "torque": {}}, "multiples of the shortest"),
+                     for name, period in (("A", 0.02), ("B", 0.020002))}, "torque": {}}, "multiples of a common step"),
+        ({"blocks": {"A": {"kind": "pid", "d": 1, "of": "time"}}, "torque": {}}, "blocks.A.filter .*cut-off"),
+        ({"blocks": {"A": {"kind": "pid", "of": ["time", "one"]}}, "torque": {}}, "1, or 3"),
+        ({"signals": ["Limits"]}, "block for controllers.law.signals"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told(changed, told):
@@ -92,4 +96,27 @@ def test_a_block_that_cannot_compute_fails_the_run():
     law = LAW | {"blocks": {"Root": {"kind": "function", "function": "sqrt", "of": {"one": 0.05, "time": -1}}}}
     result = simulate(arm(law | {"torque": {"joint_1": "Root"}}), duration=0.2, progress=False)
     assert result.ending == "diverged"
-    assert "the block Root cannot be computed of [-" in result.message
+    assert "sqrt" in result.message
+
+
+def test_an_open_input_is_driven_by_a_block_of_the_users_own():
+    """A PD of the user's own in the middle of a law moves the joint as the law's own block does."""
+    law = LAW | {"blocks": {**LAW["blocks"], "Brain": {"kind": "input"}}, "torque": {"joint_1": "Brain"}}
+    at_rest = simulate(arm(law, **LAWFUL), duration=0.1, progress=False)
+    assert abs(at_rest["q.joint_1"]).max() < 1e-3  # nothing drives it, and nothing pulls at it
+
+    class Brain(LeafSystem):
+        def __init__(self):
+            super().__init__()
+            self.read = self.DeclareVectorInputPort("law.Limit", 1)
+            held = self.DeclareDiscreteState(1)
+            self.DeclareStateOutputPort("law.Brain", held)
+            self.DeclarePeriodicDiscreteUpdateEvent(1e-3, 0.0, self.sample)
+
+        def sample(self, context, state):
+            state.set_value(self.read.Eval(context))
+
+    driven = simulate(arm(law, **LAWFUL), duration=0.6, blocks=[Brain()], progress=False)
+    direct = simulate(arm(LAW, **LAWFUL), duration=0.6, progress=False)
+    np.testing.assert_allclose(driven["q.joint_1"], direct["q.joint_1"], atol=0.02)  # late by a millisecond
+    assert np.ptp(direct["q.joint_1"]) > 0.4

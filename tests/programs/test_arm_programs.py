@@ -7,13 +7,15 @@ import pytest
 import yaml
 
 from simrob_drake import Arm, Program, Workcell, load_station
-from simrob_drake.cli.programs import look_at
+from simrob_drake.cli.programs import check_program
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.frames import as_transform, xyz_quaternion_from_transform
-from simrob_drake.programs.arm_moves import PLANNED
+from simrob_drake.programs.moves.together import MOTIONS
 from simrob_drake.programs.timing import How
 from simrob_drake.results.record.events import all_events
 from tests.programs.conftest import BARE, DOWN, HOME
+
+pytestmark = pytest.mark.usefixtures("no_plots")
 
 BOX = {"model": "box_on_corners", "parent": "robot", "pose": [0, 0, 0.15, 0, 0, 0]}
 FALLS = {
@@ -24,12 +26,6 @@ FALLS = {
     "floor": {"size": 2},
     "solver.max_step": 0.01,
 }
-
-
-@pytest.fixture(autouse=True)
-def _without_plots(monkeypatch):
-    """Plots have tests of their own, and take most of the time of saving."""
-    monkeypatch.setattr("simrob_drake.results.plots.files.save_plots", lambda *_: [])
 
 
 @pytest.fixture(scope="module")
@@ -213,7 +209,7 @@ class TestFiles:
         )
         np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-12)
         assert one.axes("q")[29, 4] != 0
-        assert Program.model_validate({"moves": [{"move_l": [0, 0, 1]}]}).moves[0].move_l.targets == (0, 0, 1)
+        assert Program.model_validate({"moves": [{"move_l": [0, 0, 1]}]}).moves[0].targets == (0, 0, 1)
 
     def test_two_arms_and_a_moved_piece(self, tmp_path):
         cell = Workcell("two_arms")
@@ -252,10 +248,9 @@ class TestFiles:
         with pytest.raises(InvalidParameter, match="recording is empty; it must be begun with record"):
             Arm("irb120_kinematic").save()
 
-    @pytest.mark.parametrize("kind", PLANNED.values())
+    @pytest.mark.parametrize("kind", MOTIONS)
     def test_a_file_can_say_how_a_move_is_done(self, kind):
-        (entry,) = kind.model_fields.values()
-        assert set(How.__annotations__) <= set(entry.annotation.model_fields)
+        assert set(How.__annotations__) <= set(kind.model_fields)
 
 
 MISTAKES = {
@@ -290,7 +285,7 @@ def test_what_cannot_be_done_is_named_before_anything_moves(kinematic, tmp_path,
 def test_the_look_ahead_ends_where_a_piece_comes_to_rest():
     cell = Workcell(load_station("irb120_dynamic", FALLS))
     moves = [{"wait": 0.1}, {"release": "box"}, {"move_abs_j": list(HOME)}, {"attach": "box"}, {"move_abs_j": [9] * 6}]
-    found = look_at(cell, Program.model_validate({"moves": moves}), "p.yaml")
+    found = check_program(Program.model_validate({"moves": moves}), cell.config, "p.yaml")
     assert "3 of 5 entries can be done, in 1.1 s; moves[3] depends on where a piece falls" in found.text
     assert cell.state is None
     with pytest.raises(InvalidParameter, match="without a move that takes time"):

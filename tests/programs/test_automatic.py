@@ -10,6 +10,8 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.programs.errors import JointLimitExceeded
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 WAVE = [
     {"left_shoulder_pitch": 60, "left_elbow": 40},
     {"right_shoulder_roll": 30, "neck_yaw": -30},

@@ -134,7 +134,7 @@ def test_a_saved_move_keeps_its_corners_of_speed(arm):
     times, *values = hermite_samples(plan.trajectory, 0.0, plan.duration, 200.0)
     again = hermite(times, *values)
     looks = np.linspace(0, plan.duration, 777)
-    pushes = [course.MakeDerivative(2).vector_values(looks) for course in (plan.trajectory, again)]
+    pushes = [reference.MakeDerivative(2).vector_values(looks) for reference in (plan.trajectory, again)]
     np.testing.assert_allclose(pushes[1], pushes[0], atol=1e-2 * np.abs(pushes[0]).max())
 
 

@@ -8,7 +8,13 @@ from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.legs import OutOfReach
-from simrob_drake.programs.moves import ActMove, AttachMove, JointMove, ReleaseMove, WalkMove
+from simrob_drake.programs.moves.act import ActMove
+from simrob_drake.programs.moves.attach import AttachMove
+from simrob_drake.programs.moves.joints import JointMove
+from simrob_drake.programs.moves.release import ReleaseMove
+from simrob_drake.programs.moves.walk import WalkMove
+
+pytestmark = pytest.mark.usefixtures("no_plots")
 
 ARM = {"HomDF": 40}
 TIP = {"target_deg": {"TobD": -80, "TobI": -80}, "duration": 3.0}  # over, by the ankles' turn
@@ -34,6 +40,7 @@ def snapshot(robot):
 
 
 class TestOnThePhysics:
+    @pytest.mark.long
     def test_a_program_with_all_kinds_does_again_what_was_done(self, carrier, tmp_path):
         """Arm up, two steps, take the parcel, arm higher, bow, let go: from the start, it all comes again."""
         carrier.add_move(ARM, 0.4)
@@ -103,7 +110,7 @@ class TestEditing:
         carrier.edit(1, {"act": {"name": "bow", "repeat": 2}})
         carrier.insert(3, {"target_deg": ARM, "duration": 0.2})
         carrier.edit(3, carrier.program.moves[2])
-        dumped = [move.model_dump(mode="json") for move in carrier.program.moves]
+        dumped = [move.entry() for move in carrier.program.moves]
         assert dumped == [
             {"walk": {"steps": 2, "gait": "march"}},
             {"act": {"name": "bow", "repeat": 2}},
@@ -120,7 +127,7 @@ class TestEditing:
         held.add_move(ARM, 0.1)
         before = snapshot(held)
         held.attach("parcel", pose=IN_HAND, store=True)
-        assert held.program.moves[-1] == AttachMove.model_validate({"attach": {"piece": "parcel", "pose": IN_HAND}})
+        assert held.program.moves[-1] == AttachMove(piece="parcel", pose=IN_HAND)
         held.undo()
         assert snapshot(held) == before
 
@@ -177,7 +184,7 @@ class TestTools:
         moved = held.cell.frame("parcel").GetAsMatrix4()
         assert np.linalg.norm(moved[:3, 3] - place[:3, 3]) > 0.05  # the foot has taken it along
         kept = {"piece": "parcel", "tool": "left_hand", "pose": IN_HAND}
-        assert held.program.moves[0].model_dump(mode="json") == {"attach": kept}
+        assert held.program.moves[0].entry() == {"attach": kept}
         held.simulate()
         np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), moved, atol=1e-9)
 
@@ -210,8 +217,8 @@ class TestErrors:
         [
             ({"walk": {"steps": 4, "gait": "trot"}}, UnknownName, "^move 1: there is no gait of humanoid 'trot'"),
             ({"walk": {"steps": 4, "amplitude": 30}}, OutOfReach, "^move 1: the leg of right_foot is out of reach"),
-            ({"walk": {"steps": -1}}, InvalidParameter, "^move 1: steps is -1; it must be at least 1"),
-            ({"walk": {"steps": 0}}, InvalidParameter, "^move 1: steps is 0; it must be at least 1"),
+            ({"walk": {"steps": -1}}, InvalidParameter, "^move 1: steps is -1; it must be a whole number, 1 to"),
+            ({"walk": {"steps": 0}}, InvalidParameter, "^move 1: steps is 0; it must be a whole number, 1 to"),
             (
                 {"walk": {"steps": 4, "amplitud": 2}},
                 UnknownName,

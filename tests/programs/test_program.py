@@ -6,9 +6,11 @@ import pytest
 from simrob_drake import Program
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError, UnknownName
 from simrob_drake.programs.errors import JointLimitExceeded
-from simrob_drake.programs.legged_stages import postures_of
-from simrob_drake.programs.moves import move_of
+from simrob_drake.programs.moves.joints import move_of
+from simrob_drake.programs.stages import postures_of
 from simrob_drake.robots.catalog import load_robot
+
+pytestmark = pytest.mark.usefixtures("no_plots")
 
 WAVE = Program(
     description="raise an arm, wave",

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from simrob_drake.paths import models_root
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.schemas import model_schemas
 from simrob_drake.robots.catalog import load_robot_file

@@ -10,8 +10,8 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, Change, Timeline
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.sections import validated
 from simrob_drake.simulation import Moment, Runner, Ticks
-from simrob_drake.yaml_files import validated
 
 MOVES: list[dict[str, Any]] = [{"target_deg": {"left_elbow": 30}, "duration": 0.5}, {"wait": 0.52}]
 PULLED = [[0.05, 0.0, 0.5], [0.06, 0.0, 0.5], [0.07, 0.01, 0.5]]

@@ -11,6 +11,8 @@ from simrob_drake import Arm, SimrobError, State, Workcell, load_station, simula
 from simrob_drake.frames import transform_from_pose
 from tests.programs.conftest import BARE, DOWN, HOME
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 
 def masses(cell):
     plant = cell.model.plant

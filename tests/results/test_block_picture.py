@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from pydrake.systems.controllers import PidController
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     Demultiplexer,
     MatrixGain,
@@ -21,6 +21,7 @@ from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram import picture as block_picture
 from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
+from simrob_drake.results.block_diagram.mermaid import mermaid_text
 from simrob_drake.results.block_diagram.picture import save_block_picture, station_dot, station_mermaid
 from simrob_drake.results.block_diagram.reading import read_blocks
 from simrob_drake.stations.closed import closed_station
@@ -47,6 +48,8 @@ VARIANTS = [
     ("two_irb120", {"servo.realization": "per_joint", "solver": {"kind": "discrete"}}),
     ("two_irb120", {"mode": "kinematic"}),
 ]
+
+Variant = tuple[StationConfig, Diagram, BlockGraph]
 
 
 def graph_of(config: StationConfig) -> tuple[BlockGraph, list]:
@@ -85,9 +88,17 @@ def test_the_committed_picture_is_the_present_one(name: str) -> None:
     assert file.with_suffix(".svg").is_file(), renew
 
 
-@pytest.mark.parametrize(("name", "changes"), VARIANTS)
-def test_every_system_that_is_no_plumbing_is_drawn(name: str, changes: dict | None) -> None:
-    graph, systems = graph_of(load_station(name, changes))
+@pytest.fixture(scope="module", params=VARIANTS, ids=lambda variant: f"{variant[0]}-{variant[1]}")
+def variant(request: pytest.FixtureRequest) -> Variant:
+    """A station, its diagram, and the picture that is read from it."""
+    config = load_station(*request.param)
+    closed = closed_station(resolve(config))
+    return config, closed.diagram, read_blocks(closed.diagram, closed.ports)
+
+
+def test_every_system_that_is_no_plumbing_is_drawn(variant: Variant) -> None:
+    _, diagram, graph = variant
+    systems = diagram.GetSystems()
     drawn = [system for block in graph.blocks.values() for system in block.systems]
     assert len(drawn) == len(set(drawn))
     missing = {system.get_name() for system in systems if not isinstance(system, PLUMBING)} - set(drawn)
@@ -97,24 +108,20 @@ def test_every_system_that_is_no_plumbing_is_drawn(name: str, changes: dict | No
     assert not [key for key, block in graph.blocks.items() if block.role == "own"]
 
 
-@pytest.mark.parametrize(("name", "changes"), VARIANTS)
-def test_texts_are_the_same_every_time_and_name_every_block(name: str, changes: dict | None) -> None:
-    config = load_station(name, changes)
-    graph, _ = graph_of(config)
-    dot, mermaid = station_dot(config), station_mermaid(config)
+def test_texts_are_the_same_every_time_and_name_every_block(variant: Variant) -> None:
+    config, _, graph = variant
+    dot, mermaid = dot_text(graph), mermaid_text(graph)
     assert dot == station_dot(config)
-    assert mermaid == station_mermaid(config)
     assert len(re.findall("tooltip=", dot)) == len(graph.blocks)
     for block in graph.blocks.values():
         assert block.label.replace("\n", "\\n") in dot
         assert block.label.replace("\n", "<br/>") in mermaid
 
 
-@pytest.mark.parametrize(("name", "changes"), VARIANTS)
-def test_every_arrow_of_the_picture_is_a_way_in_the_diagram(name: str, changes: dict | None) -> None:
-    config = load_station(name, changes)
-    closed = closed_station(resolve(config))
-    diagram, graph = closed.diagram, read_blocks(closed.diagram, closed.ports)
+def test_every_arrow_of_the_picture_is_a_way_in_the_diagram(
+    variant: Variant,
+) -> None:
+    _, diagram, graph = variant
     onward: dict[str, set[str]] = {}
     for (target, _), (source, _) in diagram.connection_map().items():
         onward.setdefault(source.get_name(), set()).add(target.get_name())
@@ -278,6 +285,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         save_block_picture(load_station("double_pendulum"), tmp_path / "missing" / "picture.dot")
 
 
+@pytest.mark.long
 @pytest.mark.graphviz
 def test_the_pictures_of_all_stations_are_drawn(tmp_path: Path) -> None:
     block_picture.main(tmp_path)

@@ -13,11 +13,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
 from simrob_drake.programs.gaits.biped import walk
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.animation.camera import side, walked_way
 from simrob_drake.results.animation.pictures import Studio, save_film_strip
 from simrob_drake.results.animation.recording import save_recording
-from simrob_drake.results.animation.scene import SPACING, Scene, floor_lines, with_floor_under
+from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 
@@ -79,7 +79,7 @@ def test_a_walking_robot_is_equally_large_in_all_frames(walked):
 def test_the_floor_has_lines_for_a_walk_only(walked):
     names = []
     for way in (None, walked_way(walked)(walked.times)):
-        scene = Scene(walked.config, way=way)
+        scene = ViewedStation(walked.config, way=way)
         inspector = scene.query().inspector()
         names.append({inspector.GetName(geometry) for geometry in inspector.GetAllGeometryIds()})
     lines = {name for name in names[1] - names[0] if "line_" in name}
@@ -139,10 +139,11 @@ def test_the_page_of_an_arm_stands_still(tmp_path):
     result = simulate(load_station("irb120_dynamic"), duration=0.1, progress=False)
     run = told(save_recording(result, tmp_path / "arm.html").read_text(encoding="utf-8"))
     assert run["way"] == []
-    corners = Scene(result.config).extents_of_run(result)
+    corners = ViewedStation(result.config).extents_of_run(result)
     assert np.linalg.norm(corners - run["middle"], axis=1).max() <= run["radius"] + 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs the browser chromium")
 def test_a_browser_keeps_the_walking_robot_in_the_middle_until_it_is_told_not_to(walked, tmp_path):
     page = save_recording(walked, tmp_path / "walk.html").read_text(encoding="utf-8")

@@ -12,6 +12,8 @@ from simrob_drake.blocks.references import sequence
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, UnknownName
 from simrob_drake.results.record.walks import locomotion
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 
 @pytest.fixture(scope="module")
 def result():
@@ -102,7 +104,9 @@ def test_a_run_that_began_in_another_ones_end_can_be_run_again(result, tmp_path)
     np.testing.assert_array_equal(Workcell(folder / "station.yaml").position("robot"), result.axes("q")[-1])
 
 
-@pytest.mark.parametrize(("content", "what"), [(None, r"cannot be read \(No such .*\)"), ("{}", "holds no state")])
+@pytest.mark.parametrize(
+    ("content", "what"), [(None, r"cannot be read \(No such .*\)"), ("{}", "positions: this key is needed")]
+)
 def test_a_start_that_is_none_is_refused(tmp_path, content, what):
     if content is not None:
         (tmp_path / "start.json").write_text(content)

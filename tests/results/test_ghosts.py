@@ -10,7 +10,7 @@ from simrob_drake import load_station
 from simrob_drake.programs.model import StationModel
 from simrob_drake.results.animation.drawn import commands, draw_geometry
 from simrob_drake.results.animation.ghosts import ghosts
-from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.animation.scene import ViewedStation
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def config():
 
 def test_links_that_move_stand_where_kinematics_has_them(config):
     posture = np.deg2rad([30, -20, 10, 40, 50, -60])
-    said = ghosts(Scene(config), "left", [np.zeros(6), posture], [True, False], 1)
+    said = ghosts(ViewedStation(config), "left", [np.zeros(6), posture], [True, False], 1)
     assert said[0] == {"type": "delete", "path": "/drake/ghosts"}
     copies = {command["path"]: command for command in said if command["type"] == "copy"}
     places = {command["path"]: command["matrix"] for command in said if command["type"] == "set_transform"}
@@ -40,7 +40,7 @@ def test_links_that_move_stand_where_kinematics_has_them(config):
 
 
 def test_what_they_are_copies_of_is_in_the_view(config):
-    scene = Scene(config)
+    scene = ViewedStation(config)
     told = commands(lambda meshcat: draw_geometry(meshcat, scene.query(), {"station": Role.kIllustration}))
     drawn = b"".join(base64.b64decode(command) for command in told if isinstance(command, str))
     for command in ghosts(scene, "right", [np.zeros(6)], [True]):
@@ -49,4 +49,4 @@ def test_what_they_are_copies_of_is_in_the_view(config):
 
 
 def test_without_postures_they_go(config):
-    assert ghosts(Scene(config), "left", [], []) == [{"type": "delete", "path": "/drake/ghosts"}]
+    assert ghosts(ViewedStation(config), "left", [], []) == [{"type": "delete", "path": "/drake/ghosts"}]

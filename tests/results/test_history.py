@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.results.record.history import History, PlantSlice
+from simrob_drake.results.record.history import PlantSlice, StateHistory
 
 TIMES = np.array([0.0, 0.1, 0.4, 1.0])
 PLANT = PlantSlice(positions=slice(1, 2), velocities=slice(2, 3))
@@ -18,7 +18,9 @@ def cubic(t):
 def history():
     """One other state (5 t), then a plant whose position follows a cubic."""
     position, velocity = cubic(TIMES)
-    return History(TIMES, np.column_stack([5 * TIMES, position, velocity]), [np.array([[0.0], [1.0], [2.0], [3.0]])])
+    return StateHistory(
+        TIMES, np.column_stack([5 * TIMES, position, velocity]), [np.array([[0.0], [1.0], [2.0], [3.0]])]
+    )
 
 
 def rates(states):
@@ -56,7 +58,7 @@ def test_steps_are_their_ends_at_the_times_of_their_starts(history):
 
 
 def test_a_history_can_be_continued_from_an_earlier_state(history):
-    other = History(np.array([0.25, 0.3]), np.zeros((2, 3)), [np.array([[7.0], [8.0]])])
+    other = StateHistory(np.array([0.25, 0.3]), np.zeros((2, 3)), [np.array([[7.0], [8.0]])])
     joined = history.joined(other)
     np.testing.assert_array_equal(joined.times, [0, 0.1, 0.25, 0.3])
     np.testing.assert_array_equal(joined.discrete[0][:, 0], [0, 1, 7, 8])

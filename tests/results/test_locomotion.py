@@ -95,6 +95,8 @@ def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
 def test_feet_that_are_dragged_slip_and_those_in_the_air_do_not():
     low = moved("humanoid", along(np.array([0.0, -0.3]), 0.445))  # 1 mm deep
     assert foot_slip(low, "robot") == pytest.approx({"right_foot": 0.3, "left_foot": 0.3})
+    assert [entry.value for entry in low.verdict["foot_slip"].entries] == pytest.approx([0.3, 0.3])
+    assert "slid 300 mm before it was lifted again at 2.00 s (bound 20 mm; 1 more beyond it)" in low.warnings[0]
     high = moved("humanoid", along(np.array([0.0, -0.3]), 0.447))
     assert foot_slip(high, "robot") == {"right_foot": 0.0, "left_foot": 0.0}
 

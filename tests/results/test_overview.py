@@ -22,8 +22,9 @@ def result():
 def test_a_shell_shows_three_lines(result):
     lines = repr(result).splitlines()
     assert lines[0] == "irb120_dynamic: ran to its end at 0.3 s"
-    assert lines[1].startswith(f"31 samples to 0.3 s, {len(result.step_times) - 1} steps, ")
-    assert lines[2].startswith(f"{len(result.names)} columns: q_ref.joint_1, q_ref.joint_2")
+    count = f"31 samples of {len(result.names)} columns to 0.3 s, "
+    assert lines[1].startswith(count)
+    assert lines[2].startswith("final error 0.297 deg (joint_4), largest error 1.75 deg (joint_2), ")
     assert len(lines) == 3
     assert max(map(len, lines)) <= 100
 

@@ -18,11 +18,11 @@ from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.results.animation import contact_arrows, recording
-from simrob_drake.results.animation.camera import FIELD_OF_VIEW, WINDOW_ASPECT, camera_on, frame_times
+from simrob_drake.results.animation.camera import FIELD_OF_VIEW, WINDOW_ASPECT, aspect_of, camera_on, frame_times
 from simrob_drake.results.animation.drawn import open_meshcat
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.animation.recording import save_recording
-from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.animation.scene import ViewedStation
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_the_page_needs_no_other_file(page):
 
 
 def test_the_camera_is_in_the_page(page, result):
-    view = camera_on(Scene(result.config).extents_of_run(result), aspect=WINDOW_ASPECT)
+    view = camera_on(ViewedStation(result.config).extents_of_run(result), aspect=WINDOW_ASPECT)
     height = np.array(view.eye[2], dtype=">f8").tobytes()
     assert any(b"/Cameras/default" in message and height in message for message in messages(page))
 
@@ -178,7 +178,8 @@ def test_the_camera_has_all_points_in_its_picture_and_none_to_spare(aspect):
 
 def test_a_kinematic_station_is_shown_where_a_dynamic_one_is():
     positions = np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]])
-    dynamic, kinematic = (Scene(load_station(f"irb120_{mode}")).extents(positions) for mode in ("dynamic", "kinematic"))
+    modes = "dynamic", "kinematic"
+    dynamic, kinematic = (ViewedStation(load_station(f"irb120_{mode}")).extents(positions) for mode in modes)
     np.testing.assert_allclose(kinematic, dynamic, atol=1e-12)
     assert np.ptp(dynamic, axis=0).min() > 0.1
 
@@ -207,10 +208,17 @@ def test_a_live_view_takes_a_free_port_and_gives_it_back(result):
 def test_the_live_view_draws_even_pictures_between_steps(result, monkeypatch):
     drawn = []
     view = LiveView(result.config)
-    monkeypatch.setattr(Scene, "place", lambda scene, positions: drawn.append(positions[0]))
+    monkeypatch.setattr(ViewedStation, "place", lambda scene, positions: drawn.append(positions[0]))
     for time in (0.0, 0.05, 0.2):
         view.on_step(time, np.full(6, 3 * time))
     view.on_step(0.25, np.full(6, np.nan))  # a diverging run's last state
     view.close()
     times = np.arange(7) / 30
     np.testing.assert_allclose(drawn, 3 * times, atol=1e-12)
+
+
+def test_one_point_has_a_picture():
+    """A robot without shapes whose links all begin at one place could not be saved."""
+    view = camera_on(points := np.zeros((4, 3)), aspect=aspect_of(points))
+    assert np.isfinite([view.eye, view.target]).all()
+    assert np.linalg.norm(view.target - view.eye) > 0

@@ -1,9 +1,12 @@
 """The state that goes from one run to the next: resumed runs against runs in one go."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from simrob_drake import SimrobError, State, load_station, simulate
+from simrob_drake.results.record.state import JointState
 
 HOLD = {"reference": {"kind": "hold", "target_deg": None}}
 
@@ -76,10 +79,34 @@ def test_a_state_survives_as_text():
     assert runs[1].start is again
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"positions": 1}'])
-def test_other_texts_are_refused(text):
-    with pytest.raises(SimrobError, match="the text of a state"):
+EMPTY = '{"positions": {}, "velocities": {}, "references": {}, "joints": {}, "blocks": {}}'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "state: is not JSON"),
+        ("[]", "state: must be a section with keys of: positions"),
+        ("{}", "state: positions: this key is needed"),
+        ('{"positions": 1}', "state: positions: must be a section"),
+        (EMPTY.replace("{}", '{"robot": [1, "2"]}', 1), r"state: positions.robot.*number \(it is '2'\)"),
+        (EMPTY.replace("{}", '{"robot": [NaN]}', 1), "state: is not JSON: NaN is no finite number"),
+        (EMPTY.replace("joints", "joint"), "state: joint: unknown key; did you mean 'joints'"),
+        (EMPTY.replace('"joints": {}', '"joints": {"robot/elbow": [[0]]}'), "state: joints.robot/elbow"),
+        (EMPTY.replace("{}}", '{"servo": [[0], [0], []]}}'), "state: blocks.servo"),
+    ],
+)
+def test_other_texts_are_refused(text, told):
+    with pytest.raises(SimrobError, match=told):
         State.from_json(text)
+
+
+def test_a_state_that_does_not_fit_its_blocks_and_joints_is_refused():
+    state = simulate(load_station("double_pendulum"), duration=0.01).final_state
+    joint = next(iter(state.joints))
+    odd = replace(state, joints={joint: JointState(np.zeros(1), np.zeros(3))})
+    with pytest.raises(SimrobError, match=f"'{joint}' is of size 3; it must be of a station where it is of 1"):
+        simulate(load_station("double_pendulum"), duration=0.01, start=odd)
 
 
 def test_the_state_of_other_robots_is_refused():

@@ -10,10 +10,10 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.errors import InvalidConfig, SimrobError, UnknownName
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.feet import Feet, FootContact, put_on_feet
+from simrob_drake.sections import validated
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.plant import StationPlant, add_plant
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.yaml_files import validated
 
 # The base pattern of the Simulink models [mm], times the scale of each area; facts of the humanoid.
 PATTERN = np.array([[35, 30], [-35, 30], [-35, -65], [35, -65], [35, -85], [-35, -85]]) / 1000

@@ -143,6 +143,7 @@ def test_holding_30_degrees_takes_the_known_torques(carried: tuple[str, ...]) ->
     np.testing.assert_allclose(torque, HOLDING[carried], atol=0.01)
 
 
+@pytest.mark.long
 def test_the_meshes_are_what_the_script_makes(tmp_path: Path) -> None:
     # Boxes and volumes, not bytes: convex hulls may list their faces in another order in another version of scipy.
     folder = models_root() / "irb120"

@@ -263,6 +263,7 @@ def test_every_axis_has_its_simrob_name(name: str) -> None:
     assert robot.axis_index("CadIF") == robot.axis_index("left_hip_pitch")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LEGGED)
 def test_the_script_makes_the_urdf_and_every_mesh_is_used(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -9,7 +9,7 @@ from pydrake.geometry import Mesh, Role
 from scipy.spatial import cKDTree
 
 from simrob_drake import load_station
-from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.animation.scene import ViewedStation
 
 SPACING = 0.001  # m between the points that stand for a surface
 SAME = 0.00015  # m: faces that are nearer than this flicker
@@ -17,7 +17,7 @@ SAME = 0.00015  # m: faces that are nearer than this flicker
 
 def surfaces(station):
     """Return points, normals and colour of every visible mesh of a station in its initial posture."""
-    scene = Scene(load_station(station))
+    scene = ViewedStation(load_station(station))
     query = scene.query()
     inspector = query.inspector()
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):

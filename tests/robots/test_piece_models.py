@@ -98,6 +98,7 @@ def test_all_meshes_together_are_small() -> None:
     assert sum(file.stat().st_size for file in MESHES) < 2_000_000
 
 
+@pytest.mark.long
 def test_the_meshes_are_what_the_script_makes(tmp_path: Path) -> None:
     subprocess.run([sys.executable, PIECES / "make_meshes.py", tmp_path], check=True)
     made = {file.relative_to(tmp_path): file.read_bytes() for file in tmp_path.rglob("*.obj")}

@@ -23,7 +23,7 @@ from simrob_drake.robots.pieces import (
     weighed,
     with_changes,
 )
-from simrob_drake.yaml_files import validated
+from simrob_drake.sections import validated
 
 POSE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 
@@ -119,7 +119,7 @@ def test_a_piece_can_be_touched_with_the_friction_of_the_library() -> None:
 
 @pytest.mark.parametrize("shape", [{}, {"sphere": 1, "box": [1, 1, 1]}, {"pose": [0] * 6}])
 def test_a_shape_is_exactly_one_of_its_kinds(shape: dict[str, Any]) -> None:
-    with pytest.raises(InvalidConfig, match=r"piece\.yaml: shapes: .*exactly one of"):
+    with pytest.raises(InvalidConfig, match=r"piece\.yaml: shapes\[0\]: .*exactly one of"):
         piece(shapes=[shape])
 
 

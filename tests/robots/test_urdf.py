@@ -1,5 +1,6 @@
 """URDFs with one defect each: every one is an InvalidModel that names the file and the element."""
 
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +22,7 @@ from simrob_drake.robots.urdf import (
     root_link,
     with_absolute_meshes,
 )
-from simrob_drake.robots.urdf_check import check_urdf
+from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 
 Write = Callable[[str], Path]
 
@@ -146,7 +147,8 @@ def test_a_binary_file_is_named(tmp_path: Path, content: bytes) -> None:
 
 
 def test_a_path_that_no_file_can_have_is_named() -> None:
-    assert "cannot be read" in finding(Path("a\0b.urdf"))
+    with pytest.raises(InvalidModel, match="cannot be read"):
+        read_urdf(Path("a\0b.urdf"))
 
 
 DEFECTS = [
@@ -356,3 +358,15 @@ def test_elements_of_drake_itself_are_kept(write_urdf: Write, one_joint_urdf: st
     path = write_urdf(text.replace('<robot name="arm">', f'<robot name="arm"{declared}>'))
     plant = parsed(read_urdf(path), path.parent, collision=True)
     assert plant.GetJointByName("shoulder").acceleration_upper_limits() == [7.0]
+
+
+def test_a_file_of_the_same_name_elsewhere_is_another(tmp_path: Path, one_joint_urdf: str, monkeypatch) -> None:
+    """Also where both are as large and as old: what was read of one is not what is remembered of the other."""
+    for folder, link in (("one", "upper"), ("two", "other")):
+        (tmp_path / folder).mkdir()
+        file = tmp_path / folder / "arm.urdf"
+        file.write_text(one_joint_urdf.replace('"upper"', f'"{link}"'))
+        os.utime(file, (1e9, 1e9))
+        monkeypatch.chdir(tmp_path / folder)
+        links = [one.get("name") for one in checked_urdf(Path("arm.urdf")).iterfind("link")]
+        assert links == ["base", link, "tip"]

@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName
 from simrob_drake.simulink.comparing import compare, read_log
 
 
@@ -57,12 +57,45 @@ def test_a_comparison_is_replaced_with_force_only_and_tells_what_it_left_out(run
     assert "THEIRS=OURS" in capsys.readouterr().err
 
 
+def test_structures_of_to_workspace_and_semicolons_are_read(tmp_path):
+    times, values = np.linspace(0, 1, 5), np.arange(10.0).reshape(5, 2)
+    plain = {"time": times[:, None], "signals": {"values": values, "label": "", "dimensions": 2.0}}
+    named = {"time": times[:, None], "signals": {"values": values[:, :1], "label": "elbow", "dimensions": 1.0}}
+    savemat(tmp_path / "a.mat", {"simout": plain, "other": named})
+    found, logged = read_log(tmp_path / "a.mat", {"elbow": "q.joint_1"})
+    np.testing.assert_array_equal(found, times)
+    assert {name: list(column) for name, column in logged.items()} == {
+        "simout.1": [0, 2, 4, 6, 8], "simout.2": [1, 3, 5, 7, 9], "q.joint_1": [0, 2, 4, 6, 8],
+    }  # fmt: skip
+    (tmp_path / "a.csv").write_text("time;q.joint_1\n0;1.5\n0.5;2\n")
+    found, logged = read_log(tmp_path / "a.csv", {})
+    assert (list(found), list(logged["q.joint_1"])) == ([0, 0.5], [1.5, 2])
+    savemat(tmp_path / "b.mat", {"q": values})
+    with pytest.raises(InvalidParameter, match=r"tout = simout.Time; yout = simout.Data; save log.mat"):
+        read_log(tmp_path / "b.mat", {})
+
+
 def test_logs_that_cannot_be(tmp_path):
     file = tmp_path / "a.csv"
-    for text, told in (("x,y\n1,2\n", "column time"), ("time,x\n1,2\n1,3\n", "times rise")):
+    for text, told in (
+        ("x,y\n1,2\n", "column time"),
+        ("time,x\n1,2\n1,3\n", "times rise"),
+        ("time,x\n-1,2\n1,3\n", "from 0 or later"),
+        ("time,x\n1,2\n", "two moments or more"),
+        ("", "a.csv: is empty; it must hold a line of names"),
+        ("\n\n", "is empty"),
+        ("time,x\n", "two moments or more"),
+    ):
         file.write_text(text)
-        with pytest.raises(InvalidParameter, match=told):
+        with pytest.raises(SimrobError, match=told):
             read_log(file, {})
+    file.write_text("time\n0\n1\n")
+    with pytest.raises(InvalidParameter, match="a log of nothing but times"):
+        compare(load_station("double_pendulum"), *read_log(file, {}))
+    file.write_text("time,q.joint_1\n2,0\n3,0\n")
+    stops = {"monitors.settled": {}, "reference": {"kind": "hold"}}
+    with pytest.raises(InvalidParameter, match="a log from 2 s on; it must be one that begins before"):
+        compare(load_station("double_pendulum", stops), *read_log(file, {}))
     file.write_text("time,x\n0,2\n1,3\n")
     with pytest.raises(UnknownName, match="'y'"):
         read_log(file, {"y": "q.joint_1"})

@@ -1,5 +1,8 @@
 """Units in FMPy: the signals of `simulate`, states kept and put back, two at once, and failures in words."""
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -133,6 +136,34 @@ def test_an_input_that_is_no_number_fails_the_step_and_can_be_mended(pendulum):
     unit.set(reference__joint_1=0.7)
     unit.run(0, 10)
     assert np.isfinite(unit.get("position.joint_1"))
+
+
+ARM = """<robot name="arm"><link name="base"/>
+  <link name="tip"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="wedge.obj"/></geometry></visual></link>
+  <joint name="j" type="revolute"><parent link="base"/><child link="tip"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="9" velocity="2"/></joint></robot>"""
+
+
+def test_a_unit_carries_the_files_of_its_station(tmp_path):
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "arm.urdf").write_text(ARM)
+    (own / "wedge.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    (own / "table.csv").write_text("time,j\n0,0\n1,0.5\n")
+    reference = "reference: {kind: table, file: table.csv}"
+    (own / "station.yaml").write_text(f"mode: dynamic\nrobot: {{urdf: arm.urdf}}\n{reference}\n")
+    file = write_fmu(load_station(own / "station.yaml"), tmp_path / "arm.fmu")
+    shutil.rmtree(own)
+    station = SteppedStation(Path(fmpy.extract(str(file), str(tmp_path / "unit"))) / "resources" / "station.yaml")
+    station.advance(0.1)
+    [angle] = [element for element in station.outputs if element.name == "position.j"]
+    assert np.isfinite(station.get(angle))
+    shown = [path.name for path in (tmp_path / "unit" / "resources" / "files").rglob("*") if path.is_file()]
+    assert "arm.urdf" in shown
+    assert "table.csv" in shown
+    assert any(name.endswith(".obj") for name in shown)
 
 
 def test_stepping_fails_in_words():

@@ -12,7 +12,7 @@ from simrob_drake.errors import InvalidModel, OutputError
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.simulink.importing import import_simulink
 from simrob_drake.simulink.simulink_model import read_simulink
-from simrob_drake.simulink.values.workspace import given_variables
+from simrob_drake.simulink.values.workspace import variables_of
 
 
 @pytest.fixture
@@ -20,9 +20,13 @@ def imported(tmp_path):
     return import_simulink(pendulum(tmp_path / "arm one.slx"), tmp_path / "out")
 
 
-def test_the_law_is_a_servo_with_its_limit(imported):
-    station = load_station(imported.station)
+def test_the_law_is_a_servo_with_its_limit_where_servos_are_asked_for(imported, tmp_path):
+    model = pendulum(tmp_path / "arm one.slx")
+    station = load_station(import_simulink(model, tmp_path / "servos", servos=True).station)
     assert (station.servo.kp, station.servo.kd, station.servo.torque_limit) == (200.0, 15.0, {"Shoulder": 30.0})
+    law = load_station(imported.station).controllers["law"]
+    assert law.torque == {"Shoulder": {"Limit": 1.0}}
+    assert law.blocks["Limit"].of == {"q_ref.Shoulder": 200.0, "q.Shoulder": -200.0, "v.Shoulder": -15.0}
     assert station.gravity == 9.81
     assert station.duration == 1.0
     assert station.robots["robot"].initial_deg == {"Shoulder": 20.0}
@@ -74,15 +78,15 @@ def test_unknown_variables_are_told_at_once(tmp_path):
         import_simulink(model, tmp_path / "out")
     assert str(model) in str(told.value)
     assert not (tmp_path / "out").exists()
-    given = given_variables({"Kp": "10", "Kw": "sqrt(4)"}, [])
+    given = variables_of({"Kp": "10", "Kw": "sqrt(4)"}, [])
     import_simulink(model, tmp_path / "out", variables=given)
-    assert load_station(tmp_path / "out" / "arm.yaml").servo.kd == 2.0
+    assert load_station(tmp_path / "out" / "arm.yaml").controllers["law"].blocks["Limit"].of["v.Shoulder"] == -2.0
 
 
 def test_defaults_are_taken_only_where_the_user_asks(tmp_path):
     model = pendulum(tmp_path / "arm.slx", workspace="")
     imported = import_simulink(model, tmp_path / "out", assume=True)
-    assert load_station(imported.station).servo.kp == 1.0  # of the Gain block itself
+    assert load_station(imported.station).controllers["law"].blocks["Limit"].of["q.Shoulder"] == -1.0  # of Gain itself
     assert {entry.element for entry in imported.report.of("defaulted")} == {"Arm/Shoulder", "Stiffness", "Damping"}
 
 
@@ -109,8 +113,10 @@ def test_the_command_line_imports_checks_and_runs(tmp_path, capsys, monkeypatch)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["arm.slx"]
     assert run_command(["check", "arm.slx"]) == 2
     assert "Damping: Gain" in capsys.readouterr().out
-    assert run_command(["import", "arm.slx", *given]) == 0
+    assert run_command(["import", "arm.slx", *given, "--servos", "--out", "servos"]) == 0
     assert "axis Shoulder of Arm: servo kp 200, kd 15, limit 30" in " ".join(capsys.readouterr().out.split())
+    assert run_command(["import", "arm.slx", *given]) == 0
+    assert "axis Shoulder of Arm: driven by the blocks of its law" in " ".join(capsys.readouterr().out.split())
     assert run_command(["run", "arm_imported/arm.yaml", "--duration", "0.1", "--no-recording", "--out", "run"]) == 0
     assert run_command(["import", "arm.slx", *given, "--collision", "box"]) == 2
     assert run_command(["import", "arm.urdf", "--assume"]) == 2
@@ -123,5 +129,5 @@ def test_the_report_tells_what_became_what(imported):
     assert {
         "kind": "read",
         "element": "Arm/Shoulder",
-        "text": "axis Shoulder of Arm: servo kp 200, kd 15, limit 30",
+        "text": "axis Shoulder of Arm: driven by the blocks of its law",
     } in (content["entries"])

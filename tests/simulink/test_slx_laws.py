@@ -1,15 +1,16 @@
 """Control laws of a model that are no servos run as signal flows, against the equations of motion with the same law."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
 from scipy.integrate import solve_ivp
 from scipy.signal import tf2ss
-from slx_files import write_model
+from slx_files import Level, write_model
 from test_slx_signals import Plant
 
 from simrob_drake import simulate
-from simrob_drake.errors import InvalidModel
 from simrob_drake.simulink.importing import import_simulink
 
 
@@ -117,10 +118,9 @@ def test_derivatives_of_what_is_not_measured_are_filtered(tmp_path):
     exact = solve_ivp(motion, (0, 2), np.zeros(6), method="Radau", rtol=1e-8, atol=1e-8, t_eval=result.times)
     np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
     np.testing.assert_allclose(result["q.B"], exact.y[3], atol=2e-4)
-    assert content["controllers"]["law"]["blocks"]["PID"]["kind"] == "transfer_function"
-    assert [entry.text for entry in report.of("repaired")] == [
-        f"its derivative is filtered, by {lag} s" for lag in ("0.001", "0.02")
-    ]
+    assert content["controllers"]["law"]["blocks"]["PID"]["kind"] == "pid"
+    assert [entry.text for entry in report.of("approximated")] == ["its derivative is filtered, by 0.001 s"]
+    assert not report.of("repaired")
 
 
 def test_springs_and_torques_that_no_position_commands_drive_joints(tmp_path):
@@ -148,7 +148,7 @@ def test_springs_and_torques_that_no_position_commands_drive_joints(tmp_path):
     exact = solve_ivp(motion, (0, 2), np.zeros(4), rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times)
     np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
     np.testing.assert_allclose(result["q.B"], exact.y[2], atol=1e-3)
-    assert content["servo"]["kp"] == {"A": 4.0, "B": 0.0}
+    assert set(content["controllers"]["law"]["torque"]["A"]) == {"one", "q.A", "v.A"}
     assert not report.of("dropped")
 
 
@@ -161,8 +161,7 @@ def test_an_input_is_the_reference_of_the_joint_whose_error_it_makes(tmp_path):
     plant.wire(plant.chain("Gain", "g", plant.speeds[1], Gain="-1"), f"{plant.drives[1]}#in:1")
     _, content, _ = run(plant, tmp_path)
     assert content["controllers"]["law"]["blocks"]["Slow"]["of"] == {"q_ref.A": 1.0, "q.A": -1.0}
-    assert set(content["controllers"]["law"]["torque"]) == {"A"}
-    assert content["servo"]["kd"] == {"A": 0.0, "B": 1.0}
+    assert content["controllers"]["law"]["torque"]["B"] == {"v.B": -1.0}
 
 
 def test_a_stop_of_any_condition_ends_the_run(tmp_path):
@@ -184,15 +183,21 @@ def test_a_stop_of_any_condition_ends_the_run(tmp_path):
         ("StateSpace", {"A": "-1", "B": "[1 2]", "C": "1", "D": "0"}, "B must be 1 × 1|must be 1 × 1"),
         ("DeadZone", {"LowerValue": "1", "UpperValue": "0"}, "above upper"),
         ("Lookup_n-D", {"Table": "[1 2]", "BreakpointsForDimension1": "[1 0]"}, "points must rise"),
-        ("Gain", {"Gain": "struct('a', 1)"}, "Gain"),
-        ("Mux", {"Inputs": "0"}, "no elements|Inputs"),
+        ("Gain", {"Gain": "'a'"}, "uses the text"),
+        ("Gain", {"Gain": "[1 2 3; 4 5 6]"}, "Gain has 6 numbers|Gain is 2 × 3"),
+        ("Sum", {"Inputs": "+x"}, "signs"),
     ],
 )
-def test_figures_that_cannot_be_are_told_with_their_block(tmp_path, kind, figures, told):
+def test_a_block_whose_figures_cannot_be_is_left_open(tmp_path, kind, figures, told):
+    """One block of the control does not stop the import of the mechanics, and the station runs without it."""
     plant = Plant()
-    plant.drive(plant.chain(kind, "Odd", plant.positions[1], **figures), plant.speeds[1])
-    with pytest.raises(InvalidModel, match=told):
-        import_simulink(write_model(tmp_path / "a.slx", plant), tmp_path / "out")
+    both = plant.chain("Mux", "q", *plant.positions, Inputs="2") if kind == "Gain" else plant.positions[1]
+    odd = plant.chain(kind, "Odd", both, **figures)
+    plant.drive(plant.chain("Sum", "T", odd, plant.speeds[0], Inputs="+-"), plant.speeds[1])
+    _, content, report = run(plant, tmp_path, stop="0.01")
+    assert any(entry.element == "Odd" and re.search(told, entry.text) for entry in report.of("open"))
+    assert content["controllers"]["law"]["blocks"]["Odd"] == {"kind": "input"}
+    assert content["controllers"]["law"]["torque"]["A"] == {"Odd": 1.0, "v.A": -1.0}
 
 
 def test_what_is_sampled_at_an_unknown_rate_is_left_open(tmp_path):
@@ -201,4 +206,61 @@ def test_what_is_sampled_at_an_unknown_rate_is_left_open(tmp_path):
     rounded = plant.chain("Rounding", "Round", plant.positions[1], Operator="round")
     plant.drive(held, rounded)
     _, _, report = run(plant, tmp_path, stop="0.1")
-    assert {"Inherited", "Round"} <= {entry.element for entry in report.of("dropped")}
+    assert "Inherited" in {entry.element for entry in report.of("open")}
+
+
+def test_subsystems_that_run_under_a_condition_are_switches(tmp_path):
+    """Of an If with its actions, whose outputs are merged, and of one that a signal enables."""
+    plant = Plant()
+    for number, name in enumerate(("High", "Low", "On")):
+        port = {"High": "ActionPort", "Low": "ActionPort", "On": "EnablePort"}[name]
+        inner = Level(first=100 * (number + 1))
+        gain = inner.block("Gain", "k", Gain=str((2, -3, 5)[number]))
+        inner.block(port, "Runs")
+        source, outport = inner.block("Inport", "u"), inner.block("Outport", "y", InitialOutput="0.5",
+                                                                  OutputWhenDisabled="reset")  # fmt: skip
+        inner.wire(f"{source}#out:1", f"{gain}#in:1")
+        inner.wire(f"{gain}#out:1", f"{outport}#in:1")
+        plant.block("SubSystem", name, inner=inner.xml())
+    clock = plant.chain("Clock", "Time")
+    test = plant.block("If", "If", IfExpression="u1 > 0.5", NumInputs="1", ShowElse="on")
+    plant.wire(clock, f"{test}#in:1")
+    high, low, on = (
+        next(sid for sid, text in enumerate(plant.blocks, 1) if f'Name="{name}"' in text and "SubSystem" in text)
+        for name in ("High", "Low", "On")
+    )
+    plant.wire(f"{test}#out:1", f"{high}#ifaction")
+    plant.wire(f"{test}#out:2", f"{low}#ifaction")
+    for sid in (high, low, on):
+        plant.wire(clock, f"{sid}#in:1")
+    early = plant.chain(
+        "RelationalOperator", "Early", clock, plant.chain("Constant", "End", Value="0.25"), Operator="<"
+    )
+    plant.wire(early, f"{on}#enable")
+    merged = plant.chain("Merge", "Merged", f"{high}#out:1", f"{low}#out:1", Inputs="2")
+    plant.drive(merged, f"{on}#out:1")
+    result, _, report = run(plant, tmp_path, stop="1")
+    assert not report.of("open")
+    t = result.times
+    for axis, acceleration in (("A", np.where(t > 0.5, 2 * t, -3 * t)), ("B", np.where(t < 0.25, 5 * t, 0.5))):
+        speed = np.concatenate([[0.0], np.cumsum((acceleration[1:] + acceleration[:-1]) / 2 * np.diff(t))])
+        np.testing.assert_allclose(result[f"v.{axis}"], speed, atol=0.02)
+    assert abs(result["v.A"][-1] - (-3 * 0.125 + 0.75)) < 1e-3
+
+
+def test_a_matrix_divides_by_its_inverse(tmp_path):
+    plant = Plant()
+    matrix = plant.chain("Constant", "M", Value="[2 1; 0.5 4]")
+    clock = plant.chain("Clock", "Time")
+    both = plant.chain("Mux", "both", clock, plant.chain("Constant", "One", Value="1"), Inputs="2")
+    scaled = plant.chain("Product", "Scaled", matrix, clock, Inputs="2")
+    shifted = plant.chain("Sum", "Shifted", scaled, plant.chain("Constant", "I", Value="eye(2)"), Inputs="++")
+    plant.drive(*plant.split(plant.chain("Product", "Solve", shifted, both, Inputs="/*", Multiplication="Matrix(*)")))
+    result, _, report = run(plant, tmp_path, stop="1")
+    assert not report.of("open")
+
+    def motion(t, y):
+        return *y[2:], *np.linalg.solve(np.array([[2, 1], [0.5, 4]]) * t + np.eye(2), [t, 1.0])
+
+    exact = solve_ivp(motion, (0, 1), np.zeros(4), rtol=1e-9, atol=1e-9, t_eval=result.times)
+    np.testing.assert_allclose([result["q.A"], result["q.B"]], exact.y[:2], atol=1e-4)

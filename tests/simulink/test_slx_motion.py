@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from slx_files import FROM_PHYSICS, INERTIA, REVOLUTE, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
-from test_mechanics import four_bar
+from test_mechanics import four_bar, mechanism
 
 from simrob_drake import load_station, simulate
 from simrob_drake.simulink.fmi.unit import SteppedStation
@@ -190,3 +190,26 @@ def test_laws_may_read_where_frames_are(tmp_path):
     np.testing.assert_allclose(result["q.A"], exact.y[0], atol=2e-4)
     np.testing.assert_allclose(result["q.B"], exact.y[2], atol=2e-4)
     np.testing.assert_allclose(result["frame.Sensor_1.y"], 2 * np.sin(result["q.B"] - result["q.A"]), atol=1e-9)
+
+
+def test_a_motion_beside_a_passive_joint_is_prescribed(tmp_path):
+    """A crank goes as its sine says, while the rod that hangs on it swings by forces: nothing is frozen."""
+    level, _ = mechanism()
+    level.blocks = [
+        block.replace("<InstanceData>", '<InstanceData><P Name="MotionActuationMode">InputMotion</P>', 1)
+        if 'Name="Joint1"' in block
+        else block
+        for block in level.blocks
+    ]
+    wave = level.block("Sin", "Wave", Amplitude="0.5", Frequency="3")
+    into = level.block(TO_PHYSICS, "In", Unit="rad")
+    joint = next(block for block in level.blocks if 'Name="Joint1"' in block).partition('SID="')[2].partition('"')[0]
+    level.wire(f"{wave}#out:1", f"{into}#in:1")
+    level.connect(f"{into}#rconn:1", f"{joint}#lconn:2")
+    imported = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out")
+    assert imported.fidelity == "mechanics complete; 1 joint prescribed"
+    config = load_station(imported.station)
+    assert config.mode == "dynamic"
+    result = simulate(config, duration=1.0, progress=False)
+    np.testing.assert_allclose(result["q.Joint1"], 0.5 * np.sin(3 * result.times), atol=1e-4)
+    assert np.ptp(result["q.Joint2"]) > 0.1

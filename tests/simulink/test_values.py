@@ -1,13 +1,19 @@
 """MATLAB expressions, code, workspaces and units."""
 
+import struct
+import zlib
+
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.simulink.values import mat_bounds
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.mat_files import variables_of_mat
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
-from simrob_drake.simulink.values.workspace import Workspace, given_variables
+from simrob_drake.simulink.values.workspace import Variables, variables_of
 
 VARIABLES = {
     "L": 3.0,
@@ -53,11 +59,11 @@ VARIABLES = {
     ],
 )  # fmt: skip
 def test_expressions(text, expected):
-    np.testing.assert_allclose(Workspace(variables=dict(VARIABLES)).value(text), expected, atol=1e-12)
+    np.testing.assert_allclose(Variables(variables=dict(VARIABLES)).value(text), expected, atol=1e-12)
 
 
 def test_texts_and_structures():
-    workspace = Workspace(variables=dict(VARIABLES))
+    workspace = Variables(variables=dict(VARIABLES))
     assert workspace.value("'it''s'") == "it's"
     assert workspace.value("['a' 'b']") == "ab"
     assert workspace.value("tool.name") == "gripper"
@@ -70,15 +76,15 @@ def test_texts_and_structures():
 )  # fmt: skip
 def test_what_is_no_expression_is_refused(text):
     with pytest.raises((NotUnderstood, UndefinedVariable)):
-        Workspace(variables=dict(VARIABLES)).value(text)
+        Variables(variables=dict(VARIABLES)).value(text)
 
 
 def test_unknown_names_are_told():
     with pytest.raises(UndefinedVariable) as told:
-        Workspace(variables=dict(VARIABLES)).value("2*q0_(1)")
+        Variables(variables=dict(VARIABLES)).value("2*q0_(1)")
     assert told.value.name == "q0_"
     with pytest.raises(UndefinedVariable) as told:
-        Workspace(variables=dict(VARIABLES)).value("tool.mass")
+        Variables(variables=dict(VARIABLES)).value("tool.mass")
     assert told.value.name == "tool.mass"
 
 
@@ -106,7 +112,7 @@ m = [1 2
 set_param(gcb, 'Value', 'x=1'); f = get_param(gcb, 'Name');
 while true, g = 1; end
 """
-    workspace = Workspace(name="Mask", variables={"kind": "b"}, code=code)
+    workspace = Variables(name="Mask", variables={"kind": "b"}, code=code)
     expected = {"contact.b": 100, "r": [[0, 0, 2]], "d": 1, "e": 2, "s": [[1, 4, 9]], "m": [[1, 2], [3, 4]]}
     for name, value in expected.items():
         np.testing.assert_allclose(workspace.value(name), np.atleast_2d(value), err_msg=name)
@@ -117,30 +123,94 @@ while true, g = 1; end
 
 
 def test_masks_look_outward_and_are_evaluated_outside():
-    outer = Workspace(variables={"a": 2.0, "b": 5.0})
-    inner = Workspace(outer=outer, pending={"a": lambda: outer.value("a*10")})
+    outer = Variables(variables={"a": 2.0, "b": 5.0})
+    inner = Variables(outer=outer, pending={"a": lambda: outer.value("a*10")})
     assert inner.value("a + b") == 25.0
-    broken = Workspace(outer=outer, pending={"c": lambda: outer.value("missing")})
+    broken = Variables(outer=outer, pending={"c": lambda: outer.value("missing")})
     for _ in range(2):
         with pytest.raises(UndefinedVariable, match="missing"):
             broken.value("c")
 
 
 def test_variables_of_the_user(tmp_path):
-    from scipy.io import savemat
-
     savemat(tmp_path / "a.mat", {"q0": [1.0, 2.0], "tool": {"mass": 3.0, "name": "x"}})
     (tmp_path / "b.m").write_text("Kq = 10*eye(2); % gains\n")
-    given = given_variables({"tool.mass": "4", "w": "2*q0(2)"}, [tmp_path / "a.mat", tmp_path / "b.m"])
+    given = variables_of({"tool.mass": "4", "w": "2*q0(2)"}, [tmp_path / "a.mat", tmp_path / "b.m"])
     assert given["tool"]["mass"] == 4
     assert given["tool"]["name"] == "x"
     assert given["w"] == 4
     assert given["Kq"][1, 1] == 10
     with pytest.raises(InvalidParameter, match="--set x"):
-        given_variables({"x": "[1 2"}, [])
+        variables_of({"x": "[1 2"}, [])
     (tmp_path / "c.mat").write_text("no")
     with pytest.raises(InvalidParameter, match=r"c\.mat"):
-        given_variables({}, [tmp_path / "c.mat"])
+        variables_of({}, [tmp_path / "c.mat"])
+
+
+def element(kind: int, content: bytes) -> bytes:
+    """Return an element of a .mat file of version 5."""
+    return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
+
+
+def mat_matrix(kind: int, sizes: tuple[int, int], content: bytes) -> bytes:
+    flags, name = element(6, struct.pack("<II", kind, 0)), element(1, b"c")
+    return element(14, flags + element(5, struct.pack("<2i", *sizes)) + name + content)
+
+
+def nested(depth: int) -> bytes:
+    number = mat_matrix(6, (1, 1), element(9, struct.pack("<d", 1.0)))
+    for _ in range(depth):
+        number = mat_matrix(1, (1, 1), number)
+    return number
+
+
+def packed(size: int) -> bytes:
+    squeezer = zlib.compressobj()
+    whole = element(6, bytes(8)) + element(5, struct.pack("<2i", 1, size)) + element(1, b"c")
+    start = struct.pack("<II", 14, len(whole) + 8 + size) + whole + struct.pack("<II", 2, size)
+    parts = [squeezer.compress(start), *(squeezer.compress(bytes(10**6)) for _ in range(size // 10**6))]
+    content = b"".join(parts) + squeezer.flush()
+    return struct.pack("<II", 15, len(content)) + content
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (nested(5000), "nests cells or structures more than 50 deep"),
+        (mat_matrix(1, (1, 500_000_000), b""), "counts 1 x 500000000 entries, and has no bytes for them"),
+        (mat_matrix(6, (-4, -4), b""), "counts -4 x -4 entries"),
+        (None, "unpacks to more than 200 MB"),
+        (mat_matrix(6, (0, 0), b"") * 2000, "holds more than 6000 elements"),
+    ],
+    ids=["deep", "empty", "negative", "packed", "many"],
+)
+def test_mat_files_that_grow_beyond_bounds_are_refused(tmp_path, monkeypatch, content, words):
+    """The first one ended the process, the second took 4 GB and half a minute."""
+    monkeypatch.setattr(mat_bounds, "_MOST_ELEMENTS", 6000)
+    file = tmp_path / "bomb.mat"
+    bomb = packed(300_000_000) if content is None else content
+    file.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + bomb)
+    with pytest.raises(InvalidParameter, match=words):
+        variables_of_mat(file)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_mat_files_within_bounds_are_read(tmp_path, compressed):
+    deep: object = 7.0
+    for _ in range(10):
+        deep = {"inner": deep}
+    content = {
+        "deep": deep,
+        "list": np.array([[1.0, "two"]], dtype=object),
+        "none": np.zeros((0, 3)),
+        "long": np.eye(300),
+    }
+    savemat(tmp_path / "a.mat", content, do_compression=compressed)
+    found = variables_of_mat(tmp_path / "a.mat")
+    assert np.array_equal(found["long"], np.eye(300))
+    for _ in range(9):
+        found["deep"] = found["deep"]["inner"]
+    assert found["deep"] == {"inner": 7.0}
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         ("bouncing_ball", {"contact": None}, r"a station with a contact: section"),
         ("bouncing_ball", {"sensors.t": {"kind": "joint_torque"}}, r"sensors\.t\.robot"),
         ("bouncing_ball", {"mode": "kinematic"}, r"pieces\.ball\.free is True; it must be false in a kinematic"),
-        ("bouncing_ball", {"pieces.ball.free": False}, "a station needs something that moves"),
+        ("bouncing_ball", {"pieces.ball": {"free": False, "parent": "world"}}, "a station needs something that moves"),
         ("bouncing_ball", {"pieces.ball.mass": 0}, r"pieces\.ball\.free .* a piece with mass and inertia"),
         ("bouncing_ball", {"pieces.ball.parent": "robot"}, "a free piece hangs on nothing"),
         ("bouncing_ball", {"contact.stiffness": -1}, r"contact\.stiffness: input should be greater than 0"),

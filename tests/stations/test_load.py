@@ -222,9 +222,18 @@ def test_an_unknown_station_is_named_with_the_nearest():
         load_station("nowhere.yaml")
 
 
-def test_a_station_of_two_robots_says_whom_a_piece_hangs_on():
-    with pytest.raises(SimrobError, match=r"pieces\.left_gripper\.parent is None; .*left, right"):
-        load_station("two_irb120", {"pieces": {"left_gripper": {"parent": None}}})
+@pytest.mark.parametrize(
+    ("station", "piece", "choices"),
+    [
+        ("two_irb120", "left_gripper", "world, left, right, right_gripper"),
+        ("irb120_dynamic", "load", "world, robot, gripper"),
+        ("bouncing_ball", "slab", "world, ball"),
+    ],
+)
+def test_a_piece_says_what_it_hangs_on(station, piece, choices):
+    match = rf"pieces\.{piece}\.parent is left out; .*one of {choices}; or say free: true$"
+    with pytest.raises(SimrobError, match=match):
+        load_station(station, {f"pieces.{piece}": {"model": "box", "parent": None, "pose": [0, 0, 0.1, 0, 0, 0]}})
 
 
 def test_numbers_in_exponents_are_numbers(tmp_path):

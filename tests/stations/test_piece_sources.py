@@ -13,10 +13,10 @@ import trimesh
 from simrob_drake.errors import InvalidConfig, InvalidModel, OutputError, SimrobError
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.importer.meshes.checks import MESH_FORMATS
+from simrob_drake.importer.meshes.library import drake_mesh
 from simrob_drake.robots.pieces import PieceModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
-from simrob_drake.stations.piece_sources import drake_mesh
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import build_station
 
@@ -42,7 +42,9 @@ def box_file(folder: Path, name: str, scale: float = 1.0) -> Path:
 
 
 def station(folder: Path, pieces: str, overrides: dict[str, Any] | None = None) -> StationConfig:
-    (folder / "own.yaml").write_text(f"robot: {{model: double_pendulum}}\npieces:\n  part: {pieces}\n")
+    """Return a station whose robot carries a piece, unless that says otherwise."""
+    hung = pieces if "parent" in pieces or "free" in pieces else pieces.replace("{", "{parent: robot, ", 1)
+    (folder / "own.yaml").write_text(f"robot: {{model: double_pendulum}}\npieces:\n  part: {hung}\n")
     return load_station(folder / "own.yaml", overrides)
 
 
@@ -86,7 +88,7 @@ def test_a_mesh_that_is_only_seen_weighs_nothing(tmp_path: Path) -> None:
     assert part(tmp_path, "{mesh: box.stl, mass: 0}").mass == 0
 
 
-@pytest.mark.parametrize("entry", ["{mesh: box.stl}", "{mesh: box.stl, parent: robot}", "{mesh: box.stl, free: true}"])
+@pytest.mark.parametrize("entry", ["{mesh: box.stl, parent: robot}", "{mesh: box.stl, free: true}"])
 def test_what_a_robot_carries_or_falls_says_what_it_weighs(tmp_path: Path, entry: str) -> None:
     box_file(tmp_path, "box.stl")
     with pytest.raises(SimrobError, match=r"pieces\.part\.mass is None; .* a mass \[kg\], 0 if it is only seen"):
@@ -143,7 +145,7 @@ def test_the_resolved_station_holds_the_path(tmp_path: Path) -> None:
     assert config.pieces["part"].mesh == tmp_path / "box.stl"
     (tmp_path / "resolved").mkdir()
     (tmp_path / "resolved" / "own.yaml").write_text(station_yaml(config))
-    assert load_station(tmp_path / "resolved" / "own.yaml") == config
+    assert load_station(tmp_path / "resolved" / "own.yaml", mesh_path=[tmp_path]) == config
 
 
 def test_a_folder_of_ones_own_is_a_model(tmp_path: Path) -> None:
@@ -163,7 +165,7 @@ robot: {model: double_pendulum}
 pieces:
   board: {model: chess_board, parent: world, pose: [0.3, -0.1, 0.1, 0.5, 0, 0]}
   rook: {parent: board, frame: square_1_1}
-  ball: {model: die, frames: {side: [0.01, 0, 0, 0, 0, 0]}}
+  ball: {model: die, parent: robot, frames: {side: [0.01, 0, 0, 0, 0, 0]}}
   pin: {model: pawn, parent: ball, frame: side}
 """)
     plant = build_station(load_station(tmp_path / "own.yaml")).GetSubsystemByName("plant")

@@ -2,8 +2,8 @@
 
 import json
 
-from simrob_drake.parts.kinds import models_by_kind
-from simrob_drake.parts.monitors import Fall, MonitorConfig
+from simrob_drake.parts import monitors
+from simrob_drake.parts.monitors.fall import Fall
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.schema import SCHEMA_FILE, station_schema
 
@@ -13,7 +13,7 @@ def test_the_schema_file_is_up_to_date():
 
 
 def test_the_kinds_are_those_of_the_union():
-    models = models_by_kind(MonitorConfig)
+    models = monitors.KINDS.models
     assert models["fall"] is Fall
     kinds = station_schema()["properties"]["monitors"]["additionalProperties"]["discriminator"]["mapping"]
     assert set(models) == set(kinds)

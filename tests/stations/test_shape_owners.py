@@ -21,7 +21,7 @@ def shapes(one_joint_urdf, write_urdf, tmp_path):
 robot: {{urdf: {write_urdf(named.replace('<link name="tip"/>', tip))}}}
 pieces:
   foot: {{model: ball, parent: world, pose: [1, 0, 1, 0, 0, 0], contact: {{stiffness: {PIECES}}}}}
-  hand: {{model: ball, contact: {{stiffness: {PIECES}}}}}
+  hand: {{model: ball, parent: robot, contact: {{stiffness: {PIECES}}}}}
 reference: {{kind: hold}}
 floor: {{}}
 contact: {{stiffness: {OWN}}}

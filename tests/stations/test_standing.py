@@ -64,6 +64,24 @@ def test_leaning_too_far_is_foretold() -> None:
     assert any(f.level == "warning" and "it tips over" in f.text for f in found if f.subject == "base")
 
 
+def test_a_robot_on_two_points_is_no_robot_that_stands(tmp_path: Path) -> None:
+    """A foot of 4 mm under a centre of mass at 0.22 m: its edges are 0.5 deg away."""
+    sole = '<box size="0.004 0.1 0.04"/>'
+    (tmp_path / "leg.urdf").write_text(
+        LEG.format(turn="0 0 0", shape=sole).replace('xyz="0.02 0 -0.01"', 'xyz="0 0 0"')
+    )
+    (tmp_path / "leg.yaml").write_text(
+        "robot: {urdf: leg.urdf, base: [0, 0, 0.22, 0, 0, 0], import_options: {base: floating}}\n"
+        "servo: {realization: implicit, kp: 10, kd: 1}\nfloor: {}\ncontact: {}\n"
+        "solver: {kind: discrete, scheme: sap, time_step: 0.002}\n"
+    )
+    (text,) = [f.text for f in findings(str(tmp_path / "leg.yaml")) if f.level == "warning" and f.subject == "base"]
+    height = (2 * (0.22 + 0.1) + 1 * 0.02) / 3
+    assert stands(str(tmp_path / "leg.yaml")).height == pytest.approx(height, abs=1e-9)
+    lean = np.rad2deg(0.002 / height)
+    assert f"2 mm inside of the support area: it tips over if it leans by {lean:.1f} deg" in text
+
+
 def test_a_drop_and_a_penetration_are_foretold() -> None:
     high = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.5, 0, 0, 0]})
     assert any(f.level == "warning" and "54.00 mm over the floor" in f.text for f in high)

@@ -12,6 +12,9 @@ from simrob_drake import add_station, apply_solver, build_station, load_station,
 from simrob_drake.errors import SimrobError
 from simrob_drake.frames import transform_from_pose, transform_from_xyz_quaternion
 from simrob_drake.paths import models_root
+from simrob_drake.simulation.built import StationDiagrams
+from simrob_drake.stations.closed import station_references
+from simrob_drake.stations.resolve import resolve
 
 REALIZATIONS = ("per_joint", "vector", "implicit")
 
@@ -47,6 +50,28 @@ def test_the_plant_stands_directly_in_the_builder():
     ports = add_station(builder, load_station("irb120_dynamic"))
     assert builder.HasSubsystemNamed("plant")
     assert builder.GetSubsystemByName("plant") is ports.plant.plant
+
+
+def stepped_blocks(config):
+    """Return the names of the blocks that a run of a station steps."""
+    station = resolve(config)
+    diagrams = StationDiagrams(station, station_references(station), {})
+    return {system.get_name() for system in diagrams.stepped(0.0).diagram.GetSystems()}
+
+
+def test_blocks_that_only_report_are_not_stepped():
+    """Poses come from the recorded states; a source that nothing else drives needs no block behind it."""
+    assert not {"poses", "state", "reference"} & stepped_blocks(load_station("irb120_dynamic"))
+    assert {"reference_source", "plant"} <= stepped_blocks(load_station("irb120_dynamic"))
+    assert not {"poses", "base_velocity"} & stepped_blocks(load_station("humanoid_dynamic"))
+
+
+def test_a_loop_that_reads_a_pose_has_its_block():
+    flow = {"kind": "signal_flow", "blocks": {"height": {"kind": "sum", "of": ["tcp.z"]}}, "torque": {}}
+    config = load_station("irb120_dynamic", {"controllers": {"law": flow}, "duration": 0.2})
+    assert "poses" in stepped_blocks(config)
+    result = simulate(config)
+    np.testing.assert_array_equal(result["law.height"], result["tcp.z"])
 
 
 def torque_at(realization, overrides=None, **inputs):

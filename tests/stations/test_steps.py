@@ -5,10 +5,9 @@ import pytest
 
 from simrob_drake import load_station, simulate
 from simrob_drake.folders import CACHE_VARIABLE
-from simrob_drake.stations import trial
+from simrob_drake.stations import draft
 from simrob_drake.stations.checks import check_station
-from simrob_drake.stations.draft import draft_station
-from simrob_drake.stations.trial import gets_through
+from simrob_drake.stations.draft import draft_station, gets_through
 
 LINK = """
   <link name="{name}"><inertial><origin xyz="0.01 0 0"/><mass value="0.0002"/>
@@ -100,7 +99,7 @@ def test_a_trial_ends_when_its_work_is_done(monkeypatch):
     """Twenty evaluations of the dynamics are no move of three seconds."""
     config = load_station("irb120_dynamic")
     assert gets_through(config)
-    monkeypatch.setattr(trial, "_WORK", 20)
+    monkeypatch.setattr(draft, "_WORK", 20)
     assert not gets_through(config)
 
 

@@ -46,10 +46,11 @@ class CountingRun:
         """Return what was asked for of some methods, in order."""
         return [(method, arguments) for method, arguments in self.calls if method in methods]
 
-    def finish(self, ending="completed", *, goes_on=True, time=None):
+    def finish(self, ending="completed", *, goes_on=True, time=None, reached=None):
         """End the run."""
         self.time = self.end if time is None else time
-        self.tell({"news": "ended", "ending": ending, "goes_on": goes_on, "time": self.time, "message": ending})
+        how = {"ending": ending, "goes_on": goes_on, "message": ending, "verdict": "as asked", "warnings": []}
+        self.tell({"news": "ended", **how, "time": self.time, "reached": self.time if reached is None else reached})
         self.tell({"news": "phase", "phase": "idle"})
         if self.running is not None:
             self.running.set_result({"ending": ending})
@@ -74,7 +75,7 @@ class CountingRun:
     def close(self):
         self.closed = True
 
-    def _open(self, station, settings, robot):
+    def _open(self, station, settings, robot, allow_code):
         self.time = 0.0
         return {"station": station, "robots": {robot: {"tcp": "flange", "kind": "legs"}}, "bodies": [], "loops": []}
 
@@ -115,7 +116,7 @@ class BenchRun:
     def __init__(self, on_news):
         self._tell, self.at = on_news, {}
         self._bench = Bench(self, self._serve)
-        self._bench.conductor.set_pace(None)
+        self._bench.pacer.set_pace(None)
 
     def call(self, method, /, **arguments):
         future = Future()
@@ -129,7 +130,7 @@ class BenchRun:
         pass
 
     def _serve(self, bench):
-        number = bench.conductor.line.steps(bench.conductor._now)
+        number = bench.pacer.line.steps(bench.pacer.now)
         for method, arguments in self.at.pop(round(number * TICK, 12), ()):
             getattr(bench, method)(**arguments)
 

@@ -6,10 +6,11 @@ from concurrent.futures import Future
 import numpy as np
 
 from simrob_drake.programs.gaits.registry import gaits_of
+from simrob_drake.programs.moves.kinds import check_move
 from simrob_drake.programs.program import Program
+from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.teach.notices import Notice
-from simrob_drake.teach.taught import entry_of
+from simrob_drake.teach.pages.words import Notice
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
@@ -27,6 +28,7 @@ def described(name="humanoid"):
     ]
     legged = model.feet is not None
     gaits, acts = (list(gaits_of(model, steps=steps)) if legged else [] for steps in (True, False))
+    acts = [act for act in acts if act != SEQUENCE]
     robot = {
         "model": name,
         "kind": "legs" if legged else "arm",
@@ -81,15 +83,17 @@ class LegsSession:
         self.calls.append(("test", targets_deg, duration))
         before = self.pending[0]["target_deg"] if self.pending else {}
         self.told("program", pending=({"target_deg": {**before, **targets_deg}, "duration": duration},))
+        self.ending = Future()
+        return self.ending
 
     def add(self):
         self.calls.append(("add",))
-        self.told("program", program=self.program.added(*map(entry_of, self.pending)), pending=())
+        self.told("program", program=self.program.added(*map(check_move, self.pending)), pending=())
         return True
 
     def edit(self, index, move):
         self.calls.append(("edit", index, move))
-        self.told("program", program=self.program.edited(index, entry_of(move)))
+        self.told("program", program=self.program.edited(index, check_move(move)))
         return True
 
     def remove(self, index):

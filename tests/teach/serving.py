@@ -15,11 +15,11 @@ from simrob_drake.teach.server import Server, bound
 
 
 class Served:
-    """What a test needs to know of a server: address, token, port, the pendant, and its thread's loop."""
+    """What a test needs to know of a server: where it is, the cookie it has left, the pendant, its thread's loop."""
 
     def __init__(self, open_session, subject):
         self._open_session, self._subject = open_session, subject
-        self._ready = SimpleQueue()
+        self._ready, self.cookie = SimpleQueue(), ""
         self._thread = Thread(target=lambda: asyncio.run(self._run()), daemon=True)
 
     async def _run(self):
@@ -32,11 +32,14 @@ class Served:
 
     def start(self):
         self._thread.start()
-        self.url = self._ready.get(timeout=30)
-        place = urlsplit(self.url)
-        self.port, self.host = place.port, place.netloc
-        self.token = place.query.partition("=")[2]
-        self.cookie = f"simrob_{self.port}={self.token}"
+        place = urlsplit(self.address())
+        self.port, self.host, self.path, self.query = place.port, place.netloc, place.path, place.query
+        _, headers, _ = self.asked(f"?{self.query}")
+        self.cookie = headers["set-cookie"].partition(";")[0]
+
+    def address(self):
+        """Return the address that is told next: after the first, one whenever one was used."""
+        return self._ready.get(timeout=30)
 
     def stop(self):
         self.server.should_exit = True
@@ -49,8 +52,9 @@ class Served:
         self.loop.call_soon_threadsafe(lambda: done.put(call()))
         return done.get(timeout=5)
 
-    def asked(self, path="/", *, method="GET", body=None, read=True, **headers):
-        """Return the status and headers of an answer, and what came with it."""
+    def asked(self, path="", *, method="GET", body=None, read=True, **headers):
+        """Return the status and headers of an answer, and what came with it; the path is below the pendant's."""
+        path = path if path.startswith("/") else self.path + path
         with closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)) as line:
             line.request(method, path, body=body, headers={"Cookie": self.cookie} | headers)
             answer = line.getresponse()

@@ -8,8 +8,8 @@ from pydrake.geometry import Role
 from simrob_drake import load_station
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
 from simrob_drake.results.animation.drawn import commands, draw_geometry, look
-from simrob_drake.results.animation.scene import Scene
-from simrob_drake.teach.notices import Notice
+from simrob_drake.results.animation.scene import ViewedStation
+from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.session import Session
 
 _KINDS = {"humanoid": "legs", "roid1": "legs", "irb120": "arm"}
@@ -17,7 +17,7 @@ _KINDS = {"humanoid": "legs", "roid1": "legs", "irb120": "arm"}
 
 def drawing(station):
     """What a run tells the view of a station at its start."""
-    scene = Scene(load_station(station))
+    scene = ViewedStation(load_station(station))
     scene.place(scene.initial)
     prefixes = {"station": Role.kIllustration}
     camera = camera_on(scene.extents(scene.initial[np.newaxis]), aspect=WINDOW_ASPECT, azimuth=side(scene.station))
@@ -69,7 +69,20 @@ def _noting(name):
     return note
 
 
-for _name in ("pause", "go_on", "one_tick", "stop", "set_pace", "rewind", "simulate", "undo", "redo", "drag"):
+for _name in (
+    "pause",
+    "go_on",
+    "one_tick",
+    "stop",
+    "set_pace",
+    "rewind",
+    "simulate",
+    "undo",
+    "redo",
+    "drag",
+    "take_theirs",
+    "keep_both",
+):
     setattr(StubSession, _name, _noting(_name))
 
 __all__ = ["Notice", "StubSession", "drawing"]

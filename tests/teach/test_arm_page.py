@@ -15,15 +15,14 @@ from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake import Arm
 from simrob_drake.errors import SimrobError
+from simrob_drake.programs.moves.kinds import KINDS, check_move
+from simrob_drake.programs.moves.move_l import MoveL
 from simrob_drake.programs.program import Program
 from simrob_drake.results.record.state import State
 from simrob_drake.teach import arm_questions
-from simrob_drake.teach.notices import Notice
 from simrob_drake.teach.pages import arm as page
-from simrob_drake.teach.pages.arm_words import MINUS, line_words, pose_of, pose_text, pose_words
-from simrob_drake.teach.pages.phrases import Phrases
-from simrob_drake.teach.pages.words import words
-from simrob_drake.teach.taught import entry_of
+from simrob_drake.teach.pages.phrases import MINUS, Phrases, line_words, pose_of, pose_text, pose_words
+from simrob_drake.teach.pages.words import Notice, words
 
 t = words("en")
 
@@ -87,11 +86,11 @@ class ArmSession(StubSession):
             content["wobj"] = goal["frame"]
         if via:
             content["via"] = self.targets[via]["pose"][:3]
-        self.told("program", program=self.program.added(entry_of({kind: content})))
+        self.told("program", program=self.program.added(check_move({kind: content})))
         return True
 
     def edit(self, index, move):
-        self.told("program", program=self.program.edited(index, entry_of(move)))
+        self.told("program", program=self.program.edited(index, check_move(move)))
         return True
 
     def remove(self, index):
@@ -120,12 +119,9 @@ class ArmSession(StubSession):
         self.told("phase")
         return given(True)
 
-    def attach(self, piece):
-        self.told("program", pending=({"attach": piece},))
+    def try_move(self, move):
+        self.told("program", pending=(move,))
         return given(True)
-
-    def release(self, piece):
-        return self.attach(piece)
 
     def run_line(self, index):
         self.calls.append(("run_line", index))
@@ -149,7 +145,7 @@ def on_page(scenario):
     return run
 
 
-async def settled(seconds=0.15):
+async def settled(seconds=0.05):
     """Wait until the page has followed its session."""
     await asyncio.sleep(seconds)
 
@@ -303,7 +299,7 @@ async def test_a_line_is_added_shown_by_its_targets_name_stepped_and_changed():
         await settled()
         the(user, ui.select, t("arm.move")).value = "move_l"
         await press(user, t("arm.add_line"))
-        move = session.program.moves[0].model_dump(exclude_none=True)["move_l"]
+        move = session.program.moves[0].entry()["move_l"]
         assert move["targets_deg"] == pytest.approx(session.targets["over"]["pose"])
         assert move["speed"] == pytest.approx(0.2)
         await user.should_see("1  MoveL over, 200 mm/s")
@@ -311,9 +307,10 @@ async def test_a_line_is_added_shown_by_its_targets_name_stepped_and_changed():
         assert session.calls[-1] == ("run_line", 0)
         await press(user, t("arm.change_line", number=1))
         await choose(user, t("arm.edit"))
-        the(user, ui.number, t("arm.duration")).value = 2.5
+        durations = [one for one in user.find(ui.number).elements if one.props.get("label") == t("arm.duration")]
+        max(durations, key=lambda element: element.id).value = 2.5
         await press(user, t("arm.take"))
-        assert "2.5 s" in line_words(Phrases(t, []), session.program.moves[0].model_dump(exclude_none=True), {})
+        assert "2.5 s" in line_words(Phrases(t, []), session.program.moves[0].entry(), {})
         await user.should_not_see("200 mm/s")
 
 
@@ -333,7 +330,7 @@ async def test_an_arc_needs_a_target_on_its_way():
         assert not add.enabled
         the(user, ui.select, t("arm.via")).value = "p1"
         await press(user, t("arm.add_line"))
-        assert session.program.moves[0].move_c.via == pytest.approx(session.targets["p1"]["pose"][:3])
+        assert session.program.moves[0].via == pytest.approx(session.targets["p1"]["pose"][:3])
         await user.should_see("MoveC p1 → p2")
 
 
@@ -364,7 +361,9 @@ async def test_tools_and_pieces_change_hands():
         assert session.arm.cell.robot("robot").tcp == "gripper"
         the(user, ui.select, t("arm.held")).value = "pencil"
         await press(user, t("arm.leave_piece"))
-        await user.should_see("pencil")
+        await user.should_see(t("arm.tried", what="leave pencil"))
+        await press(user, t("moves.wait"))
+        await user.should_see(t("arm.tried", what="stand still for 1 s"))
         await press(user, t("arm.keep"))
 
 
@@ -394,3 +393,20 @@ def test_lines_that_were_not_taught_here_show_their_figures():
     )
     assert line_words(phrases, {"move_abs_j": [0, radians(30)]}, {}) == "MoveAbsJ 0° 30°"
     assert line_words(phrases, {"move_j": {"targets": [[0.3, 0, 0.2], [0.3, 0, 0.3]]}}, {}).startswith("MoveJ [[0.3")
+
+
+@on_page
+async def test_a_new_kind_of_motion_is_offered_and_shown_by_its_title():
+    class MoveSpiral(MoveL):
+        key = "move_spiral"
+        title = "MoveSpiral"
+
+    session = ArmSession()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(KINDS, MoveSpiral.key, MoveSpiral)
+        async with opened(session) as user:
+            session.teach_target()
+            await settled()
+            the(user, ui.select, t("arm.move")).value = MoveSpiral.key
+            await press(user, t("arm.add_line"))
+            await user.should_see("1  MoveSpiral p1, 200 mm/s")

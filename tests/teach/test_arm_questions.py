@@ -11,9 +11,9 @@ from pydrake.multibody.tree import MultibodyForces
 from simrob_drake import Arm, Workcell, load_station
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics.solver import Unreachable
-from simrob_drake.programs.arm_moves import MoveAbsJMove
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.model import StationModel
+from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
 from simrob_drake.teach import arm_questions as ask
 
 HOME = {"robot.initial_deg": {"joint_5": 90}}
@@ -106,7 +106,7 @@ def test_inverse_kinematics_takes_the_nearest_posture(arm):
 def test_a_jog_is_a_move_that_the_joints_can_do_and_ends_on_a_tick(arm):
     move = ask.jog(arm, {"joint_1": 10, "joint_6": -100})
     content = json.loads(json.dumps(move))
-    entry = MoveAbsJMove.model_validate(content).move_abs_j
+    entry = MoveAbsJ.model_validate(content["move_abs_j"])
     np.testing.assert_allclose(np.rad2deg(entry.targets), [10, 0, 0, 0, 90, -100], atol=1e-12)
     assert entry.duration / 0.05 == pytest.approx(round(entry.duration / 0.05))
     peak = 1.875 * np.deg2rad(100) / entry.duration  # of a polynomial of degree five

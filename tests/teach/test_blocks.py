@@ -9,18 +9,18 @@ from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.teach.blocks import Told, told_by
+from simrob_drake.teach.describe import BlockMeaning, block_meaning
 
 _NODE = re.compile(r'^    "([^"]+)" \[label', re.MULTILINE)
 
 
-def told(name) -> dict[str, Told]:
+def told(name) -> dict[str, BlockMeaning]:
     """What each block of a shipped picture stands for."""
     config = load_station(name)
     content = yaml.safe_load(station_yaml(config))
     names = list(closed_station(resolve(config)).ports.outputs)
     blocks = _NODE.findall((diagrams_root() / f"{name}.dot").read_text())
-    return {block: told_by(block, content, names) for block in blocks}
+    return {block: block_meaning(block, content, names) for block in blocks}
 
 
 @pytest.mark.parametrize(
@@ -39,13 +39,13 @@ def test_every_block_stands_for_something_of_its_station(name):
 
 def test_a_joint_has_its_servo_and_its_curves():
     blocks = told("irb120_dynamic")
-    assert blocks["joint_2.pd"] == Told(("servo",), ("position", "torque"), "joint_2")
+    assert blocks["joint_2.pd"] == BlockMeaning(("servo",), ("position", "torque"), "joint_2")
     assert blocks["joint_2.saturation"] == blocks["joint_2.pd"]
-    assert blocks["stops"] == Told(("joint_stops",), ())
-    assert blocks["reference_source"] == Told(("reference",), ("reference",))
-    assert blocks["output torque"] == Told((), ("torque",))
-    assert blocks["torque"] == blocks["joint_signals"] == Told(("servo",), ("torque",))
-    assert blocks["plant"] == Told(("robot", "pieces", "gravity"), ("position",))
+    assert blocks["stops"] == BlockMeaning(("joint_stops",), ())
+    assert blocks["reference_source"] == BlockMeaning(("reference",), ("reference",))
+    assert blocks["output torque"] == BlockMeaning((), ("torque",))
+    assert blocks["torque"] == blocks["joint_signals"] == BlockMeaning(("servo",), ("torque",))
+    assert blocks["plant"] == BlockMeaning(("robot", "pieces", "gravity"), ("position",))
     assert blocks["poses"].signals == ("base_pose", "tcp_pose")
     assert blocks["joint_2.pd"].holds("servo.kp")
     assert not blocks["joint_2.pd"].holds("servos")
@@ -53,7 +53,7 @@ def test_a_joint_has_its_servo_and_its_curves():
 
 def test_of_several_robots_each_has_its_own():
     blocks = told("two_irb120")
-    assert blocks["left.servo.pd"] == Told(("servo",), ("left.torque",))
+    assert blocks["left.servo.pd"] == BlockMeaning(("servo",), ("left.torque",))
     assert blocks["right.poses"].keys[0] == "robots.right.base"
     assert blocks["left.reference_source"].keys == ("robots.left.reference",)
     assert told("belt_pick")["arm.reference_source"].keys == ("reference",)  # it has none of its own
@@ -62,10 +62,12 @@ def test_of_several_robots_each_has_its_own():
 
 def test_parts_have_the_outputs_they_declare():
     blocks = told("irb120_force_control")
-    assert blocks["sensor.touch"] == Told(("sensors.touch",), ("force.touch", "moment.touch"))
+    assert blocks["sensor.touch"] == BlockMeaning(("sensors.touch",), ("force.touch", "moment.touch"))
     assert blocks["controller.press"].signals == ("press.offset", "press.pressing", "press.path")
     height = told("humanoid_height")
     assert height["controller.height to  sensor"] == height["controller.height"]
     balance = told("humanoid_balance")
-    assert balance["force.push.source"] == balance["force.push"] == Told(("forces.push",), ("applied_force.push",))
+    assert (
+        balance["force.push.source"] == balance["force.push"] == BlockMeaning(("forces.push",), ("applied_force.push",))
+    )
     assert balance["plant"].holds("servo.kp")  # implicit: the servos are in the plant

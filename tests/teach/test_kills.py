@@ -8,12 +8,12 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 from fake_runs import CountingRun
 
 from simrob_drake import Program
 from simrob_drake.teach.session import Session
 
-KILLS = 50
 HERE = Path(__file__)
 
 
@@ -43,10 +43,10 @@ def teach(session, told):
         os.write(told, b".")
 
 
-def killed_again_and_again(folder, seed):
+def killed_again_and_again(folder, kills, seed):
     """Kill one process after the other that teaches; print how much was taught."""
     chance, session = random.Random(seed), opened(folder)
-    for _ in range(KILLS):
+    for _ in range(kills):
         stored = len(session.program.moves)
         hears, tells = os.pipe()
         child = os.fork()
@@ -70,16 +70,16 @@ def killed_again_and_again(folder, seed):
     print(len(moves))
 
 
-def test_fifty_kills_lose_nothing(tmp_path):
-    run = subprocess.run(
-        [sys.executable, str(HERE), str(tmp_path)], capture_output=True, text=True, timeout=120, check=False
-    )
+@pytest.mark.parametrize("kills", [10, pytest.param(50, marks=pytest.mark.long)])
+def test_kills_lose_nothing(tmp_path, kills):
+    command = [sys.executable, str(HERE), str(tmp_path), str(kills)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert run.returncode == 0, run.stderr
-    assert int(run.stdout) > KILLS
+    assert int(run.stdout) > kills
     assert sorted(file.name for file in (tmp_path / "humanoid_dynamic").iterdir() if file.suffix == ".yaml") == [
         "program.yaml"
     ]
 
 
 if __name__ == "__main__":
-    killed_again_and_again(Path(sys.argv[1]), seed=14)
+    killed_again_and_again(Path(sys.argv[1]), int(sys.argv[2]), seed=14)

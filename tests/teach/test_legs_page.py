@@ -2,15 +2,19 @@
 
 import asyncio
 from math import radians
+from typing import Annotated, ClassVar
 
 import pytest
 from legs_session import LegsSession, described
+from pydantic import Field
 
 pytest.importorskip("nicegui", reason="needs the extra gui")
 from nicegui import ui
 from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
+from simrob_drake.programs.moves.kinds import KINDS
+from simrob_drake.programs.moves.move import Move
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.teach.pages import legs, plots
 from simrob_drake.teach.pages.phrases import Phrases, matches
@@ -47,7 +51,7 @@ def field(user, label):
     return called(user, ui.number, label)[0]
 
 
-async def heard(seconds=0.15):
+async def heard(seconds=0.05):
     """Let the page hear of what has changed."""
     await asyncio.sleep(seconds)
 
@@ -140,6 +144,65 @@ def test_a_second_test_has_the_joints_that_were_set_since():
     assert [targets for _, targets, _ in calls] == [{"left_elbow": 30.0}, {"right_elbow": 20.0}]
 
 
+FELL = {"ending": "monitor", "goes_on": False, "time": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("ended", "again"),
+    [
+        (FELL, [{"left_elbow": 35.0, "right_elbow": 20.0}]),
+        (None, [{"left_elbow": 35.0}]),  # a newer one takes its place; the move is kept
+        ({**FELL, "ending": "stopped"}, [{"left_elbow": 35.0}]),
+        ({**FELL, "ending": "completed", "goes_on": True}, [{"left_elbow": 35.0}]),
+    ],
+)
+def test_what_was_typed_stays_when_a_test_falls(ended, again):
+    async def script(user, session):
+        give(user, field(user, "left elbow"), 30.0)
+        give(user, field(user, "right elbow"), 20.0)
+        press(user, "2. Test")
+        session.ending.set_result(ended)
+        session.told("phase", "program", phase="idle", time=0.7)
+        session.history["reference"].append((0.7, [0.0] * 18))  # where the fall began
+        await heard()
+        fell = "right_elbow" in again[0]
+        assert field(user, "right elbow").value == (20.0 if fell else 0.0)
+        give(user, field(user, "left elbow"), 35.0)
+        press(user, "2. Test")
+
+    tests = [targets for name, targets, _ in (call for call in shown(script).calls if call[0] == "test")]
+    assert tests[1:] == again
+
+
+def test_a_test_that_is_refused_leaves_what_was_typed():
+    async def script(user, session):
+        give(user, field(user, "left elbow"), 30.0)
+        press(user, "2. Test")
+        session.pending = ()
+        session.ending.set_result(None)
+        session.told("phase", "program", time=0.0)
+        await heard()
+        assert field(user, "left elbow").value == 30.0
+        await user.should_see("To be tested: left elbow")
+
+    shown(script)
+
+
+def test_only_what_was_tested_can_be_added():
+    async def script(user, session):
+        (add,) = user.find(kind=ui.button, content="3. Add").elements
+        assert not add.enabled
+        give(user, field(user, "left elbow"), 30.0)
+        press(user, "2. Test")
+        await heard()
+        assert add.enabled
+        press(user, "3. Add")
+        await heard()
+        assert not add.enabled
+
+    shown(script)
+
+
 def test_a_number_beyond_the_limits_is_refused_in_its_field_with_the_limit():
     async def script(user, session):
         shoulder = field(user, "right shoulder: arm forward")
@@ -229,10 +292,10 @@ def test_a_step_a_walk_and_an_act_are_asked_for():
         give(user, field(user, "Amplitude"), 0.5)
         press(user, "Step")
         press(user, "Walk")
-        press(user, "Do it")
+        press(user, "Act")
 
-    calls = shown(script).calls
-    assert calls[-3:] == [("step",), ("walk", {"steps": 6, "amplitude": 0.5, "gait": None}), ("act", "crouch")]
+    walk = {"walk": {"steps": 6, "amplitude": 0.5}}
+    assert shown(script).calls[-3:] == [("step",), ("try_move", walk), ("try_move", {"act": {"name": "crouch"}})]
 
 
 def test_a_walk_of_half_a_step_is_refused():
@@ -241,7 +304,7 @@ def test_a_walk_of_half_a_step_is_refused():
         press(user, "Walk")
         assert field(user, "Steps").error.startswith("a whole number")
 
-    assert not [call for call in shown(script).calls if call[0] == "walk"]
+    assert not [call for call in shown(script).calls if call[0] == "try_move"]
 
 
 def test_pieces_are_taken_and_left_and_loops_switched():
@@ -250,16 +313,17 @@ def test_pieces_are_taken_and_left_and_loops_switched():
         press(user, "Leave")
         for option in ("brought to the hand", "it stays where it is"):
             user.find(kind=ui.checkbox, content=option).click()
+        give(user, next(iter(user.find(kind=ui.select, content="With").elements)), "left_hand")
         press(user, "Take")
         press(user, "Leave")
         user.find(kind=ui.switch, content="arms against a fall").click()
 
     calls = shown(script).calls
     assert calls[-5:] == [
-        ("attach", "box", "right_hand", {"pose": None}),
-        ("release", "box", {"fixed": False}),
-        ("attach", "box", "right_hand", {"pose": (0.0,) * 6}),
-        ("release", "box", {"fixed": True}),
+        ("try_move", {"attach": {"piece": "box"}}),
+        ("try_move", {"release": {"piece": "box", "fixed": False}}),
+        ("try_move", {"attach": {"piece": "box", "tool": "left_hand", "pose": [0.0] * 6}}),
+        ("try_move", {"release": {"piece": "box", "fixed": True}}),
         ("switch_loop", "guard", True),
     ]
 
@@ -318,28 +382,29 @@ def test_a_stored_walk_keeps_what_the_form_does_not_show():
         press(user, "Save")
 
     session = shown(script, LegsSession(moves=[{"walk": {"steps": 4, "step_time": 0.4}}]))
-    assert session.program.moves[0].model_dump() == {"walk": {"steps": 8, "step_time": 0.4}}
+    assert session.program.moves[0].entry() == {"walk": {"steps": 8, "step_time": 0.4}}
 
 
-def test_another_move_is_edited_as_the_file_has_it():
+def test_what_no_form_asks_for_is_edited_as_the_file_has_it():
     async def script(user, session):
         press_that(user, "Edit: 1.")
         await heard()
-        text = next(iter(user.find(kind=ui.input, content="As in the file").elements))
-        assert text.value == "act: bow"
-        give(user, text, "act: [")
+        text = next(iter(user.find(kind=ui.input, content="Further keys, as in the file").elements))
+        assert text.value == ""
+        give(user, text, "repeat: [")
         press(user, "Save")
         assert text.error
         assert "edit" not in [call[0] for call in session.calls]
-        give(user, text, "act: {name: wave, repeat: 2}")
+        give(user, text, "repeat: 2")
+        give(user, max(user.find(kind=ui.select, content="Act").elements, key=lambda element: element.id), "wave")
         press(user, "Save")
         await heard()
         press_that(user, "Edit: 1.")
-        text = max(user.find(kind=ui.input, content="As in the file").elements, key=lambda element: element.id)
-        assert text.value == "act: {name: wave, repeat: 2}"
+        texts = user.find(kind=ui.input, content="Further keys, as in the file").elements
+        assert max(texts, key=lambda element: element.id).value == "repeat: 2"
 
     session = shown(script, LegsSession(moves=[{"act": "bow"}]))
-    assert session.program.moves[0].model_dump() == {"act": {"name": "wave", "repeat": 2}}
+    assert session.program.moves[0].entry() == {"act": {"name": "wave", "repeat": 2}}
 
 
 def test_changes_of_a_run_stand_below_the_moves():
@@ -433,7 +498,9 @@ def test_moves_are_told_in_words():
         "leave box (it stays where it is)": {"release": {"piece": "box", "fixed": True}},
         "walk 2 steps (sideways, step time 0.4)": {"walk": {"steps": 2, "gait": "sideways", "step_time": 0.4}},
         "the station's own motion for 5 s": {"play": 5.0},
-        "{move_l: {targets: [[0, 0, 0.5]]}}": {"move_l": {"targets": [[0, 0, 0.5]]}},
+        "MoveL (targets [[0, 0, 0.5]])": {"move_l": {"targets": [[0, 0, 0.5]]}},
+        "Go (ahead 0.2, duration 3)": {"go": {"ahead": 0.2, "duration": 3.0}},
+        "{hop: 1}": {"hop": 1},
         "left tail 3 in 1 s": {"target_deg": {"left_tail": 3.0}, "duration": 1.0},
     }
     phrases = Phrases(words("en"), described()["robots"]["humanoid"]["axes"])
@@ -458,3 +525,49 @@ def test_a_plot_has_no_more_points_than_show():
     thin = plots.thinned(rows, 200)
     assert len(thin) == 200
     assert (thin[0], thin[-1]) == (rows[0], rows[-1])
+
+
+class HopMove(Move):
+    """A kind of move that the package does not have."""
+
+    key = "hop"
+    title = "Hop"
+    form: ClassVar = {"height": 0.05, "tool": "tools", "both": None}
+
+    height: Annotated[float, Field(gt=0, le=0.5)]
+    """How high [m]."""
+    tool: str | None = None
+    both: bool = False
+
+    def caption(self, *, robots=False):
+        return f"hop {self.height:g} m"
+
+
+def test_a_new_kind_of_move_is_offered_by_its_title_its_form_and_its_caption(monkeypatch):
+    monkeypatch.setitem(KINDS, HopMove.key, HopMove)
+    hop = {"hop": {"height": 0.1, "tool": "left_hand", "both": True}}
+
+    async def script(user, session):
+        assert field(user, "height").value == 0.05
+        give(user, field(user, "height"), 0.6)
+        press(user, "Hop")
+        assert field(user, "height").error == "from 0 m to 0.5 m"
+        give(user, field(user, "height"), 0.1)
+        selects = user.find(kind=ui.select, content="With").elements
+        give(user, max(selects, key=lambda element: element.id), "left_hand")
+        user.find(kind=ui.checkbox, content="both").click()
+        press(user, "Hop")
+        session.told("program", pending=(hop,))
+        await heard()
+        await user.should_see("Tested and not added yet: hop 0.1 m")
+        press(user, "3. Add")
+        await heard()
+        assert lines(user) == ["1. hop 0.1 m"]
+        press_that(user, "Edit: 1.")
+        await heard()
+        give(user, called(user, ui.number, "height")[-1], 0.2)
+        press(user, "Save")
+
+    session = shown(script)
+    assert [call for call in session.calls if call[0] == "try_move"] == [("try_move", hop)]
+    assert session.program.moves[0].entry() == {"hop": {**hop["hop"], "height": 0.2}}

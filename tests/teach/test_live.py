@@ -155,6 +155,34 @@ def test_what_is_done_after_going_back_goes_on_from_there(humanoid: Pendant) -> 
     assert humanoid.ask("do", moves=[{"wait": 0.05}])["time"] == pytest.approx(0.3)
 
 
+def test_a_fall_can_be_looked_at_and_the_next_run_begins_before_it(humanoid: Pendant) -> None:
+    humanoid.ask("do", moves=[{"wait": 0.1}])
+    before = humanoid.ask("posture")
+    hips = {"target_deg": {"left_hip_pitch": 110, "right_hip_pitch": 110}, "duration": 0.3}
+    ended = humanoid.ask("do", moves=[hips, {"wait": 5.0}])
+    assert (ended["ending"], ended["goes_on"]) == ("monitor", False)
+    assert ended["time"] == pytest.approx(0.1)
+    assert 0.5 < ended["reached"] < 5.0
+    assert humanoid.ask("posture") == before
+    humanoid.ask("rewind", time=ended["reached"])
+    humanoid.ask("rewind", time=0.2)
+    assert humanoid.ask("go_on") == ended  # it falls again
+    assert humanoid.ask("do", moves=[{"wait": 0.1}])["time"] == pytest.approx(0.2)
+    waited = humanoid.ask("posture")
+    with pytest.raises(SimrobError, match="a time that was run"):
+        humanoid.ask("rewind", time=0.3)
+    humanoid.ask("rewind", time=0.1)
+    humanoid.ask("do", moves=[{"wait": 0.1}])
+    assert humanoid.ask("posture") == waited
+
+
+def test_a_moment_that_was_not_run_pauses_nothing(humanoid: Pendant) -> None:
+    done = humanoid.live.call("do", moves=[{"wait": 0.5}])
+    with pytest.raises(SimrobError, match="a time that was run"):
+        humanoid.ask("rewind", time=7.65)
+    assert done.result(WAIT)["ending"] == "completed"
+
+
 def test_it_pauses_steps_and_stops(humanoid: Pendant) -> None:
     humanoid.ask("pace", factor=1.0)
     done = humanoid.live.call("do", moves=[{"wait": 5.0}])

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import re
 import runpy
 import signal
 import time
@@ -11,7 +12,10 @@ import pytest
 from fake_runs import BenchRun
 
 from simrob_drake import Program
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.cli.app import run_command
+from simrob_drake.errors import SimrobError
+from simrob_drake.programs.gaits.registry import load_gaits
+from simrob_drake.simulation import pace
 from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.teach.session import Session
 
@@ -85,6 +89,22 @@ def test_the_script_gives_the_signals_of_the_page(teach):
     assert np.abs(calm - page[1][: len(calm)]).max() > 1e-3  # they were felt
 
 
+def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it(teach, monkeypatch):
+    monkeypatch.setattr(pace, "_PATIENCE", 0.0)
+    monkeypatch.setattr(pace, "_SLOWEST", 1e6)
+    session, _ = teach("irb120_dynamic")
+    told = []
+    session.listen(lambda topic: topic == "message" and told.append((session.phase, str(session.message))))
+    heard(session, session.test({"joint_1": 20}, 0.5))
+    (during, slow), (_, ended) = told
+    assert during == "running"
+    assert re.match(r"irb120_dynamic makes .* real time with .* s left: ", slow)
+    lines = ended.splitlines()
+    assert lines[0].startswith("ran to its end at 0.5 s")
+    assert lines[1].startswith("final error ")
+    assert len(lines) == 2 + len(session.ending["warnings"])
+
+
 def test_a_push_of_a_test_that_was_discarded_is_forgotten(teach):
     ends = []
     for pushed in (False, True):
@@ -130,7 +150,7 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     heard(session, session.tool("gripper"))
     heard(session, session.teach_target("grip"))
     assert session.add_line("move_j", "grip")
-    kinds = [next(iter(type(move).model_fields)) for move in session.program.moves]
+    kinds = [move.key for move in session.program.moves]
     assert kinds == ["move_abs_j", "move_l", "tool", "move_j"]
     assert heard(session, session.jog_tool([0, 0, 5, 0, 0, 0])) is None
     assert "out of reach" in str(session.message)
@@ -142,15 +162,49 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     assert session.ghosts == [], "they were of the station before"
 
 
+HOLDING = """
+robot: {model: irb120}
+solver: {kind: discrete, time_step: 0.001}
+duration: 0.1
+controllers:
+  mine: {kind: own, class: "pydrake.systems.primitives:ConstantVectorSource", parameters: {source_value: [0.5]}}
+"""
+
+
+def test_code_that_a_station_names_runs_where_its_user_allows_it(teach, tmp_path):
+    file = tmp_path / "holding.yaml"
+    file.write_text(HOLDING)
+    with pytest.raises(SimrobError, match=r"controllers\.mine: would run .* or --allow-code"):
+        teach(file)
+    session, _ = teach(file, allow_code=True)
+    assert session.set("gravity", 3.7)
+    session.hear()
+    assert heard(session, session.simulate())["ending"] == "completed"
+    page = table(heard(session, session.export_csv()))
+    assert "mine.y0" in page[0]
+    check_script(session, page)
+
+
+def test_the_command_passes_on_what_its_user_allows(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr("simrob_drake.teach.server.serve", lambda *_, **how: asked.append(how["allow_code"]))
+    for more in ([], ["--allow-code"]):
+        assert run_command(["teach", "irb120", "--folder", str(tmp_path), *more]) == 0
+    assert asked == [False, True]
+
+
 def test_a_piece_is_taken_and_left(teach):
     session, _ = teach("humanoid_box")
     pose = [0, 0, -0.1, 0, 0, 0]
-    assert heard(session, session.attach("parcel", "right_hand", pose=pose))["ending"] == "completed"
+    assert (
+        heard(session, session.try_move({"attach": {"piece": "parcel", "tool": "right_hand", "pose": pose}}))["ending"]
+        == "completed"
+    )
     assert heard(session, session.test({"right_elbow": 20}, 0.2))["ending"] == "completed"
     assert [next(iter(move)) for move in session.pending] == ["attach", "target_deg"]
     session.add()
     assert heard(session, session.simulate())["ending"] == "completed"
-    assert heard(session, session.attach("parcle", "right_hand")) is None
+    assert heard(session, session.try_move({"attach": "parcle"})) is None
     assert "did you mean 'parcel'?" in str(session.message)
     assert not session.pending
 
@@ -165,6 +219,7 @@ def forward(session, run, tool):
     return float(np.array([np.cos(facing), np.sin(facing), 0]) @ place.translation())
 
 
+@pytest.mark.long
 def test_taught_once_the_same_limbs_move_the_same_way_on_all_humanoids(teach):
     session, run = teach("humanoid")
     heard(session, session.test({"HomIF": 30}, 0.4))

@@ -4,6 +4,7 @@ import asyncio
 import re
 from base64 import b64encode
 from concurrent.futures import Future
+from pathlib import Path
 
 import pytest
 from stub_session import Notice, StubSession
@@ -13,11 +14,11 @@ from nicegui import ElementFilter, ui
 from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
+from simrob_drake import teach
 from simrob_drake.errors import SimrobError, UnknownName
 from simrob_drake.robots.catalog import robot_names
-from simrob_drake.teach.notices import NOTICES
 from simrob_drake.teach.pages import shell
-from simrob_drake.teach.pages.buttons import KEYS
+from simrob_drake.teach.pages.elements import KEYS
 from simrob_drake.teach.pages.words import languages, texts_of, words
 from simrob_drake.teach.pendant import Pendant
 
@@ -84,7 +85,7 @@ async def until(condition):
 
 async def heard(session, *topics, **news):
     session.told(*topics, **news)
-    await asyncio.sleep(0.12)
+    await asyncio.sleep(0.05)
 
 
 # Words
@@ -102,7 +103,32 @@ def test_the_languages_say_the_same_things():
 
 
 def test_every_notice_of_a_session_has_its_words():
-    assert {key.removeprefix("notice."): text for key, text in EN.items() if key.startswith("notice.")} == NOTICES
+    said = re.compile(r'(?:Notice|_refused)\("(\w+)"|key, \w+(?:, taken)? = \(?\s*"(\w+)"')
+    sources = (file.read_text() for file in Path(teach.__file__).parent.glob("*.py"))
+    used = {key for source in sources for found in said.findall(source) for key in found if key}
+    used |= {"damaged", "died", "lost"}  # one of two, where it is said
+    assert used == {key.removeprefix("notice.") for key in EN if key.startswith("notice.")}
+
+
+# A file that another editor has changed
+
+
+def test_what_becomes_of_a_file_that_was_changed_elsewhere_is_asked():
+    pendant = Pendant(opened, "humanoid", language="es")
+
+    async def scenario(user, pendant):
+        (alert,) = elements(user, role="alert")
+        assert not alert.visible
+        await heard(pendant.session, "program", conflict=True, file=Path("x/program.yaml"))
+        assert alert.visible
+        await user.should_see("Otro programa cambió program.yaml")
+        user.find(ES["shell.take_theirs"]).click()
+        user.find(ES["shell.keep_both"]).click()
+        assert pendant.session.calls == [("take_theirs",), ("keep_both",)]
+        await heard(pendant.session, "program", conflict=False)
+        assert not alert.visible
+
+    visit(scenario, pendant)
 
 
 # What is loaded
@@ -189,7 +215,7 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
         press(user, play)
         await heard(session, "phase", phase="running")
         assert (play.props["icon"], play.props["aria-label"], tick.enabled) == ("pause", EN["run.pause"], False)
-        await heard(session, "tick", time=1.25, ratio=0.8)
+        await heard(session, "tick", time=1.25, reach=1.25, ratio=0.8)
         await user.should_see("1.25 of 1.25 s  0.8 × the clock")
         press(user, play)
         await heard(session, "phase", phase="paused")
@@ -199,7 +225,7 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
         await heard(session, "phase", "tick", time=0.0)
         await user.should_see("0.00 of 1.25 s")
         press(user, play)
-        await heard(session, "phase", "tick", phase="running", time=0.3)
+        await heard(session, "phase", "tick", phase="running", time=0.3, reach=0.3)
         await user.should_see("0.30 of 0.30 s")  # what came after is forgotten
         press(user, stop)
         await heard(session, "phase", phase="idle")
@@ -216,7 +242,7 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
 def test_the_way_back_is_the_user_s_and_no_echo_of_the_run():
     async def scenario(user, pendant):
         session = pendant.session
-        await heard(session, "phase", "tick", phase="running", time=2.0)
+        await heard(session, "phase", "tick", phase="running", time=2.0, reach=2.0)
         (slider,) = (one for one in elements(user) if isinstance(one, ui.slider))
         assert (slider.value, slider.props["max"], slider.props["step"]) == (2.0, 2.0, 0.05)
         assert session.calls == []
@@ -258,8 +284,8 @@ def test_a_message_is_told_in_the_page_s_language_and_what_is_wrong_stands_out()
 
 def test_the_view_is_a_frame():
     async def scenario(user, pendant):
-        await until(lambda: elements(user, src="/view/"))
-        (frame,) = elements(user, src="/view/")
+        await until(lambda: elements(user, src="view/"))
+        (frame,) = elements(user, src="view/")
         assert (frame.tag, frame.props["title"]) == ("iframe", EN["shell.view"])
         drag = button(user, "D")
         press(user, drag)

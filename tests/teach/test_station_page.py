@@ -15,10 +15,9 @@ from simrob_drake.errors import SimrobError
 from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.schema import station_schema
-from simrob_drake.teach.notices import Notice
 from simrob_drake.teach.pages import station
 from simrob_drake.teach.pages.picture import labels_of, with_buttons
-from simrob_drake.teach.pages.words import texts_of, words
+from simrob_drake.teach.pages.words import Notice, texts_of, words
 
 SVG = (diagrams_root() / "irb120_dynamic.svg").read_text()
 SIGNALS = [
@@ -84,7 +83,7 @@ async def opened(session, language="en"):
         yield user
 
 
-async def settled(seconds=0.8):
+async def settled(seconds=0.25):
     """Wait until what follows the session, and what was asked, is there."""
     await asyncio.sleep(seconds)
 

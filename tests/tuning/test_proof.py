@@ -1,4 +1,4 @@
-"""Proofs: what is doubted, what a verdict says, and that the page tells it."""
+"""Proofs: what is doubted, what is concluded, and that the page tells it."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,11 @@ import yaml
 
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
+from simrob_drake.tuning.conclusion import START, WON, conclusion
 from simrob_drake.tuning.doubts import doubts
 from simrob_drake.tuning.proof import PAGE, TABLE, Proof, ProofFolder
 from simrob_drake.tuning.study import Study
 from simrob_drake.tuning.study_folder import StudyFolder
-from simrob_drake.tuning.verdict import START, WON, verdict
 from tests.tuning.test_study import PENDULUM
 
 
@@ -60,14 +60,20 @@ def rows(costs, ended="completed", **more):
         (rows((2.0, 1.0), over_limits=0.5), True, "noise: 1 of 1 do not (start 1): beyond a limit"),
         ([{"of": WON, "doubt": "noise", "draw": 0, "ended": "completed"}], True, "1 of 1 runs of the winner hold."),
         ([{"of": WON, "doubt": "noise", "draw": 0, "ended": "fall"}], False, "less sure under noise"),
+        (
+            rows((2.0, 1.0), beyond="foot_slip"),
+            True,
+            "2 of 2 runs of the winner pass a bound of their verdict: foot_slip (2)",
+        ),
     ],
 )
 def test_a_winner_is_proven_if_it_is_as_sure_and_costs_less(given, proven, told):
-    found, words = verdict(given)
+    found, words = conclusion(given)
     assert found is proven
     assert told in " ".join(words)
 
 
+@pytest.mark.long
 def test_a_study_is_proven_where_it_was_never_tried_and_the_page_tells_it(tmp_path, capsys):
     folder = tmp_path / "study"
     StudyFolder(folder, Study(**{**PENDULUM, "search": {}})).run(workers=1, progress=False)

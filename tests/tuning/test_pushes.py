@@ -2,7 +2,6 @@
 
 import csv
 import json
-import pickle
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake import load_station
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.simulation import Runner
 from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.stations.plant import add_plant
@@ -20,11 +19,13 @@ from simrob_drake.tuning import burdens, journal
 from simrob_drake.tuning.bisection import bracket
 from simrob_drake.tuning.burdens import Burdens
 from simrob_drake.tuning.doubts import drawn
-from simrob_drake.tuning.push_map import Pushes, PushMap
+from simrob_drake.tuning.push_map import PushMap, PushTrial
 from simrob_drake.tuning.scene import Scene
 from simrob_drake.tuning.subject import subject_of
-from simrob_drake.tuning.walking import GIVEN, made
+from simrob_drake.tuning.trial import made
+from simrob_drake.tuning.walking import UNCHANGED
 from simrob_drake.tuning.walking_folder import WalkingFolder
+from tests.tuning.here import Here
 
 MASS, HALF, FORCE_TIME = 10.0, np.array([0.1, 0.06, 0.3]), 0.005  # kg, m, s
 BLOCK = """<robot name="block">
@@ -91,7 +92,7 @@ def test_a_block_tips_as_mechanics_has_it(block):
     """
     asked = PushMap(station=block, phases=1, start=0.2, duration=FORCE_TIME, after=1.5, close=0.02, first=1000)
     (trial,) = asked.trials()
-    rows = made(trial)["rows"]
+    rows = made(trial).rows
     assert [row["direction_deg"] for row in rows] == [0, 90, 180, 270]
     for row, half in zip(rows, (HALF[0], HALF[1]) * 2, strict=True):
         assert row["force"] == pytest.approx(0.985 * tipping_force(half), rel=0.018)
@@ -99,7 +100,7 @@ def test_a_block_tips_as_mechanics_has_it(block):
         assert row["impulse"] == pytest.approx(row["force"] * FORCE_TIME)
         assert row["impulse_per_mass"] == pytest.approx(row["impulse"] / MASS, rel=1e-6)
     one = asked.model_copy(update={"force": 1.03 * rows[1]["force"], "directions": 8})
-    ends = {row["direction_deg"]: row["ended"] for row in made(one.trials()[0])["rows"]}
+    ends = {row["direction_deg"]: row["ended"] for row in made(one.trials()[0]).rows}
     assert [ends[turn] for turn in (0, 90, 180, 270)] == ["completed", "fall", "completed", "fall"]
 
 
@@ -214,7 +215,7 @@ def test_a_block_bears_the_slope_that_mechanics_has(block):
     trials = {trial.what: trial for trial in asked.trials()}
     assert list(trials) == ["slope up", "slope down", "slope across, up to the left"]
     for what, half in (("slope down", HALF[0]), ("slope across, up to the left", HALF[1])):
-        (row,) = made(trials[what])["rows"]
+        (row,) = made(trials[what]).rows
         assert row["figure"] < np.rad2deg(np.arctan(half / HALF[2])) < row["fails_at"]
 
 
@@ -224,7 +225,7 @@ def test_a_burden_must_not_hold_the_robot_up(monkeypatch):
     monkeypatch.setattr(burdens, "bracket", lambda holds, first, **_: (first, np.inf) if holds(first) else (0.0, first))
     for least, figure, ended in ((0.5, 0.25, "completed"), (1.0, None, "held up")):
         asked = Burdens(station="roid1_dynamic", overrides=walk, vary=["load"], seconds=0.8, least=least)
-        rows = made(asked.trials()[0])["rows"]
+        rows = made(asked.trials()[0]).rows
         assert [(row["figure"], row["ended"]) for row in rows] == [(figure, ended)]
         assert asked.summary(rows)[0]["weakest"] == figure
 
@@ -242,7 +243,7 @@ def test_a_burden_must_not_hold_the_robot_up(monkeypatch):
         ),
         ("roid1_dynamic", {"at": "nose"}, "no robot, tool or link 'nose'"),
         ("roid1_dynamic", {"overrides": {"duration": 3}}, "--set duration is given"),
-        ("roid1_dynamic", {"beside": {"servo.kpp": 3}}, "--beside servo.kpp: unknown key; did you mean 'kp'"),
+        ("roid1_dynamic", {"variant": {"servo.kpp": 3}}, "--variant servo.kpp: unknown key; did you mean 'kp'"),
         ("roid1_dynamic", {"overrides": {"engine": "mujoco"}}, "engine: is to be left out"),
         ("roid1_dynamic", {"overrides": {"servo.kp": 1}, "start": 1}, "falls by itself: robot fell"),
     ],
@@ -251,19 +252,6 @@ def test_what_cannot_be_is_told_before_any_push(station, more, told, tmp_path):
     with pytest.raises(SimrobError, match=told):
         WalkingFolder(tmp_path / "map", PushMap(station=station, **more))
     assert not (tmp_path / "map").exists()
-
-
-class Here:
-    """An engine that works in this process, on what another one would be sent."""
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        """Nothing is left."""
-
-    def outcomes(self, work, tasks, died):
-        return (work(pickle.loads(pickle.dumps(task))) for task in tasks)
 
 
 def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys, monkeypatch):
@@ -284,16 +272,16 @@ def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys, m
         "--newtons",
         "1",
     ]
-    command = ["pushes", block, *options, "--beside", "monitors.fall.tilt_deg=1e-6", "--out", str(folder)]
+    command = ["pushes", block, *options, "--variant", "monitors.fall.tilt_deg=1e-6", "--out", str(folder)]
     assert run_command(command) == 0
     shown = capsys.readouterr().out
     assert "forward" in shown
     assert "100%" in shown
     rows = list(csv.DictReader((folder / "pushes.csv").open()))
     assert len(rows) == 2 * 2 * 2
-    beside = {row["settings"] for row in rows} - {GIVEN}
+    beside = {row["settings"] for row in rows} - {UNCHANGED}
     assert beside == {"monitors.fall.tilt_deg=1e-06"}
-    assert all(row["ended"] == ("completed" if row["settings"] == GIVEN else "fall") for row in rows)
+    assert all(row["ended"] == ("completed" if row["settings"] == UNCHANGED else "fall") for row in rows)
     summary = json.loads((folder / "pushes.json").read_text())["summary"]
     assert [row["withstood"] for row in summary] == [1.0] * 3 + [0.0] * 3
     assert (folder / "pushes.png").stat().st_size > 10_000
@@ -301,14 +289,14 @@ def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys, m
     (folder / "rows.jsonl").write_text("".join(before.splitlines(keepends=True)[:3]) + '{"number": 4, "ro')
     assert run_command(command) == 0
     assert (folder / "rows.jsonl").read_text() == before
-    assert len(journal.rows(folder)) == 4
+    assert (folder / "rows.jsonl").read_text().count("\n") == 4
     assert run_command([*command, "--seconds", "3"]) == 2
     assert "--seconds is given; it must be given with --vary" in capsys.readouterr().err
 
 
 def test_a_trial_that_cannot_be_made_withstands_nothing(block):
     asked = PushMap(station=block, phases=1, start=0.1)
-    rows = made(Pushes(1, GIVEN, {"servo.kpp": 1}, None, False, asked, 0.1))["rows"]
+    rows = made(PushTrial(1, UNCHANGED, {"servo.kpp": 1}, None, False, asked, 0.1)).rows
     assert [row["ended"] for row in rows] == ["refused"] * 4
     assert all(row["weakest_force"] == 0 for row in asked.summary(rows))
 

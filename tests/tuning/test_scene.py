@@ -10,10 +10,12 @@ from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.tuning import runners
 from simrob_drake.tuning.doubts import doubts
 from simrob_drake.tuning.measures import measures
-from simrob_drake.tuning.rollout import Case, Margin, rollout
+from simrob_drake.tuning.rollout import Case, Margin
 from simrob_drake.tuning.scene import Scene
+from simrob_drake.tuning.trial import made
 
 GAIT = {"gait": {"name": "walk", "steps": 1}, "gait.step_time": 0.3, "gait.bearing.height": 0.5, "duration": 1.0}
+WAITS = {"moves": [{"wait": 0.1}]}
 PUSHED = {"duration": 0.2, "forces.shove": {"kind": "push", "start": 0.05, "force": [0, 0, 30]}}
 
 
@@ -25,7 +27,7 @@ def test_a_gait_is_planned_with_its_figures_changed_and_run():
     assert np.array_equal(scene.motion.positions, motion.positions)
     by_hand = simulate(motion.station({"duration": 1.0}), reference=motion.trajectory(), progress=False)
     assert np.array_equal(scene.run().values, by_hand.values)
-    assert rollout(Case(1, "zjudancer_dynamic", GAIT))["ahead"] == measures(by_hand)["ahead"]
+    assert made(Case(1, "zjudancer_dynamic", GAIT)).rows[0]["ahead"] == measures(by_hand)["ahead"]
 
 
 def test_a_program_is_run_with_its_figures_changed(tmp_path):
@@ -57,14 +59,30 @@ def test_the_same_is_run_in_the_other_engine():
     ("station", "changes", "told"),
     [
         ("zjudancer_dynamic", {"engine": "mujuco"}, "did you mean 'mujoco'"),
-        ("irb120_kinematic", {"engine": "mujoco", "program.file": "nowhere.yaml"}, "does no programs"),
+        ("irb120_kinematic", {"engine": "mujoco", "program": WAITS}, "does no programs"),
         ("zjudancer_dynamic", {"gait.name": "wolk"}, "no gait of zjudancer 'wolk'; did you mean 'walk'"),
         ("zjudancer_dynamic", {"gait.name": "walk", "gait.bearing.hight": 1}, "unknown key; did you mean 'height'"),
         ("zjudancer_dynamic", {"gait.name": "walk", "gait.step_length": 0.9}, "out of reach"),
+        (
+            "zjudancer_dynamic",
+            {"gait.name": "walk", "gait.steps": 10**9},
+            "steps is 1000000000; it must be a whole number",
+        ),
+        ("zjudancer_dynamic", {"gait.name": "walk", "gait.steps": "1e3"}, "steps is '1e3'; it must be a whole number"),
+        (
+            "zjudancer_dynamic",
+            {"gait.name": "walk", "gait.amplitude": "1e3"},
+            "amplitude is '1e3'; it must be a number",
+        ),
+        (
+            "zjudancer_dynamic",
+            {"gait.name": "walk", "gait.rest": 1e9},
+            r"1e\+09 s long; it must be at most 1000 s long",
+        ),
         ("irb120_dynamic", {"gait.name": "walk"}, "without gaits"),
         ("two_arms", {"gait.name": "walk"}, "needs a station of one robot, and this has 2"),
-        ("irb120_kinematic", {"program.file": "nowhere.yaml"}, "nowhere.yaml"),
-        ("irb120_kinematic", {"gait": "walk", "program": "nowhere.yaml"}, "beside a program"),
+        ("irb120_kinematic", {"program": "nowhere.yaml"}, "nowhere.yaml"),
+        ("irb120_kinematic", {"gait": "walk", "program": WAITS}, "beside a program"),
         ("zjudancer_dynamic", {"gait": "walk", "servo.kpp": 1}, "did you mean 'kp'"),
     ],
 )
@@ -102,6 +120,6 @@ def test_the_margin_is_the_largest_push_that_does_not_end_a_run():
     changes |= {"forces.shove": push, "monitors.box": box}
     largest = limit * mass / (0.1**2 / 2 + 0.1 * 0.5)
     for sizes in ([0.5, 0.99 * largest, 1.01 * largest, 4], [0.99 * largest], [1.01 * largest, 4]):
-        row = rollout(Case(1, "bouncing_ball", changes, margin=Margin(push="shove", sizes=sizes)))
+        (row,) = made(Case(1, "bouncing_ball", changes, margin=Margin(push="shove", sizes=sizes))).rows
         assert row["ended"] == "completed"
         assert row["margin"] == max([size for size in sizes if size < largest], default=0)

@@ -26,7 +26,7 @@ from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.search import Enough, search
 from simrob_drake.tuning.study import Method, Range, Study
 from simrob_drake.tuning.study_folder import PROOF, TRIALS, StudyFolder
-from simrob_drake.walking.figures import load_walking
+from simrob_drake.walking.parameters import load_walking
 
 PENDULUM = {
     "station": "double_pendulum",
@@ -80,8 +80,8 @@ def test_what_a_run_costs():
     """Weights of measures, a price for what is beyond a limit, and a higher one for what does not go to its end."""
     changed = {"cost": {"work": 2, "overshoot": 3}, "limits": {"peak_torque": 0.5}, "least": {"final_error": 0.2}}
     study = Study(**{**PENDULUM, **changed, "failure": 10})
-    figures = {"work": 4.0, "overshoot": 0.1, "peak_torque": 0.4, "final_error": 0.3}
-    row = {"ended": "completed", **figures, "stop_time": 1.0, "duration": 4.0}
+    measured = {"work": 4.0, "overshoot": 0.1, "peak_torque": 0.4, "final_error": 0.3}
+    row = {"ended": "completed", **measured, "stop_time": 1.0, "duration": 4.0}
     for change, cost, over in [
         ({}, 8.3, 0),
         ({"peak_torque": 0.75}, 8.3 + 10 * 0.5, 0.5),
@@ -123,6 +123,14 @@ def test_a_fall_may_be_a_cost_and_several_costs_are_apart():
         ({"search": {"cases": []}}, "search.cases"),
         ({"search": {"cases": [{"servo.kp": 3}]}}, "search.cases.0.servo.kp: varies"),
         ({"proof": {"cases": [{"gravty": 3}]}}, "proof.cases.0 gravty: unknown key; did you mean 'gravity'"),
+        (
+            {"proof": {"cases": [{"reference.target_deg": 1e300}]}},
+            r"cases\[0\].reference.target_deg: a figure is zero or",
+        ),
+        ({"proof": {"cases": [{"reference.target_deg": 1e6}]}}, "proof.cases.0: reference of joint_1 is .* limits"),
+        ({"proof": {"cases": [{"start": "/etc/passwd"}]}}, "start: /etc/passwd lies outside of the allowed folders"),
+        ({"trials": "200"}, "trials: input should be a valid integer"),
+        ({"search": {"seeds": ["1"]}}, "search.seeds"),
         ({"method": "annealing"}, "method"),
         ({"station": "pendulum"}, "double_pendulum"),
     ],
@@ -143,7 +151,7 @@ def test_the_studies_of_the_project_can_be(file):
     assert study.cases(study.start, study.search)
 
 
-EDGE = "controllers.walk.gait.feedback.edge"
+EDGE = "controllers.walk.gait.feedback.zmp_limit"
 
 
 def test_seeds_may_draw_robots_and_floors_and_places_of_a_list_may_vary():
@@ -156,9 +164,9 @@ def test_seeds_may_draw_robots_and_floors_and_places_of_a_list_may_vary():
         told = drawn(thought, case.seed)
         assert config.robots["robot"].mass_factors == told["robot.mass_factors"]
         assert config.contact.friction.static == told["contact.friction"]["static"]
-        figures = config.controllers["walk"].figures(resolve(config).robots["robot"])
-        assert figures.feedback.edge == (load_walking(load_robot("roid1")).feedback.edge[0], 0.004)
-    with pytest.raises(SimrobError, match=r"feedback.edge"):
+        measured = config.controllers["walk"].walking(resolve(config).robots["robot"])
+        assert measured.feedback.zmp_limit == (load_walking(load_robot("roid1")).feedback.zmp_limit[0], 0.004)
+    with pytest.raises(SimrobError, match=r"feedback.zmp_limit"):
         load_station("roid1_walking", {f"{EDGE}.2": 0.004})
 
 
@@ -166,10 +174,10 @@ class TestFolder:
     def test_the_winner_is_proven_where_it_was_never_tried(self, tmp_path):
         place = StudyFolder(tmp_path / "study", Study(**PENDULUM))
         proof = place.run(workers=2, progress=False)
-        figures, (cost,) = place.best
+        measured, (cost,) = place.best
         assert place.trials[0][0] == pytest.approx({"servo.kp": 50, "servo.kd": 50.5})
         assert cost < 0.9 * place.trials[0][1]
-        under = {**PENDULUM["overrides"], **figures}
+        under = {**PENDULUM["overrides"], **measured}
         alone = [
             measures(simulate(load_station("double_pendulum", {**under, **case})))["tracking_error"]
             for case in ({}, {"gravity": 1.62}, {"gravity": 3.7})
@@ -177,13 +185,14 @@ class TestFolder:
         assert cost == pytest.approx(np.mean(alone[:2]), rel=1e-12)
         assert [row["of"] for row in proof] == ["start", "best"]
         assert proof[1]["cost"] == pytest.approx(alone[2], rel=1e-12)
-        assert load_station(tmp_path / "study/station.yaml").servo.kp == figures["servo.kp"]
+        assert load_station(tmp_path / "study/station.yaml").servo.kp == measured["servo.kp"]
         with (tmp_path / "study" / TRIALS).open() as trials, (tmp_path / "study" / PROOF).open() as proven:
             assert [float(row["cost"]) for row in csv.DictReader(trials)] == [
                 float(cost[0]) for _, cost in place.trials
             ]
             assert len(list(csv.DictReader(proven))) == 2
 
+    @pytest.mark.long
     def test_more_trials_go_on_from_those_that_are_there(self, tmp_path):
         """What is kept is not run again; together they are the trials of one search."""
         whole = StudyFolder(tmp_path / "whole", Study(**PENDULUM))
@@ -233,14 +242,15 @@ def test_gaussian_processes_need_torch(monkeypatch):
         search("gp", np.full(6, 0.8), costs, together=2, seed=0)
 
 
+@pytest.mark.long
 def test_the_command_goes_on_after_kill_9_and_compares_methods(tmp_path, capsys):
     """No trial is lost or counted twice."""
     (tmp_path / "gains.yaml").write_text(yaml.safe_dump({**PENDULUM, "trials": 8, "search": {}}))
     methods = ["--method", "nelder_mead", "--method", "genetic"]
     command = ["tune", str(tmp_path / "gains.yaml"), *methods, "--out", str(tmp_path / "out"), "--workers", "1"]
     going = subprocess.Popen([sys.executable, "-m", "simrob_drake.cli", *command], start_new_session=True)
-    journal = tmp_path / "out/nelder_mead/trials.log"
-    while not journal.is_file() or journal.read_text().count("\n") < 5:
+    journal = tmp_path / "out/nelder_mead/rows.jsonl"
+    while not journal.is_file() or journal.read_text().count("\n") < 2:
         assert going.poll() is None
         time.sleep(0.01)
     os.killpg(going.pid, signal.SIGKILL)

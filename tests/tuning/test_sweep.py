@@ -19,11 +19,11 @@ from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError
 from simrob_drake.paths import diagrams_root
-from simrob_drake.tuning import cluster, journal
+from simrob_drake.tuning import cluster
 from simrob_drake.tuning.cluster import Cluster
+from simrob_drake.tuning.journal import ROWS
 from simrob_drake.tuning.measures import measures
 from simrob_drake.tuning.processes import Processes
-from simrob_drake.tuning.rollout import killed, rollout
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.sweep_folder import TABLE, SweepFolder
 from simrob_drake.tuning.variation import parsed
@@ -136,11 +136,13 @@ class TestFolder:
         assert columns["tracking_error"] == [row["tracking_error"] for row in rows]
         assert {file.name for file in (tmp_path / "sweep/plots").iterdir()} == {"over_servo.kp.png", "spread.png"}
 
+    @pytest.mark.long
     def test_it_goes_on_where_it_was_killed(self, tmp_path):
         """Lines that are whole count, half a line does not; nothing is made twice."""
         whole = SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)
         first = {**whole[0], "message": "kept"}
-        (tmp_path / "sweep/rows.jsonl").write_text(f'{json.dumps(first)}\n{{"number": 2, "ser')
+        line = {"number": 1, "rows": [{key: value for key, value in first.items() if key != "number"}]}
+        (tmp_path / "sweep/rows.jsonl").write_bytes(f'{json.dumps(line)}\n{{"number": 2, "ser'.encode() + b"\xc3")
         assert SweepFolder.there(tmp_path / "sweep").run(workers=1, progress=False) == [first, whole[1]]
 
     def test_another_sweep_is_refused_and_so_is_a_station_that_has_changed(self, tmp_path):
@@ -171,6 +173,7 @@ def test_a_process_that_dies_takes_its_own_task_alone(tmp_path):
     assert found == [-3, 0, 1, 2, 4, 5, 6]
 
 
+@pytest.mark.long
 def test_the_command_goes_on_after_kill_9(tmp_path):
     folder = tmp_path / "sweep"
     settings = [f"--set={key}={value}" for key, value in SHORT.items()]
@@ -200,9 +203,16 @@ def test_one_run_is_made_again(tmp_path, capsys):
 
 
 @pytest.fixture(scope="module")
-def scheduler():
+def dask():
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
-        yield local.scheduler_address
+        yield local
+
+
+@pytest.fixture
+def scheduler(dask):
+    """The address of a scheduler with workers: those that a test has killed are there again."""
+    dask.wait_for_workers(2, timeout=60)
+    return dask.scheduler_address
 
 
 class TestCluster:
@@ -215,6 +225,7 @@ class TestCluster:
         found = made_by(Cluster(scheduler), tasks)
         assert found == [-3, 0, 1, 2, 4, 5, 6]
 
+    @pytest.mark.long
     def test_a_scheduler_that_is_killed_takes_no_run_with_it(self, scheduler, tmp_path):
         """What it had done is kept, and another one goes on: each run is there once."""
         with socket.socket() as free:
@@ -224,18 +235,24 @@ class TestCluster:
         short_lived = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads=1", "--no-dashboard"]
         working = subprocess.Popen(worker, start_new_session=True, stderr=subprocess.DEVNULL)
-        cases = PENDULUM.model_copy(update={"vary": {"servo.kp": "lin:10:100:30"}}).cases()
+        sweep = PENDULUM.model_copy(update={"vary": {"servo.kp": "lin:10:100:30"}})
+
+        place = SweepFolder(tmp_path / "sweep", sweep)
+
+        def count():
+            rows = place.folder / ROWS
+            return rows.read_bytes().count(b"\n") if rows.exists() else 0
 
         def kill():
-            while not journal.rows(tmp_path):
+            while not count():
                 time.sleep(0.01)
             short_lived.kill()
 
-        killer = Thread(target=kill)
+        killer = Thread(target=kill, daemon=True)
         killer.start()
         while True:
             try:
-                journal.run(tmp_path, cases, rollout, killed, scheduler=address, progress=False)
+                place.run(scheduler=address, progress=False)
             except InvalidParameter:  # it is not there yet, or has no worker
                 continue
             except SimrobError as problem:
@@ -244,8 +261,8 @@ class TestCluster:
         assert f"the scheduler {address} is gone" in told
         killer.join()
         os.killpg(working.pid, signal.SIGKILL)
-        assert 0 < len(journal.rows(tmp_path)) < 30
-        rows = journal.run(tmp_path, cases, rollout, killed, scheduler=scheduler, progress=False)
+        assert 0 < count() < 30
+        rows = place.run(scheduler=scheduler, progress=False)
         assert [row["number"] for row in rows] == list(range(1, 31))
 
     def test_workers_with_other_versions_are_refused(self, scheduler, monkeypatch):

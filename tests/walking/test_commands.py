@@ -10,11 +10,13 @@ from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.stations.checks import check_station
 from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped
-from simrob_drake.walking.figures import Fastest
+from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.path import Follower, Waypoints
 from simrob_drake.walking.steps import Command
 
-FASTEST = Fastest(ahead=0.3, backward=0.2, sideways=0.1, turn_deg=40)
+pytestmark = pytest.mark.usefixtures("no_plots")
+
+MAX_SPEED = MaxSpeed(ahead=0.3, backward=0.2, sideways=0.1, turn_deg=40)
 NOTHING = np.zeros(4)
 HERE = np.array([0.0, 0, 0.5, 1, 0, 0, 0])
 
@@ -27,16 +29,16 @@ def station(duration=1.2, **walk):
 
 def test_each_part_of_a_command_is_clipped_at_its_own_limit():
     can = Command(0.3 - 0.1j, np.deg2rad(40))
-    assert clipped(can, FASTEST) is can
-    assert clipped(Command(-0.5 + 0.2j, -3.0), FASTEST) == Command(-0.2 + 0.1j, -np.deg2rad(40))
-    ahead, turn = beyond(Command(0.4, -1), FASTEST)
+    assert clipped(can, MAX_SPEED) is can
+    assert clipped(Command(-0.5 + 0.2j, -3.0), MAX_SPEED) == Command(-0.2 + 0.1j, -np.deg2rad(40))
+    ahead, turn = beyond(Command(0.4, -1), MAX_SPEED)
     assert ahead == ("ahead", 0.4, 0.3, "m/s")
     assert turn == ("turn_deg", pytest.approx(np.rad2deg(-1)), pytest.approx(-40), "deg/s")
-    assert beyond(can, FASTEST) == []
+    assert beyond(can, MAX_SPEED) == []
 
 
 def test_a_hand_comes_before_an_input_that_before_the_table_and_that_before_the_path():
-    path = Follower(Waypoints(points=((0, 0), (1, 0)), speed=0.1), FASTEST, 0.0)
+    path = Follower(Waypoints(points=((0, 0), (1, 0)), speed=0.1), MAX_SPEED, 0.0)
     commander = Commander([Commanded(time=2, ahead=0.2), Commanded(time=3, turn_deg=10)], path)
     hand, given, silent = np.array([1, 0.05, 0, 0]), np.array([0.07, 0, 0]), np.array([np.nan, 0, 0])
 
@@ -88,7 +90,6 @@ def test_a_run_that_was_commanded_by_hand_is_repeated_to_the_last_bit(tmp_path, 
     further = [simulate(config, start=run.final_state, duration=0.1, progress=False) for run in (result, again)]
     assert (further[0].values == further[1].values).all()  # the next run has no hands
     assert set(further[0]["walk.command.0"][2:]) == {0.0}
-    monkeypatch.setattr("simrob_drake.results.files._save_plots", lambda *_: None)  # which take their time
     result.save(tmp_path / "run", recording=False)
     text = (tmp_path / "run" / "commands.yaml").read_text()
     assert load_station(tmp_path / "run" / "station.yaml").controllers["walk"].commands == rows

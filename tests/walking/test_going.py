@@ -9,6 +9,8 @@ from simrob_drake.programs.program import Program
 from simrob_drake.results.animation.steering import Steering
 from simrob_drake.results.animation.window import Board
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 
 def crouched():
     """Return ZJUDancer in the posture of its walk, as the shipped station begins."""

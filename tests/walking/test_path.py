@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidConfig
-from simrob_drake.walking.figures import Fastest
+from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.path import Follower, Path, Waypoints
 
-FASTEST = Fastest(ahead=0.3, backward=0.2, sideways=0.1, turn_deg=40)
+MAX_SPEED = MaxSpeed(ahead=0.3, backward=0.2, sideways=0.1, turn_deg=40)
 
 
 def pose(place, heading):
@@ -48,7 +48,7 @@ def test_a_path_has_no_gaps_and_its_arcs_end_at_the_middles_of_lines_at_most(rou
 
 def walked(waypoints, place, heading, facing=0.0, duration=60.0):
     """Return where a point comes that does what the follower says, every 10 ms, and how far it is on its path."""
-    follower, progress, places = Follower(waypoints, FASTEST, facing), 0.0, [place]
+    follower, progress, places = Follower(waypoints, MAX_SPEED, facing), 0.0, [place]
     for _ in range(round(100 * duration)):
         command, progress = follower.now(pose(place, heading - facing), progress)
         place += 0.01 * command.speed * exp(1j * heading)
@@ -80,7 +80,7 @@ def test_it_turns_on_the_spot_where_corners_are_sharp_and_looks_where_it_shall_a
 
 
 def test_a_pose_that_is_not_a_number_says_nothing():
-    way = Follower(Waypoints(points=((0, 0), (1, 0))), FASTEST, 0.0)
+    way = Follower(Waypoints(points=((0, 0), (1, 0))), MAX_SPEED, 0.0)
     for place in range(7):
         base = pose(0j, 0.0)
         base[place] = np.nan

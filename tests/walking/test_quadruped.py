@@ -1,7 +1,6 @@
 """The walking engine on four legs: a trot of diagonal pairs that answers pushes."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,9 @@ from simrob_drake.parts.controllers.walk import WalkingLoop
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import add_station
 from simrob_drake.walking.body import Seen
-from simrob_drake.walking.measured import Measured
+from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.steps import Command
-from simrob_drake.walking.stride import Stride
+from simrob_drake.walking.stride import Ground, Step, Stride
 
 STATION = "yobotics_walking"
 PUSH = {"kind": "push", "start": 2.0, "force": [0.0, 200.0, 0.0]}  # 0.1 s, 2.1 N·s/kg
@@ -28,11 +27,11 @@ SENSORS = {f"sensors.{place}": {"kind": "force", "body": link} for place, link i
 FELT = {**SENSORS, "controllers.walk.reads": FEET}
 
 
-def measured(loop: WalkingLoop, posture: np.ndarray, yaw: float, forces: list[float] | None = None) -> Measured:
+def measured(loop: WalkingLoop, posture: np.ndarray, yaw: float, forces: list[float] | None = None) -> Estimate:
     """Return what the engine makes of a robot that is turned by a yaw, somewhere, its left pair standing."""
     base = np.array([0.7, -0.4, 0.3, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
     motion = np.array([0.5 * math.cos(yaw), 0.5 * math.sin(yaw), 0.0, 0.0, 0.0, 0.0])
-    return loop.engine.measured(
+    return loop.engine.estimate(
         Stride(), loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, motion])), forces
     )
 
@@ -53,7 +52,7 @@ def test_the_line_between_the_feet_of_a_pair_tells_its_heading(loop: WalkingLoop
     assert turned.xi == pytest.approx(level.xi, abs=1e-12)
     assert turned.heading - level.heading == pytest.approx(0.8)
     seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, [0, 0, 0.3, 1, 0, 0, 0], np.zeros(6)]))
-    front, rear = (np.array(seen.feet[foot].translation()[:2]) for foot in (2, 3))  # of the left pair
+    front, rear = (np.array(seen.feet[foot])[:2, 3] for foot in (2, 3))  # of the left pair
     flat = complex(*(front - rear))
     place = complex(*(seen.com[:2] - (front + rear) / 2)) / flat * abs(flat)
     stood = complex(*(loop.engine.body.homes[2] - loop.engine.body.homes[3])[:2])
@@ -89,7 +88,7 @@ def test_feet_that_feel_the_floor_trot_as_by_heights() -> None:
 
 def seen(loop: WalkingLoop, posture: np.ndarray, turned: RollPitchYaw) -> Seen:
     """Return what the kinematics make of a robot at rest whose trunk is turned."""
-    base = [0.0, 0.0, loop.engine._figures.height, *turned.ToQuaternion().wxyz()]
+    base = [0.0, 0.0, loop.engine.planner._parameters.bearing.height, *turned.ToQuaternion().wxyz()]
     return loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
 
 
@@ -99,31 +98,31 @@ def test_two_pairs_tell_a_slope_and_each_the_part_along_its_line(loop: WalkingLo
     up = turned.ToRotationMatrix().matrix()[:, 2]
     slope = -complex(up[0], up[1]) / up[2]  # of the plane that the feet stand on
     tilted = seen(loop, posture, turned)
-    assert loop.engine.slope(tilted) == pytest.approx(slope, abs=1e-3)
+    assert loop.engine.estimator.slope(tilted) == pytest.approx(slope, abs=1e-3)
     for standing in (0, 1):
-        line = loop.engine._about[standing][0]
-        told = loop.engine.measured(Stride(standing=standing), tilted).slope
+        line = loop.engine.stance.about[standing][0]
+        told = loop.engine.estimate(Stride(Step(standing)), tilted).slope
         assert (told * line.conjugate()).real == pytest.approx((slope * line.conjugate()).real, abs=1e-3)
         assert (told * line.conjugate()).imag == pytest.approx(0.0, abs=1e-12)
-        over = [0.0 if foot in loop.engine._groups[standing] else 0.005 for foot in range(4)]  # of feet that swing [m]
-        raised = replace(tilted, lowest=[sum(pair) for pair in zip(tilted.lowest, over, strict=True)])
-        known = Stride(standing=standing, slope=slope)
-        assert loop.engine.measured(known, tilted).touches
-        assert not loop.engine.measured(known, raised).touches
+        over = [0.0 if foot in loop.engine.stance.groups[standing] else 0.005 for foot in range(4)]  # that swing [m]
+        raised = tilted._replace(lowest=[sum(pair) for pair in zip(tilted.lowest, over, strict=True)])
+        known = Stride(Step(standing), ground=Ground(slope=slope))
+        assert loop.engine.estimate(known, tilted).touches
+        assert not loop.engine.estimate(known, raised).touches
 
 
 def test_a_foot_that_feels_the_ground_stays_while_the_other_one_comes_down(loop: WalkingLoop) -> None:
     engine = loop.engine
     stride, posture = engine.standing(loop.start)
-    while stride.share < 0.7:
-        asked = Measured(stride.com, stride.com, 0.0, 0.0, 0.0, 0j, touches=False, down=(False, False))
+    while stride.swing.share < 0.7:
+        asked = Estimate(stride.trunk.com, stride.trunk.com, 0.0, 0.0, 0.0, 0j, touches=False, down=(False, False))
         stride, posture = engine.sample(stride, posture, Command(0.2 + 0j), asked)
-    first, second = engine._groups[1 - int(stride.standing)]
+    first, second = engine.stance.groups[1 - int(stride.step.standing)]
     ways = {}
     for down in ((False, False), (True, False)):
         now, after = stride, posture
         for _ in range(4):
-            asked = Measured(now.com, now.com, 0.0, 0.0, 0.0, 0j, touches=False, down=down)
+            asked = Estimate(now.trunk.com, now.trunk.com, 0.0, 0.0, 0.0, 0j, touches=False, down=down)
             now, after = engine.sample(now, after, Command(0.2 + 0j), asked)
         before, later = (seen(loop, each, RollPitchYaw(0, 0, 0)).lowest for each in (posture, after))
         ways[down] = later[first] - before[first], later[second] - before[second]
@@ -138,8 +137,10 @@ def test_a_first_step_takes_its_time_however_long_it_stood(loop: WalkingLoop) ->
     for _ in range(50):
         stride, posture = engine.sample(stride, posture, Command(), None)
     stride, _ = engine.sample(stride, posture, Command(0.2 + 0j), None)
-    assert stride.time == pytest.approx(0.01)
-    assert stride.ends == pytest.approx(engine._figures.settle + engine._figures.step_time)
+    assert stride.step.time == pytest.approx(0.01)
+    assert stride.landing.time == pytest.approx(
+        engine.planner._parameters.settle + engine.planner._parameters.step_time
+    )
 
 
 @pytest.mark.parametrize("way", [0, 90, 180])
@@ -165,7 +166,11 @@ def test_a_quarter_turn_is_one() -> None:
 
 
 def test_it_crosses_steps_of_forty_millimetres_by_its_feet() -> None:
-    gait = {"lift": 0.14, "rises": 1.5, "feedback": {"late": 0.04, "search": 0.1, "even": 20}}
+    gait = {
+        "lift": 0.14,
+        "lift_exponent": 1.5,
+        "feedback": {"late_touchdown": 0.04, "search_speed": 0.1, "level_rate": 20},
+    }
     field = {"kind": "steps", "height": 0.04, "length": 0.6, "seed": 1}
     told = {
         **FELT,

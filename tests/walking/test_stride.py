@@ -1,7 +1,5 @@
 """What a walk remembers: numbers and back, and from one foot to the other."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
@@ -10,12 +8,14 @@ from simrob_drake.walking.stride import NUMBERS, Stride, eased
 
 @pytest.fixture
 def stride() -> Stride:
-    values = np.random.default_rng(1).normal(size=(len(fields(Stride)), 2))
-    told = {
-        field.name: complex(*pair) if isinstance(field.default, complex) else float(pair[0])
-        for field, pair in zip(fields(Stride), values, strict=True)
-    }
-    return Stride(**{**told, "standing": 0.0})
+    random = np.random.default_rng(1)
+
+    def drawn(value: complex) -> complex:
+        pair = random.normal(size=2).tolist()
+        return complex(*pair) if isinstance(value, complex) else pair[0]
+
+    groups = [type(group)._make(map(drawn, group)) for group in Stride()]
+    return Stride(*groups)._replace(step=groups[0]._replace(standing=0.0))
 
 
 def test_numbers_and_back(stride: Stride) -> None:
@@ -26,30 +26,24 @@ def test_numbers_and_back(stride: Stride) -> None:
 
 def test_there_and_back_on_the_other_foot(stride: Stride) -> None:
     back = stride.on_the_other_foot().on_the_other_foot()
-    for name in (
-        "com",
-        "zmp",
-        "foot",
-        "foot_yaw",
-        "heading",
-        "height",
-        "rise",
-        "slope",
-        "tilt",
-        "foot_tilt",
-        "sag",
-        "trim",
-    ):
-        assert getattr(back, name) == pytest.approx(getattr(stride, name)), name
-    assert stride.on_the_other_foot().standing == 1.0
+    for group, names in {
+        "step": ("standing", "speed"),
+        "swing": ("place", "yaw"),
+        "trunk": ("com", "zmp", "heading", "rise"),
+        "ground": ("height", "slope", "tilt", "foot_tilt"),
+        "learnt": ("counter", "sag", "trim", "turn_back"),
+    }.items():
+        for name in names:
+            assert getattr(getattr(back, group), name) == pytest.approx(getattr(getattr(stride, group), name)), name
+    assert stride.on_the_other_foot().step.standing == 1.0
 
 
 def test_what_is_fixed_to_the_ground_stays(stride: Stride) -> None:
     """The distance between centre of mass and foot is the same, seen from either foot."""
     other = stride.on_the_other_foot()
-    assert abs(stride.com - stride.foot) == pytest.approx(abs(other.com))
-    assert abs(stride.com) == pytest.approx(abs(other.com - other.foot))
-    assert other.rise + other.height == pytest.approx(stride.rise - 2 * stride.height)
+    assert abs(stride.trunk.com - stride.swing.place) == pytest.approx(abs(other.trunk.com))
+    assert abs(stride.trunk.com) == pytest.approx(abs(other.trunk.com - other.swing.place))
+    assert other.trunk.rise + other.ground.height == pytest.approx(stride.trunk.rise - 2 * stride.ground.height)
 
 
 def test_a_swing_is_at_rest_at_both_ends() -> None:

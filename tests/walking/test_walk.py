@@ -1,6 +1,5 @@
 """The controller `walk`: the legs' kinematics, the same way as planned walks, and robots that keep their feet."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,11 @@ from simrob_drake import load_station, simulate
 from simrob_drake.errors import SimrobError
 from simrob_drake.parts.controllers.walk import WalkingLoop
 from simrob_drake.programs.gaits.biped import walk
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.registry import load_gaits
+from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.station import add_station
-from simrob_drake.walking.measured import Measured
+from simrob_drake.walking.body import Rows
+from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import Stride
 
@@ -28,6 +29,11 @@ def loop_of(station: str, gait: dict[str, Any]) -> tuple[DiagramBuilder, Walking
     return builder, next(block for block in builder.GetSystems() if isinstance(block, WalkingLoop))
 
 
+def pose(rows: Rows) -> RigidTransform:
+    """Return a pose from the rows of its matrix."""
+    return RigidTransform(np.array([*rows, [0, 0, 0, 1]]))
+
+
 @pytest.mark.parametrize("robot", HUMANOIDS)
 def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     builder, loop = loop_of(f"{robot}_walking", {})
@@ -35,22 +41,41 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     posture = engine.standing(loop.start)[1]
     base = np.array([0, 0, 1.0, 1, 0, 0, 0])
     seen = body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
-    apart = seen.feet[0].inverse() @ seen.feet[1]
-    assert apart.translation() == pytest.approx([0, engine.steps.beside(1).imag, 0], abs=2e-6)
+    feet = [pose(foot) for foot in seen.feet]
+    apart = feet[0].inverse() @ feet[1]
+    assert apart.translation() == pytest.approx([0, engine.planner.steps.apart[1].imag, 0], abs=2e-6)
     assert apart.rotation().IsNearlyIdentity(2e-6)
     assert seen.lowest[0] == pytest.approx(seen.lowest[1], abs=2e-6)
-    ahead = engine.steps.rest_point(0).real
-    middle = np.mean([body.facing @ foot.translation() for foot in seen.feet], axis=0)
-    assert (body.facing @ seen.com)[:2] == pytest.approx([middle[0] + ahead, middle[1]], abs=1e-5)
+    ahead = engine.planner.steps.rest_points[0].real
+    middle = np.mean([body.facing @ foot.translation() for foot in feet], axis=0)
+    assert (body.facing @ np.array(seen.com))[:2] == pytest.approx([middle[0] + ahead, middle[1]], abs=1e-5)
     # one foot ahead and up, as far as such legs can
-    wanted = [RigidTransform(body.facing @ (foot.translation() * [1, 1, 0])) for foot in seen.feet]
+    wanted = [RigidTransform(body.facing @ (foot.translation() * [1, 1, 0])) for foot in feet]
     wanted[0] = RigidTransform([0.03, 0, 0.02]) @ wanted[0]
-    root = RigidTransform([0, 0, float(1.0 - seen.feet[0].translation()[2])])
     body.take(posture)
-    found = body.reached(root, wanted, 30)
-    there = body.seen(np.concatenate([found, 0 * found, base, np.zeros(6)])).feet
+    root = 0.0, 0.0, float(1.0 - feet[0].translation()[2])
+    found = body.reached(np.eye(3), root, np.array([foot.GetAsMatrix34() for foot in wanted]), 30)
+    there = [pose(foot) for foot in body.seen(np.concatenate([found, 0 * found, base, np.zeros(6)])).feet]
     step = body.facing @ (there[0].translation() - there[1].translation())
     assert step[[0, 2]] == pytest.approx([0.03, 0.02], abs=1e-5)
+    assert builder is not None
+
+
+def test_it_carries_itself_as_its_keys_say() -> None:
+    """Height and pitch of the trunk, how wide it stands, and the axes that are in no leg."""
+    bearing = {"height": 0.49, "pitch_deg": 6, "posture_deg": {"RodD": 40, "RodI": 40, "left_elbow": 30}}
+    builder, loop = loop_of("zjudancer_walking", {"bearing": bearing, "widen": 0.03})
+    posture, half = loop.engine.standing(loop.start)[1], loop.engine.stance.half
+    turn = RotationMatrix.MakeZRotation(np.pi / 2) @ RotationMatrix.MakeYRotation(np.deg2rad(6))  # it looks along y
+    turn = turn @ RotationMatrix.MakeZRotation(-np.pi / 2)
+    base = [0, 0, 0.49, *turn.ToQuaternion().wxyz()]
+    seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
+    assert seen.lowest == pytest.approx([0.0, 0.0], abs=1e-4)
+    assert [foot[2][2] for foot in seen.feet] == pytest.approx([1.0, 1.0], abs=1e-5)  # flat
+    assert abs(seen.feet[0][0][3] - seen.feet[1][0][3]) == pytest.approx(2 * half, abs=1e-5)
+    assert half == pytest.approx(abs(loop.engine.body.homes[0][1]) + 0.03, abs=1e-6)
+    elbow = list(load_robot("zjudancer").axes).index("left_elbow")
+    assert np.rad2deg(posture[elbow]) == pytest.approx(30.0)
     assert builder is not None
 
 
@@ -63,7 +88,12 @@ def test_without_feedback_it_goes_as_planned(robot: str) -> None:
     gait, planned = load_gaits(robot).walks["walk"], walk(robot, 6)
     speed = gait.step_length / gait.step_time
     own = gait.model_dump(include={"step_time", "double_support", "lift", "zmp_inward", "zmp_ahead", "settle", "widen"})
-    more = {"feedback": None, "rises": 3, "quicken": [speed / 4, 0.1, 20], "height": gait.bearing.height}
+    more = {
+        "feedback": None,
+        "lift_exponent": 3,
+        "max_speed_change": [speed / 4, 0.1, 20],
+        "bearing": {"height": gait.bearing.height},
+    }
     builder, loop = loop_of(f"{robot}_walking", {**own, **more})
     stride, posture = loop.engine.standing(loop.start)
     found = [posture]
@@ -84,51 +114,53 @@ class TestWhatLasts:
         """Return the stride after a walk on which all is measured as it shall be, but for what is ``off``."""
         builder, loop = loop_of("zjudancer_walking", {})
         stride, posture = loop.engine.standing(loop.start)
-        measured = Measured(stride.com, stride.zmp, 0.0, 0.0, 0.0, 0j, touches=False)
+        measured = Estimate(stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, 0.0, 0j, touches=False)
         for _ in range(samples):
-            asked = replace(measured, com=stride.com, xi=stride.zmp if not stride.steps else stride.com)
+            trunk = stride.trunk
+            asked = measured._replace(com=trunk.com, xi=trunk.com if stride.step.active else trunk.zmp)
             stride, posture = loop.engine.sample(stride, posture, Command(), asked)
-        stride, posture = loop.engine.sample(stride, posture, Command(0.1), replace(asked, com=stride.com))
-        stride = stride.changed(transfer=0.0, nominal=0.28, ends=0.28, time=0.0)
+        stride, posture = loop.engine.sample(stride, posture, Command(0.1), asked._replace(com=stride.trunk.com))
+        step, landing = stride.step._replace(transfer=0.0, nominal=0.28, time=0.0), stride.landing._replace(time=0.28)
+        stride = stride._replace(step=step, landing=landing)
         for _ in range(8):
-            free = loop.engine._planned(stride, Command(0.1), 5.2, None, None)[1]
-            now = {**{"com": stride.com + stride.sag, "xi": free + stride.sag}, **off}
+            free, sag = loop.engine.planner._planned(stride, Command(0.1), 5.2, None)[1], stride.learnt.sag
+            now = {**{"com": stride.trunk.com + sag, "xi": free + sag}, **off}
             if "away" in now:
                 now["com"] += now.pop("away")
-            stride, posture = loop.engine.sample(stride, posture, Command(0.1), replace(measured, **now))
+            stride, posture = loop.engine.sample(stride, posture, Command(0.1), measured._replace(**now))
         assert builder is not None
         return stride
 
     def test_nothing_is_learnt_where_nothing_is_off(self) -> None:
         stride = self.walked()
-        assert abs(stride.sag) < 1e-3
-        assert (abs(stride.slope), stride.counter, stride.aside) == (0.0, 0j, 0.0)
+        assert abs(stride.learnt.sag) < 1e-3
+        assert (abs(stride.ground.slope), stride.learnt.counter, stride.learnt.turn_back) == (0.0, 0j, 0.0)
 
     def test_a_lean_is_countered_and_a_slope_followed(self) -> None:
         stride = self.walked(lean=0.02, pitch=-0.03, slope=0.1 - 0.05j)
-        assert stride.counter.real < 0 < stride.counter.imag
-        assert stride.slope.real > 0 > stride.slope.imag
+        assert stride.learnt.counter.real < 0 < stride.learnt.counter.imag
+        assert stride.ground.slope.real > 0 > stride.ground.slope.imag
 
     def test_who_stands_learns_the_slope_too(self) -> None:
-        """At `ground` = 1/s, so that a second of standing brings 63 % of it."""
+        """At `slope_rate` = 1/s, so that a second of standing brings 63 % of it."""
         builder, loop = loop_of("zjudancer_walking", {})
         stride, posture = loop.engine.standing(loop.start)
-        measured = Measured(stride.com, stride.zmp, 0.0, 0.0, 0.0, 0.1 + 0j, touches=False)
+        measured = Estimate(stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, 0.0, 0.1 + 0j, touches=False)
         for _ in range(100):
             stride, posture = loop.engine.sample(stride, posture, Command(), measured)
-        assert not stride.steps
-        assert stride.slope == pytest.approx(0.1 * (1 - np.exp(-1)), rel=1e-6)
+        assert not stride.step.active
+        assert stride.ground.slope == pytest.approx(0.1 * (1 - np.exp(-1)), rel=1e-6)
         assert builder is not None
 
     def test_who_answers_an_error_learns_a_tenth(self) -> None:
-        calm, pushed = self.walked(slope=0.1 + 0j).slope.real, self.walked(slope=0.1 + 0j, xi=0.2 + 0j).slope.real
+        calm, pushed = (self.walked(slope=0.1 + 0j, **off).ground.slope.real for off in ({}, {"xi": 0.2 + 0j}))
         assert 0.05 * calm < pushed < 0.2 * calm
 
     def test_a_sag_is_no_error_any_more(self) -> None:
-        assert self.walked(away=-0.01).sag.real < -1e-4
+        assert self.walked(away=-0.01).learnt.sag.real < -1e-4
 
     def test_the_heading_is_held(self) -> None:
-        assert self.walked(heading=0.1).aside < 0 < self.walked(heading=-0.1).aside
+        assert self.walked(heading=0.1).learnt.turn_back < 0 < self.walked(heading=-0.1).learnt.turn_back
 
 
 def test_soles_tell_the_slope_under_them() -> None:
@@ -138,7 +170,7 @@ def test_soles_tell_the_slope_under_them() -> None:
     turn = RotationMatrix.MakeZRotation(0.7) @ turn @ RotationMatrix.MakeZRotation(-np.pi / 2)  # it looks along y
     base = [0, 0, 0.5, *turn.ToQuaternion().wxyz()]
     seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
-    assert loop.engine.measured(Stride(), seen).slope == pytest.approx(0.1 + 0.05j, abs=1e-3)
+    assert loop.engine.estimate(Stride(), seen).slope == pytest.approx(0.1 + 0.05j, abs=1e-3)
     assert builder is not None
 
 
@@ -177,7 +209,7 @@ def test_who_cannot_step_aside_stops_on_both_feet_and_walks_on() -> None:
     assert changes[-1] > 4.7
     y = result["base.y"]
     assert y[-1] < y[result.times < 4.0][-1] - 0.05
-    going_on = {**settings, "controllers.walk.gait": {"feedback": {"braces": None}}}
+    going_on = {**settings, "controllers.walk.gait": {"feedback": {"brace_threshold": None}}}
     assert simulate(load_station("humanoid_walking", going_on)).stopped_by == "fall"
 
 
@@ -189,8 +221,8 @@ def test_it_shifts_its_weight_at_leisure_however_long_it_stood() -> None:
     shares = []
     for _ in range(62):  # settle: 0.6 s
         stride, posture = loop.engine.sample(stride, posture, Command(0.1), None)
-        shares.append(stride.share)
-    assert stride.standing == 1.0
+        shares.append(stride.swing.share)
+    assert stride.step.standing == 1.0
     assert shares[58] == 0
     assert shares[61] > 1e-3
     assert builder is not None
@@ -219,7 +251,7 @@ def test_the_same_again_and_from_the_middle() -> None:
     [
         ({"controllers.walk.commands": [{"time": 2}, {"time": 1}]}, "must rise"),
         ({"controllers.walk.gait": {"step_tyme": 0.3}}, "step_time"),
-        ({"controllers.walk.gait": {"reach": {"near": 0.3}}}, "beyond reach.near"),
+        ({"controllers.walk.gait": {"foothold": {"inner": 0.3}}}, "beyond foothold.inner"),
         ({"controllers.walk.gait": {"groups": [["right_foot"], ["left_fot"]]}}, "left_foot"),
         ({"robot.model": "irb120", "robot.base": [0, 0, 0, 0, 0, 0], "robot.initial_deg": 0}, "feet of its own"),
     ],

@@ -5,7 +5,6 @@ import math
 import re
 import struct
 import xml.etree.ElementTree as ET
-import xml.parsers.expat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
@@ -132,11 +131,10 @@ def _obj(data: bytes) -> tuple[bytes, list[str]]:
 
 def _dae(data: bytes) -> tuple[bytes, list[str]]:
     """Refuse document types, entities, archives, and nodes that multiply; tell the up axis."""
-    _refuse_document_type(data)
     if data.count(b"<") > _MOST_TAGS:
         raise UnreadableMesh(f"has more than {_MOST_TAGS // 2} elements")
     try:
-        root = ET.fromstring(data)
+        root = ET.fromstring(data, ET.XMLParser(target=_Builder()))
     except (ET.ParseError, ValueError, LookupError) as problem:
         raise UnreadableMesh(f"is not readable as DAE ({problem})") from problem
     if _node_count(root) > _MOST_NODES:
@@ -156,24 +154,11 @@ def _is_length(text: str) -> bool:
         return False
 
 
-def _refuse_document_type(data: bytes) -> None:
-    def refuse(*_: Any) -> NoReturn:
+class _Builder(ET.TreeBuilder):
+    """Builds elements, but of no file with a document type: before it nothing can be defined that grows."""
+
+    def doctype(self, *_: Any) -> NoReturn:
         raise UnreadableMesh("declares entities or a document type, which a mesh never needs")
-
-    class Started(Exception):
-        """The outermost element has begun; document types stand before it."""
-
-    def start(*_: Any) -> NoReturn:
-        raise Started
-
-    parser = xml.parsers.expat.ParserCreate()
-    parser.StartDoctypeDeclHandler, parser.EntityDeclHandler, parser.StartElementHandler = refuse, refuse, start
-    try:
-        parser.Parse(data, True)
-    except Started:
-        return
-    except (xml.parsers.expat.ExpatError, ValueError, LookupError) as problem:
-        raise UnreadableMesh(f"is not readable as DAE ({problem})") from problem
 
 
 def _node_count(root: ET.Element) -> int:
@@ -200,14 +185,14 @@ def _gltf(data: bytes) -> tuple[bytes, list[str]]:
     header = gltf_header(data)
     if not isinstance(header, dict):
         raise UnreadableMesh("is not readable as glTF")
-    items = sum(_figures(header, "accessors", "count"))
-    sliced = sum(_figures(header, "bufferViews", "byteLength"))
-    if items > _MOST_ITEMS or sliced > _MOST_BYTES or len(_figures(header, "nodes", "mesh")) > _MOST_NODES:
+    items = sum(_numbers(header, "accessors", "count"))
+    sliced = sum(_numbers(header, "bufferViews", "byteLength"))
+    if items > _MOST_ITEMS or sliced > _MOST_BYTES or len(_numbers(header, "nodes", "mesh")) > _MOST_NODES:
         raise UnreadableMesh("asks for more numbers than a mesh has")
     return data, []
 
 
-def _figures(header: dict[str, Any], key: str, name: str) -> list[int]:
+def _numbers(header: dict[str, Any], key: str, name: str) -> list[int]:
     """Return one figure of each entry of a list; 0 where there is none, too many where it is none."""
     entries = header.get(key, [])
     if not isinstance(entries, list):

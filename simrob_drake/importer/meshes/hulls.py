@@ -162,9 +162,7 @@ def _extremes(points: Vector) -> list[int]:
 def _surface(points: Vector) -> MeshPart:
     """Return the surface of the convex hull of points, its faces seen counterclockwise from outside."""
     hull = _convex(points)
-    vertices, index = points[hull.vertices], np.full(len(points), -1)
-    index[hull.vertices] = np.arange(len(hull.vertices))
-    faces = index[hull.simplices]
+    vertices, faces = points[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     inward = np.einsum("ij,ij->i", np.cross(second - first, third - first), hull.equations[:, :3]) < 0
     faces[inward] = faces[inward, ::-1]
@@ -173,6 +171,6 @@ def _surface(points: Vector) -> MeshPart:
 
 def _closed(part: MeshPart) -> bool:
     """Return whether every edge belongs to two faces that run along it in opposite directions."""
-    edges = np.concatenate([part.faces[:, [0, 1]], part.faces[:, [1, 2]], part.faces[:, [2, 0]]])
-    forth = {(a, b) for a, b in edges.tolist()}
+    edges = part.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).tolist()
+    forth = {(a, b) for a, b in edges}
     return len(forth) == len(edges) and all((b, a) in forth for a, b in forth)

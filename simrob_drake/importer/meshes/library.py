@@ -1,18 +1,34 @@
-"""The meshes of one robot: found, read, scaled and mended, each file once."""
+"""The meshes of one robot: found, read, scaled and mended, each file once; and written as OBJ, each content once."""
 
 from __future__ import annotations
 
+import hashlib
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from simrob_drake.importer.meshes.checks import UnreadableMesh
-from simrob_drake.importer.meshes.mending import decimate, mend
-from simrob_drake.importer.meshes.parts import MeshPart, face_count, size_of
+from simrob_drake.errors import InvalidModel
+from simrob_drake.folders import cache_entry, written_at_once
+from simrob_drake.frames import Vector
+from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
+from simrob_drake.importer.meshes.parts import (
+    MeshPart,
+    as_png,
+    decimate,
+    distinct,
+    face_count,
+    mend,
+    plain,
+    shaded,
+    size_of,
+)
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
-from simrob_drake.importer.meshes.reading import read_mesh
-from simrob_drake.importer.meshes.writing import may_stay
+from simrob_drake.importer.meshes.reading import mesh_content, read_mesh
+from simrob_drake.importer.packages import OutsideBorder
+from simrob_drake.interrupts import heard_afterwards
 
 Scale = tuple[float, float, float]
 _KEPT = 4
@@ -63,7 +79,7 @@ class MeshLibrary:
 
         Raises:
             UnreadableMesh: it is nowhere, or can't be read.
-            MeshOutside: it may not be read.
+            OutsideBorder: it may not be read.
         """
         try:
             path = self.places.find(uri).path
@@ -78,7 +94,7 @@ class MeshLibrary:
 
         Raises:
             UnreadableMesh: it is nowhere, can't be read, or is empty.
-            MeshOutside: it, or a file that it names, may not be read.
+            OutsideBorder: it, or a file that it names, may not be read.
         """
         path = self.path_of(uri)
         if (path, scale) not in self._meshes:
@@ -117,3 +133,133 @@ def _size_remark(parts: list[MeshPart]) -> list[str]:
     size = float(size_of(parts).max())
     advice = 'if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
     return [f"is {size:.0f} m large; {advice}"] if size > _LARGE else []
+
+
+_CODE = [Path(__file__).parent]
+
+
+def drake_mesh(file: Path) -> Path:
+    """Return an OBJ file with the triangles of a mesh file, faces outwards; colours and textures are left out.
+
+    It lies in the cache, in a folder whose name follows from the file's content. Other files that the mesh names, as
+    the buffers of a glTF, are read from its own folder only.
+
+    Raises:
+        InvalidModel: the file is missing, too large, of another format, garbage, or holds no triangles.
+        OutputError: the cache cannot be written.
+    """
+    kind = file.suffix.lower()
+    if kind not in MESH_FORMATS:
+        raise InvalidModel(file, "", f"is no mesh that a piece can have; {', '.join(MESH_FORMATS)} are")
+    try:
+        others, _ = MeshPlaces(file.resolve(), ()).needed_by(file.resolve())
+        content = [mesh_content(path) for path in (file, *others.values())]
+        converted = cache_entry("pieces", made_of=[kind.encode(), *content], made_by=_CODE) / "mesh.obj"
+        if not converted.is_file():
+            written_at_once(converted, obj_text(_outside_out(_one_part(file, others))).decode())
+    except OSError as problem:
+        raise InvalidModel(file, "", f"cannot be read ({problem.strerror or problem})") from problem
+    except (UnreadableMesh, OutsideBorder) as problem:
+        raise InvalidModel(file, "", str(problem)) from problem
+    return converted
+
+
+def _one_part(file: Path, others: Mapping[str, Path]) -> MeshPart:
+    """Return all triangles of a file as one part."""
+    part = mend(plain(read_mesh(file, others).parts))
+    if not len(part.faces):
+        raise UnreadableMesh("holds no triangle with an area")
+    return part
+
+
+@heard_afterwards()
+def _outside_out(part: MeshPart) -> MeshPart:
+    """Return a closed mesh with its faces outwards, which its volume depends on; an open one stays as it is."""
+    from trimesh import Trimesh
+
+    mesh = Trimesh(part.vertices, part.faces, process=False)
+    if not mesh.is_watertight:
+        return part
+    mesh.fix_normals()
+    return replace(part, faces=mesh.faces, normals=None)
+
+
+FOLDER = "meshes"
+_MATERIAL = "texture"
+_KEYWORDS = {b"v", b"vn", b"vt", b"f", b"o", b"g", b"s", b"usemtl", b"mtllib"}
+"""Lines of an OBJ file that every reader understands."""
+
+
+@dataclass
+class MeshWriter:
+    """The mesh files of one import.
+
+    Attributes:
+        folder: the output folder; None writes nothing, but names are given all the same.
+    """
+
+    folder: Path | None
+    _written: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
+
+    def write(self, part: MeshPart, *, role: str, stem: str, original: bytes | None = None) -> str:
+        """Write a part, unless the same was written before, and return the file's name relative to the folder.
+
+        ``role`` is ``visual`` or ``collision``, each with files of its own; ``stem`` is the file's name without its
+        ending, ``original`` the OBJ file that the part was read from, if that is to be kept as it is.
+        """
+        library = f"{stem}.mtl"
+        kept = None if original is None else _relabelled(original, library if part.image else "")
+        text = kept if kept is not None else obj_text(part, library)
+        png = b"" if part.image is None else as_png(part.image)
+        content = hashlib.sha256(text.replace(library.encode(), b"") + b"\0" + png).hexdigest()
+        name = self._written.setdefault((role, content), f"{FOLDER}/{stem}.obj")
+        if name == f"{FOLDER}/{stem}.obj":
+            self._save(f"{stem}.obj", text)
+            if part.image is not None:
+                self._save(library, f"newmtl {_MATERIAL}\nKd 1 1 1\nmap_Kd {stem}.png\n".encode())
+                self._save(f"{stem}.png", png)
+        return name
+
+    def _save(self, name: str, data: bytes) -> None:
+        if self.folder is not None:
+            (self.folder / FOLDER).mkdir(exist_ok=True)
+            (self.folder / FOLDER / name).write_bytes(data)
+
+
+def may_stay(data: bytes) -> bool:
+    """Return whether an OBJ file holds nothing but what every reader understands."""
+    lines = (line.split() for line in data.splitlines() if line.strip() and not line.lstrip().startswith(b"#"))
+    return all(words[0] in _KEYWORDS and (words[0] != b"v" or len(words) == 4) for words in lines)
+
+
+def _relabelled(data: bytes, library: str) -> bytes:
+    """Return an OBJ file that names its material library by our name, or none."""
+    data = re.sub(rb"^[ \t]*mtllib\b.*$", f"mtllib {library}".encode(), data, flags=re.MULTILINE) if library else data
+    if library:
+        return re.sub(rb"^[ \t]*usemtl\b.*$", f"usemtl {_MATERIAL}".encode(), data, flags=re.MULTILINE)
+    return re.sub(rb"^[ \t]*(mtllib|usemtl)\b[^\n]*\n?", b"", data, flags=re.MULTILINE)
+
+
+def obj_text(part: MeshPart, library: str = "") -> bytes:
+    """Return a part as an OBJ file; the library is named only if there is a texture."""
+    lit = shaded(part)
+    assert lit.normals is not None
+    blocks = [f"mtllib {library}\nusemtl {_MATERIAL}\n"] if part.image is not None else []
+    blocks.append(_rows("v", lit.vertices))
+    normals, normal_index = distinct(lit.normals.reshape(-1, 3).round(4))
+    blocks.append(_rows("vn", normals))
+    columns = [lit.faces.reshape(-1), normal_index]
+    corner = "%d//%d"
+    if part.image is not None and lit.uv is not None:
+        uv, uv_index = distinct(lit.uv.reshape(-1, 2).round(6))
+        blocks.append(_rows("vt", uv))
+        columns.insert(1, uv_index)
+        corner = "%d/%d/%d"
+    indices = (np.stack(columns, axis=1) + 1).reshape(-1).tolist()
+    blocks.append((f"f {corner} {corner} {corner}\n" * len(lit.faces)) % tuple(indices))
+    return "".join(blocks).encode()
+
+
+def _rows(keyword: str, values: Vector) -> str:
+    row = f"{keyword}{' %r' * values.shape[1]}\n"
+    return (row * len(values)) % tuple(values.reshape(-1).tolist())

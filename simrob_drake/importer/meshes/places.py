@@ -11,7 +11,7 @@ from urllib.parse import unquote
 from simrob_drake.errors import shortened
 from simrob_drake.importer.meshes.checks import references
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import find_package, manifest_name, package_root, sorted_entries
+from simrob_drake.importer.packages import Border, OutsideBorder, resolved, sorted_entries
 
 _NETWORK = ("http", "https", "ftp")
 _ENDS = 12
@@ -20,10 +20,6 @@ _ENDS = 12
 
 class MeshMissing(Exception):
     """No file is behind a name; the text says what was looked for."""
-
-
-class MeshOutside(Exception):
-    """The file behind a name is none that may be read."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +55,11 @@ class MeshPlaces:
 
     source: Path
     mesh_path: tuple[Path, ...] = ()
-    _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
     _found: dict[str, Place] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         """Know the folders that every name is looked for in."""
-        self.root = package_root(self.source)
-        self.mesh_path = tuple(_resolved(folder) for folder in self.mesh_path)
+        self.border = Border(self.source, self.mesh_path)
 
     def find(self, uri: str) -> Place:
         """Return the file of a mesh.
@@ -76,7 +70,7 @@ class MeshPlaces:
 
         Raises:
             MeshMissing: it is nowhere.
-            MeshOutside: it lies outside of the folders that may be read.
+            OutsideBorder: it lies outside of the folders that may be read.
         """
         if uri not in self._found:
             self._found[uri] = self._find(uri)
@@ -86,14 +80,15 @@ class MeshPlaces:
         """Return the files that a mesh asks for, such as textures, by its names for them, and the missing names.
 
         Raises:
-            MeshOutside: one lies outside of the folders that may be read.
+            OutsideBorder: one lies outside of the folders that may be read.
             OSError: the mesh cannot be read.
         """
         found: dict[str, Path] = {}
         missing: list[str] = []
         for name in references(path):
+            file = name.rsplit(maxsplit=1)[-1] if re.match(r"-[a-z]", name) else name  # behind options as -s 1 1 1
             try:
-                found[name] = self._beside(path, _file_name(name)).path
+                found[name] = self._near_owner(path, file).path
             except MeshMissing:
                 missing.append(name)
                 continue
@@ -103,73 +98,59 @@ class MeshPlaces:
                 missing += lost
         return found, missing
 
-    def _beside(self, owner: Path, name: str) -> Place:
-        told = _named(name)
-        last = PurePosixPath(told.path).name
-        if told.scheme in _NETWORK or not last:
+    def _near_owner(self, owner: Path, name: str) -> Place:
+        parsed = _named(name)
+        last = PurePosixPath(parsed.path).name
+        if parsed.scheme in _NETWORK or not last:
             raise MeshMissing("is no file beside the mesh")
-        if told.package:
+        if parsed.package:
             return self.find(name)
-        return self._first(name, told, [owner.parent / told.path], [owner.parent / last])
+        return self._first(name, parsed, [owner.parent / parsed.path], [owner.parent / last])
 
     def _find(self, uri: str) -> Place:
-        told = _named(uri)
-        if told.scheme in _NETWORK:
+        parsed = _named(uri)
+        if parsed.scheme in _NETWORK:
             raise MeshMissing("is on the network, where nothing is read from; download it beside the URDF")
-        return self._first(uri, told, self._exact(told), self._by_end(told))
+        return self._first(uri, parsed, self._exact(parsed), self._by_end(parsed))
 
-    def _first(self, uri: str, told: _Name, exact: Iterable[Path], other: Iterable[Path]) -> Place:
+    def _first(self, uri: str, parsed: _Name, exact: Iterable[Path], other: Iterable[Path]) -> Place:
         """Return the first candidate that is a file and may be read, by its exact name or in another case."""
-        outside: Path | None = None
+        outside: OutsideBorder | None = None
         for candidate, right in (*((path, True) for path in exact), *((path, False) for path in other)):
             path, same = _existing(candidate)
             if path is None:
                 continue
-            if self._allowed(path):
+            try:
+                self.border.readable(path)
+            except OutsideBorder as problem:
+                outside = outside or problem
+            else:
                 return Place(path, "" if right and same else f"found as {self._shown(path)}")
-            outside = outside or path
         if outside is not None:
-            allowed = ", ".join(str(folder) for folder in self._roots())
-            raise MeshOutside(
-                f"mesh '{shortened(uri)}': lies outside of the allowed folders ({allowed}); "
-                f"allow it with --mesh-path {outside.parent}"
-            )
-        package = f"; package '{told.package}' is not found, name its folder with --mesh-path DIR"
-        unknown = told.package and self._package(told.package) is None
-        raise MeshMissing(f"there is no such file{package if unknown else ''}")
+            raise OutsideBorder(f"mesh '{shortened(uri)}': {outside}")
+        unknown = parsed.package and self.border.package(parsed.package) is None
+        raise MeshMissing(f"there is no such file{f'; {unknown_package(parsed.package)}' if unknown else ''}")
 
-    def _exact(self, told: _Name) -> Iterator[Path]:
+    def _exact(self, parsed: _Name) -> Iterator[Path]:
         """Yield where a name says that the file is."""
-        if not told.package:
-            yield self.source.parent / told.path
+        if not parsed.package:
+            yield self.source.parent / parsed.path
             return
-        folder = self._package(told.package)
+        folder = self.border.package(parsed.package)
         if folder is not None:
-            yield folder / told.path
+            yield folder / parsed.path
 
-    def _by_end(self, told: _Name) -> Iterator[Path]:
+    def _by_end(self, parsed: _Name) -> Iterator[Path]:
         """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
-        parts = [part for part in PurePosixPath(told.package, told.path).parts if part not in ("/", "..", ".")][-_ENDS:]
+        path = PurePosixPath(parsed.package, parsed.path)
+        parts = [part for part in path.parts if part not in ("/", "..", ".")][-_ENDS:]
         for start in range(len(parts)):
-            for folder in dict.fromkeys((self.root, self.source.parent, *self.mesh_path)):
+            for folder in dict.fromkeys((self.border.root, self.source.parent, *self.border.mesh_path)):
                 yield folder.joinpath(*parts[start:])
 
-    def _package(self, name: str) -> Path | None:
-        if name not in self._packages:
-            self._packages[name] = find_package(name, root=self.root, mesh_path=self.mesh_path)
-        return self._packages[name]
-
     def _shown(self, path: Path) -> Path:
-        root = _resolved(self.root)
+        root = resolved(self.border.root)
         return path.relative_to(root) if path.is_relative_to(root) else path
-
-    def _roots(self) -> list[Path]:
-        packages = [folder for folder in self._packages.values() if folder is not None]
-        return list(dict.fromkeys((_resolved(self.root), *map(_resolved, packages), *self.mesh_path)))
-
-    def _allowed(self, path: Path) -> bool:
-        self._package(manifest_name(package_root(path)))  # what its package's name may be used for, its path may, too
-        return any(path.is_relative_to(folder) for folder in self._roots())
 
 
 def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:
@@ -179,14 +160,9 @@ def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> li
         try:
             path = places.find(name).path
             found |= dict.fromkeys((path, *places.needed_by(path)[0].values()))
-        except (MeshMissing, MeshOutside, OSError):
+        except (MeshMissing, OutsideBorder, OSError):
             continue
     return list(found)
-
-
-def _file_name(name: str) -> str:
-    """Return the file in the argument of a material library's map, without options such as ``-s 1 1 1``."""
-    return name.rsplit(maxsplit=1)[-1] if re.match(r"-[a-z]", name) else name
 
 
 def _named(uri: str) -> _Name:
@@ -206,10 +182,10 @@ def _existing(path: Path) -> tuple[Path | None, bool]:
     """Return the file with this path, without symbolic links in it, and whether its letters are in the same case."""
     for name in dict.fromkeys((str(path), unquote(str(path)))):  # a name may well hold %20 itself
         if isfile(Path(name)):
-            return _resolved(Path(name)), True
+            return resolved(Path(name)), True
         found = _in_any_case(Path(name))
         if found is not None:
-            return _resolved(found), False
+            return resolved(found), False
     return None, False
 
 
@@ -228,8 +204,6 @@ def _in_any_case(path: Path) -> Path | None:
     return folder if isfile(folder) else None
 
 
-def _resolved(path: Path) -> Path:
-    try:
-        return path.resolve()
-    except (OSError, RuntimeError, ValueError):  # links that go in a circle, names that no file can have
-        return path.absolute()
+def unknown_package(name: str) -> str:
+    """Say that a package is not found, and how it would be."""
+    return f"package '{name}' is not found, name its folder with --mesh-path DIR"

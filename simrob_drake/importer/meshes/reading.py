@@ -3,22 +3,19 @@
 import gc
 import io
 import logging
-import struct
 import warnings
-import xml.parsers.expat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
-from xml.etree.ElementTree import ParseError
 
 import numpy as np
 
 from simrob_drake.files import NotRead, TooLarge, content_of
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
-from simrob_drake.importer.meshes.parts import MeshPart, Rgba, face_count, of_one_look, usable
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, face_count, grouped_by_look, usable
 from simrob_drake.interrupts import heard_afterwards
 
 _MOST_FACES = 1_500_000
@@ -27,24 +24,6 @@ _MOST_SHADED = 200_000
 """A mesh with more faces is decimated, which leaves nothing of its normals."""
 _MOST_COLOURS = 16
 """A mesh with more vertex colours than that gets their mean: each colour is a shape of its own in the simulator."""
-_GARBAGE = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    ImportError,
-    LookupError,
-    MemoryError,
-    NameError,
-    NotImplementedError,
-    OSError,
-    ParseError,
-    RecursionError,
-    TypeError,
-    ValueError,
-    struct.error,
-    xml.parsers.expat.ExpatError,
-)
-"""What mesh libraries raise on files that hold no mesh, found by feeding them damaged files."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +58,10 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     content, notes = checked(data, kind)
     try:
         with _quiet():
-            parts = of_one_look(_parts(_loaded(content, kind, others), kind, notes))
-    except _garbage(kind) as problem:
+            parts = grouped_by_look(_parts(_loaded(content, kind, others), kind, notes))
+    except UnreadableMesh:
+        raise
+    except Exception as problem:  # readers of damaged files raise whatever they like
         reason = " ".join(str(problem).split())[:120] or type(problem).__name__
         raise UnreadableMesh(f"is not readable as {kind.removeprefix('.').upper()} ({reason})") from problem
     if not parts:
@@ -122,14 +103,6 @@ def _quiet() -> Iterator[None]:
             yield
     finally:
         log.setLevel(level)
-
-
-def _garbage(kind: str) -> tuple[type[Exception], ...]:
-    if kind != ".dae":
-        return _GARBAGE
-    from collada.common import DaeError
-
-    return (*_GARBAGE, DaeError)
 
 
 def _resolver(others: Mapping[str, Path]) -> Any:
@@ -184,7 +157,7 @@ def _unit(mesh: Any) -> float:
 
     try:
         length = unit_conversion(mesh.units or "meters", "meters")
-    except _GARBAGE:
+    except (AttributeError, KeyError, TypeError, ValueError):
         return 1.0
     return float(length) if np.isfinite(length) and length > 0 else 1.0
 

@@ -1,92 +1,147 @@
-"""The expansion of a xacro file, in a process of its own that may compute and read, and nothing else.
+"""The expansion of a xacro file, in a process of its own that computes and opens nothing.
 
-Xacro evaluates Python expressions, and what it does to keep them harmless can be got around. So the process refuses
-whatever it is not known to need: to write, to start programs, to open connections, to import, and to read outside of
-the folders where meshes may be read. ``python -m simrob_drake.importer.reading.expansion FILE JSON`` prints the URDF,
-or says in one line why not and exits with 1; JSON holds ``mesh_path`` and ``arguments``.
+``python -m simrob_drake.importer.reading.expansion`` talks as :mod:`simrob_drake.importer.reading.child` does: it is
+given a file and its arguments, and asks for each text, each package and each list of files that it needs. The package
+xacro expands macros; all of it that evaluates, opens or looks around is replaced.
 """
 
-import errno
-import json
-import os
-import resource
-import sys
-from collections.abc import Callable, Iterable
-from contextlib import suppress
-from pathlib import Path
+import importlib
+import math
+import warnings
+from functools import partial
+from types import SimpleNamespace
+from typing import Any, NoReturn
+from xml.dom import minidom
 
-from simrob_drake.importer.packages import MANIFEST, find_package, package_root
+import xacro
+import yaml
+from xacro import substitution_args
 
-_HARMLESS = ("builtins.id", "compile", "exec", "glob.glob", "os.listdir", "os.scandir")
-_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-_MEMORY = 1_000_000_000  # bytes
+from simrob_drake.importer.reading.child import ask, serve
+from simrob_drake.importer.reading.expressions import Function, NotAllowed, bounded, evaluate
+from simrob_drake.importer.reading.functions import METHODS, symbols
+
+SECONDS = 20
+"""Of processor time that an expansion may take: a xacro can call itself for ever."""
+_LATE = ("encodings.latin_1", "unicodedata", "xml.dom.expatbuilder")  # modules that are loaded when first needed
+_MOST_MESSAGES = 20
+_UNITS = {
+    "radians": 1.0,
+    "degrees": math.pi / 180,
+    "meters": 1.0,
+    "millimeters": 0.001,
+    "foot": 0.3048,
+    "inches": 0.0254,
+}
 
 
-def expand(source: Path, mesh_path: Iterable[Path], arguments: dict[str, str]) -> str:
-    """Return the URDF that a xacro file stands for.
+class _Loader(yaml.CSafeLoader):
+    """A safe loader that knows xacro's units; dates stay texts."""
 
-    From now on this process is held: it can hardly do anything else any more.
 
-    Raises:
-        Exception: whatever xacro, or what is evaluated by it, raises.
+class _Expansion:
+    """One expansion, and what it may ask of the process that started it.
+
+    Attributes:
+        messages: what the file says to its reader.
     """
-    import encodings.latin_1  # noqa: F401  # what would be imported later
-    import xml.dom.expatbuilder  # noqa: F401
 
-    import xacro
-    import yaml  # noqa: F401
-    from xacro import substitution_args
+    def __init__(self) -> None:
+        self.messages: list[str] = []
+        own = {
+            "abs_filename": xacro.abs_filename_spec,
+            "arg": lambda name: substitution_args._eval_arg(name, xacro.substitution_args_context["arg"]),
+            "load_yaml": lambda file: bounded(yaml.load(_ask("yaml", xacro.abs_filename_spec(file)), Loader=_Loader)),
+            "fatal": lambda *words: _refuse(" ".join(map(str, words))),
+            "message": self._say,
+            "warning": self._say,
+            "error": self._say,
+            "print_location": lambda: "",
+        }
+        self._symbols = symbols(**own)
+        xacro._global_symbols = self._symbols
+        xacro.safe_eval = lambda text, names: evaluate(text, names, METHODS)
+        xacro.parse = self._document
+        xacro.glob = SimpleNamespace(glob=partial(_ask, "files"))
+        substitution_args._eval = self._eval
+        substitution_args._eval_find = partial(_ask, "package")
+        substitution_args._eval_env = _environment
+        for unit, factor in _UNITS.items():
+            _Loader.add_constructor(f"!{unit}", partial(self._with_unit, factor=factor))
+        _Loader.add_constructor("tag:yaml.org,2002:timestamp", lambda _, node: str(node.value))
 
-    folders = [package_root(source), *mesh_path]
+    def run(self, job: dict[str, Any]) -> dict[str, Any]:
+        """Return the ``urdf`` that the ``file`` of a job stands for with its ``arguments``, and the ``messages``.
 
-    def find(name: str) -> str:
-        folder = find_package(name, root=folders[0], mesh_path=mesh_path)
-        if folder is None:
-            raise LookupError(f"package '{name}' is not found, name its folder with --mesh-path DIR")
-        folders.append(folder)
-        return str(folder)
+        Raises:
+            Exception: whatever xacro, or an expression, raises.
+        """
+        xacro.root_dir = "/"
+        try:
+            document = xacro.process_file(job["file"], mappings=job["arguments"])
+        except Exception as problem:
+            raise _cause(problem) from problem
+        return {"urdf": document.documentElement.toxml(), "messages": self.messages}
 
-    substitution_args._eval_find = substitution_args._eval_dict["find"] = find
-    for kind, limit in ((resource.RLIMIT_AS, _MEMORY), (resource.RLIMIT_CORE, 0)):
-        with suppress(ValueError, OSError):  # not every system has each of them
-            resource.setrlimit(kind, (limit, limit))
-    sys.addaudithook(_holder(folders))
-    document = xacro.process_file(str(source), mappings=arguments)
-    return str(document.documentElement.toxml())
+    def _document(self, _: None, file: str) -> minidom.Document:
+        try:
+            document = minidom.parseString(_ask("xml", file))
+        except OSError as problem:
+            xacro.filestack.pop()
+            raise xacro.XacroException(exc=problem) from problem
+        if document.doctype is not None:
+            _refuse(f"{file} declares a document type or entities, which a URDF never needs")
+        return document
+
+    def _with_unit(self, loader: _Loader, node: yaml.ScalarNode, *, factor: float) -> float:
+        return float(evaluate(loader.construct_scalar(node), self._symbols, METHODS)) * factor
+
+    def _eval(self, text: str, context: dict[str, Any]) -> str:
+        """Return the value of ``$(eval ...)``, in which arguments are names."""
+        arguments = {key: substitution_args.convert_value(value, "auto") for key, value in context["arg"].items()}
+        functions = {
+            "arg": Function("arg", arguments.__getitem__),
+            "env": Function("env", _environment),
+            "find": Function("find", partial(_ask, "package")),
+            "optenv": Function("optenv", substitution_args._eval_optenv),
+        }
+        names = {**arguments, **self._symbols, **functions, "true": True, "false": False}
+        return str(evaluate(text, names, METHODS))
+
+    def _say(self, *words: Any, **_: Any) -> str:
+        if len(self.messages) < _MOST_MESSAGES:
+            self.messages.append(" ".join(map(str, words))[:1000])
+        return ""
 
 
-def _holder(folders: list[Path]) -> Callable[[str, tuple[object, ...]], None]:
-    """Return what refuses all that is neither harmless nor the reading of a file in the folders."""
-
-    def hold(event: str, about: tuple[object, ...]) -> None:
-        if event in _HARMLESS:
-            return
-        if event != "open" or not isinstance(about[0], str | bytes) or about[2] & _WRITING:  # type: ignore[operator]
-            raise PermissionError(errno.EPERM, "a xacro file may compute and read, but not do this", event)
-        path = Path(os.fsdecode(about[0])).resolve()
-        if path.name != MANIFEST and not any(path.is_relative_to(folder.resolve()) for folder in folders):
-            listed = ", ".join(map(str, folders))
-            advice = f"lies outside of the allowed folders ({listed}); allow it with --mesh-path {path.parent}"
-            raise PermissionError(errno.EACCES, advice, str(path))
-
-    return hold
+def _environment(name: str) -> str:
+    return _refuse(f"the environment variable {name} is not for a xacro file to read")
 
 
-def _told(problem: Exception) -> str:
-    """Return an error in one line: that of xacro, or what lies behind it where xacro only repeats that."""
-    cause = getattr(problem, "exc", None) or problem
-    if isinstance(cause, OSError):
-        text = f"{cause.filename}: {cause.strerror}"
-    else:
-        text = str(cause if isinstance(cause, LookupError | SyntaxError) else problem)
-    return " ".join(text.split()) or type(cause).__name__
+def _refuse(why: str) -> NoReturn:
+    raise NotAllowed(why)
+
+
+def _ask(kind: str, about: str) -> Any:
+    """Return the text of a file, the files that a pattern names, or the folder of a package, as it was answered."""
+    answer = ask(kind, about)
+    if "missing" in answer:
+        raise FileNotFoundError(2, answer["missing"], about)
+    if "refused" in answer:
+        raise LookupError(answer["refused"])
+    return answer["found"]
+
+
+def _cause(problem: Exception) -> Exception:
+    """Return an error of xacro, or what lies behind it where xacro only repeats that."""
+    cause: Any = problem
+    while getattr(cause, "exc", None) is not None:
+        cause = cause.exc
+    return cause if isinstance(cause, LookupError | MemoryError | OSError | SyntaxError) else problem
 
 
 if __name__ == "__main__":
-    given = json.loads(sys.argv[2])
-    try:
-        urdf = expand(Path(sys.argv[1]), [Path(folder) for folder in given["mesh_path"]], given["arguments"])
-    except Exception as problem:  # whatever an expression raises
-        print(_told(problem), file=sys.stderr)
-        sys.exit(1)
-    print(urdf)
+    for name in _LATE:
+        importlib.import_module(name)
+    warnings.simplefilter("ignore")  # to show one, modules would be loaded
+    serve(_Expansion().run, SECONDS)

@@ -1,41 +1,27 @@
 """From a file to its ``robot`` element: tolerant of what people write, but never of what could harm."""
 
-import codecs
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from os.path import exists, isdir  # which are false for names that no file can have
 from pathlib import Path
 
-from simrob_drake.files import NotRead, content_of
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.mjcf.reading import read_mjcf
+from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.xacro import XACRO, expanded
-from simrob_drake.importer.reading.xml_tree import parse_tree
-from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
+from simrob_drake.importer.reading.xml_file import parse_tree, xml_text
+from simrob_drake.importer.sdf.reading import read_sdf
+from simrob_drake.robots.urdf import DRAKE
 
 _OTHER_FORMATS = {
-    "sdf": "an SDF file, which describes models and worlds for Gazebo",
     "gazebo": "an SDF file of an old kind",
     "world": "an SDF world",
     "model": "an SDF model",
-    "mujoco": "an MJCF file, of MuJoCo",
-    "mujocoinclude": "an MJCF file, of MuJoCo",
+    "mujocoinclude": "a part of an MJCF file, of MuJoCo, that others include",
     "COLLADA": "a COLLADA mesh",
     "launch": "a ROS launch file",
     "package": "a ROS package manifest",
     "html": "a web page; was the raw file meant?",
 }
-_MARKS = (  # the longer ones first: that of UTF-32 begins with that of UTF-16
-    (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF32_LE, "utf-32-le"),
-    (codecs.BOM_UTF32_BE, "utf-32-be"),
-    (codecs.BOM_UTF16_LE, "utf-16-le"),
-    (codecs.BOM_UTF16_BE, "utf-16-be"),
-)
-_DECLARED = re.compile(rb"""^\s*<\?xml[^>]*\sencoding\s*=\s*["']([\w.:-]+)["']""")
-_LATE_DECLARATION = re.compile(r"\s+(<\?xml\b.*?\?>)")
-_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
 _HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>")
 
 
@@ -47,78 +33,25 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
     Raises:
         InvalidModel: it cannot be read, is too large, is no XML, declares entities, or holds no robot.
     """
-    text = decoded(_content(path, report), report)
+    text = xml_text(path, report)
     robot, comments = parse_tree(text, report)
     if _is_xacro(robot, path):
-        text = expanded(path, options or ImportOptions(), report)
+        text = expanded(path, text, options or ImportOptions(), report)
         robot, comments = parse_tree(text, report)
         if _is_xacro(robot, path):
             raise report.refusal("", "still holds xacro elements after its expansion")
         report.add("read", "", "xacro, expanded")
+    if robot.tag == "mujoco":
+        return read_mjcf(robot, path.absolute(), options or ImportOptions(), report)
+    if robot.tag == "sdf":
+        return read_sdf(robot, path.absolute(), options or ImportOptions(), report)
     if robot.tag != "robot":
         kind = _OTHER_FORMATS.get(robot.tag)
-        said = f"this is {kind}; a URDF is needed" if kind else "the outermost element of a URDF is <robot>"
-        raise report.refusal(f"<{robot.tag}>", said)
-    _tell_comments(comments, report)
+        message = f"this is {kind}; a URDF is needed" if kind else "the outermost element of a URDF is <robot>"
+        raise report.refusal(f"<{robot.tag}>", message)
+    _report_comments(comments, report)
     _drop_foreign(robot, report)
     return robot
-
-
-def decoded(content: bytes, report: ImportReport) -> str:
-    """Return a file's text, whichever encoding it has or claims to have."""
-    for mark, encoding in _MARKS:
-        if content.startswith(mark):
-            report.add("repaired", "", f"begins with a byte order mark ({encoding.upper()}); written without, in UTF-8")
-            text = _decoded(content.removeprefix(mark), (encoding,), report)
-            break
-    else:
-        declared = _DECLARED.search(content)
-        name = declared.group(1).decode("ascii") if declared else "utf-8"
-        text = _decoded(content, (name, "utf-8", "cp1252", "latin-1"), report)
-    if "\0" in text:
-        raise report.refusal("", "is a binary file, not the text of a URDF")
-    if not text.strip():
-        raise report.refusal("", "is empty")
-    if text.count("<") > MOST_TAGS:
-        raise report.refusal("", f"has more than {MOST_TAGS} tags")
-    return _well_formed(text, report)
-
-
-def _well_formed(text: str, report: ImportReport) -> str:
-    """Mend what XML forbids and most readers of URDFs do not mind; no line changes its number."""
-    declaration = _LATE_DECLARATION.match(text)
-    if declaration:
-        text = text.replace(declaration.group(1), "", 1)
-        report.add("repaired", "", "blanks before <?xml ...?>, which must be the first; left out")
-    end = text.rfind("-->") + 3  # beyond, each comment would be searched for an end that is not there
-    bad = [comment for comment in _COMMENT.findall(text, 0, end) if "--" in comment or comment.endswith("-")]
-    if bad:
-        text = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text[:end]) + text[end:]
-        report.add("repaired", "", f"{len(bad)} comment(s) hold --, which XML forbids; mended")
-    return text
-
-
-def _decoded(content: bytes, encodings: tuple[str, ...], report: ImportReport) -> str:
-    for encoding in encodings:
-        try:
-            text = content.decode(encoding)
-        except (LookupError, ValueError):  # an encoding that Python does not know, or that the file does not keep to
-            continue
-        if encoding != encodings[0]:
-            report.add("repaired", "", f"is not {encodings[0]}, as it says or should be; read as {encoding}")
-        return text
-    raise report.refusal("", f"cannot be read as {encodings[0].upper()} text")
-
-
-def _content(path: Path, report: ImportReport) -> bytes:
-    if isdir(path):
-        raise report.refusal("", "is a folder; name the URDF file in it")
-    if not exists(path):
-        raise report.refusal("", "there is no such file")
-    try:
-        return content_of(path, LARGEST_URDF)
-    except NotRead as problem:
-        raise report.refusal("", f"cannot be read: {problem}") from problem
 
 
 def _is_xacro(robot: ET.Element, path: Path) -> bool:
@@ -130,7 +63,7 @@ def _is_xacro(robot: ET.Element, path: Path) -> bool:
     return path.suffix.lower() == ".xacro" and any("${" in value or "$(" in value for value in values)
 
 
-def _tell_comments(comments: list[str], report: ImportReport) -> None:
+def _report_comments(comments: list[str], report: ImportReport) -> None:
     hiding = [tags for comment in comments if (tags := _HIDDEN.findall(comment))]
     if hiding:
         counts = Counter(tag for tags in hiding for tag in tags)

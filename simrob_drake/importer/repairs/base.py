@@ -8,8 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, name_of, outward, root_link
 from simrob_drake.robots.urdf_elements import pose_of
 
@@ -90,7 +89,11 @@ def _shaped(starts: Mapping[str, list[ET.Element]], root: str) -> str:
     rigid = [root, *(link_of(joint, "child") for joint in outward(starts, root, rigid=True))]
     first = [joint for link in rigid for joint in starts[link] if joint.get("type") != "fixed"]
     branches = [[joint, *outward(starts, link_of(joint, "child"))] for joint in first]
-    long = [branch for branch in branches if _movable(branch) >= _LEG_JOINTS and not _is_arm(branch)]
+    long = [
+        branch
+        for branch in branches
+        if _movable(branch) >= _LEG_JOINTS and not any(_is_called(_ARM, one) for one in branch)
+    ]
     legs = len(long) if len(long) > _FINGERS else sum(map(_hangs_down, long))
     if legs >= 2:
         return f"{legs} branches of {_LEG_JOINTS} and more joints start at it, as legs do"
@@ -100,10 +103,6 @@ def _shaped(starts: Mapping[str, list[ET.Element]], root: str) -> str:
 
 def _movable(joints: list[ET.Element]) -> int:
     return sum(joint.get("type") in MOVABLE_JOINTS for joint in joints)
-
-
-def _is_arm(branch: list[ET.Element]) -> bool:
-    return any(_is_called(_ARM, joint) for joint in branch)
 
 
 def _hangs_down(branch: list[ET.Element]) -> bool:

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.numbers import number
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,
+    doubtful_efforts,
     joints_at,
     link_of,
     mass_of,
@@ -61,33 +61,33 @@ def _settle(
 ) -> None:
     """Keep a transmission that Drake reads; of any other, make a motor of their own for its joints."""
     where, joints = f"transmission '{name_of(drive)}'", _joints(drive)
-    wanted = [joint for joint in joints if joint in movable and joint not in driven]
+    undriven = [joint for joint in joints if joint in movable and joint not in driven]
     kind = _kind(drive)
-    if len(joints) == len(wanted) == 1 and kind.endswith(SIMPLE) and _is_plain(drive):
-        driven.update(wanted)
+    if len(joints) == len(undriven) == 1 and kind.endswith(SIMPLE) and _is_plain(drive):
+        driven.update(undriven)
         _repair_gears(drive, where, report)
         return
     actuators = drive.findall("actuator")
     robot.remove(drive)
-    for index, joint in enumerate(wanted):
-        _add(robot, joint, actuators[index] if len(actuators) == len(wanted) else None)
+    for index, joint in enumerate(undriven):
+        _add(robot, joint, actuators[index] if len(actuators) == len(undriven) else None)
         driven.add(joint)
-    if wanted:
-        for new in robot.findall("transmission")[-len(wanted) :]:
+    if undriven:
+        for new in robot.findall("transmission")[-len(undriven) :]:
             _repair_gears(new, where, report)
-    report.add("repaired" if wanted else "dropped", where, _why(joints, wanted, kind, movable))
+    report.add("repaired" if undriven else "dropped", where, _why(joints, undriven, kind, movable))
 
 
-def _why(joints: list[str], wanted: list[str], kind: str, movable: Collection[str]) -> str:
-    if not wanted:
+def _why(joints: list[str], undriven: list[str], kind: str, movable: Collection[str]) -> str:
+    if not undriven:
         if not joints:
             return "drives no joint"
         what = "has a motor already" if all(joint in movable for joint in joints) else "is no joint that moves"
         return f"'{', '.join(joints)}' {what}"
-    listed = "', '".join(wanted)
+    listed = "', '".join(undriven)
     made = f"{SIMPLE} of '{listed}'"
-    if len(wanted) > 1:
-        return f"drives {len(wanted)} joints; each gets a motor of its own: {made}"
+    if len(undriven) > 1:
+        return f"drives {len(undriven)} joints; each gets a motor of its own: {made}"
     if not kind.endswith(SIMPLE):
         return f"its type is '{kind}', which Drake does not simulate; {made}" if kind else f"has no type; {made}"
     return f"written as Drake reads it; {made}"
@@ -163,13 +163,16 @@ def _repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportRep
     loads, floats = _loads(robot), find_base(robot, options)[0] == "floating"
     whole = loads[root_link(robot)].mass if floats else 0.0
     joints = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    for name, (effort, mass) in doubtful_efforts(robot).items():
+        text = f"effort {effort:g} N·m for a link of {mass:.3g} kg is doubtful: no motor of its size has it"
+        report.add("open", f"joint '{name}' <limit>", text)
     for prismatic in (False, True):
         group = [joint for joint in joints if (joint.get("type") == "prismatic") == prismatic]
-        given = [number(joint.find("limit"), "effort") or 0.0 for joint in group]
-        missing = [joint for joint, effort in zip(group, given, strict=True) if effort <= 0]
+        efforts = [number(joint.find("limit"), "effort") or 0.0 for joint in group]
+        missing = [joint for joint, effort in zip(group, efforts, strict=True) if effort <= 0]
         held = [_effort(loads[link_of(joint, "child")], whole, prismatic) for joint in missing]
-        measures = [_SHARE * effort for effort in (*given, *held) if effort <= _STRONGEST]
-        least = max([LEAST_FORCE if prismatic else LEAST_TORQUE, *measures])
+        likely = [_SHARE * effort for effort in (*efforts, *held) if effort <= _STRONGEST]
+        least = max([LEAST_FORCE if prismatic else LEAST_TORQUE, *likely])
         for joint, effort in zip(missing, held, strict=True):
             known = loads[link_of(joint, "child")].mass > 0
             _set_effort(joint, effort, least, known, report)
@@ -178,17 +181,11 @@ def _repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportRep
 
 @dataclass(frozen=True)
 class _Load:
-    """What hangs on a link.
+    """What hangs on a link."""
 
-    Attributes:
-        mass: the link's own included [kg].
-        moment: of all masses about the link's origin, when stretched out [kg m].
-        reach: to the farthest joint or centre of mass [m].
-    """
-
-    mass: float
-    moment: float
-    reach: float
+    mass: float  # the link's own included [kg]
+    moment: float  # of all masses about the link's origin, when stretched out [kg m]
+    reach: float  # to the farthest joint or centre of mass [m]
 
 
 def _loads(robot: ET.Element) -> Mapping[str, _Load]:
@@ -232,12 +229,12 @@ def _set_effort(joint: ET.Element, held: float, least: float, known: bool, repor
     limit, effort = child_of(joint, "limit"), _rounded_up(min(max(held, least), _ENDLESS))
     text = limit.get("effort")
     limit.set("effort", written(effort))
-    said = "has no effort" if text is None else f"effort {text} would not move it"
+    message = "has no effort" if text is None else f"effort {text} would not move it"
     unit = "N" if joint.get("type") == "prismatic" else "N·m"
     why = "by what it carries" if held >= least else "the least beside the robot's other motors"
     if not known:
         why = "a guess, for no mass is known"
-    report.add("defaulted", f"joint '{name_of(joint)}' <limit>", f"{said}; {effort:g} {unit}, {why}")
+    report.add("defaulted", f"joint '{name_of(joint)}' <limit>", f"{message}; {effort:g} {unit}, {why}")
 
 
 def _set_velocities(joints: list[ET.Element], prismatic: bool, report: ImportReport) -> None:

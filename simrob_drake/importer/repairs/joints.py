@@ -8,11 +8,10 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.numbers import number
 from simrob_drake.importer.repairs.structure import drop_lost_frames
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, movable_joints, name_of
 from simrob_drake.robots.urdf_elements import child_of, place, pose_of, written
 
@@ -63,8 +62,8 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
     close = difflib.get_close_matches(plain, _TYPES, n=1, cutoff=0.75)
     if plain in _OF_OTHER_FORMATS or not close:
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
-        said = f"its type is '{kind}'" if kind else "it has no type"
-        raise report.refusal(where, f"{said}; a station's robot has joints of the types {known}")
+        message = f"its type is '{kind}'" if kind else "it has no type"
+        raise report.refusal(where, f"{message}; a station's robot has joints of the types {known}")
     joint.set("type", close[0])
     report.add("repaired", where, f"its type is '{kind}'; {close[0]}")
 
@@ -93,7 +92,7 @@ def _drop_mimic(joint: ET.Element, where: str, report: ImportReport) -> None:
     joint.remove(mimic)
     fixed = joint.get("type") == "fixed"
     why = "fixed joints move with nothing" if fixed else "no continuous solver can do that; it is a joint of its own"
-    report.add("dropped", where, f"mimics '{mimic.get('joint', '')}': {why}")
+    report.add("dropped" if fixed else "lost", where, f"mimics '{mimic.get('joint', '')}': {why}")
 
 
 def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
@@ -132,7 +131,7 @@ def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, repo
         report.add("repaired", where, f"damping {damping:g} plus friction {friction:g}: damping {damping + friction:g}")
     else:
         back = "drives.friction of a robot brings it back, --friction-as-damping adds it"
-        report.add("dropped", where, f"friction {friction:g}, seldom measured; {back}")
+        report.add("lost", where, f"friction {friction:g}, seldom measured; {back}")
 
 
 def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
@@ -163,19 +162,19 @@ def _repair_continuous(
         report.add("read", where, f"limits {lower:g} and {upper:g} of a continuous joint are heeded")
         return
     _unset_range(joint)
-    report.add("dropped", where, f"{_told(lower, upper)}, which are no range; a continuous joint needs none")
+    report.add("dropped", where, f"{_range_text(lower, upper)}, which are no range; a continuous joint needs none")
 
 
 def _open(joint: ET.Element, lower: float | None, upper: float | None, where: str, report: ImportReport) -> None:
     """Let a joint without limits move: both zero is how they are left out."""
-    told = _told(lower, upper)
+    range_text = _range_text(lower, upper)
     if joint.get("type") == "prismatic":
         _set_range(joint, -DEFAULT_STROKE, DEFAULT_STROKE)
-        report.add("defaulted", where, f"{told}; a prismatic joint needs a range, ±{DEFAULT_STROKE:g} m")
+        report.add("defaulted", where, f"{range_text}; a prismatic joint needs a range, ±{DEFAULT_STROKE:g} m")
     else:
         _unset_range(joint)
         joint.set("type", "continuous")
-        report.add("defaulted", where, f"{told}, so nothing stops it; continuous instead of revolute")
+        report.add("defaulted", where, f"{range_text}, so nothing stops it; continuous instead of revolute")
 
 
 def _repair_range(joint: ET.Element, lower: float, upper: float, where: str, report: ImportReport) -> None:
@@ -197,10 +196,10 @@ def _repair_range(joint: ET.Element, lower: float, upper: float, where: str, rep
     if largest > _ENDLESS:
         _unset_range(joint)
         joint.set("type", "continuous")
-        report.add("repaired", where, f"{_told(lower, upper)} rad stop nothing; continuous instead of revolute")
+        report.add("repaired", where, f"{_range_text(lower, upper)} rad stop nothing; continuous instead of revolute")
     elif largest > _MANY_TURNS:
         turns = largest / math.tau
-        report.add("read", where, f"{_told(lower, upper)} rad are {turns:.1f} turns; were degrees meant?")
+        report.add("read", where, f"{_range_text(lower, upper)} rad are {turns:.1f} turns; were degrees meant?")
 
 
 def _fix_at(joint: ET.Element, value: float) -> None:
@@ -235,7 +234,7 @@ def _unset_range(joint: ET.Element) -> None:
             limit.attrib.pop(key, None)
 
 
-def _told(lower: float | None, upper: float | None) -> str:
+def _range_text(lower: float | None, upper: float | None) -> str:
     if lower is None and upper is None:
         return "no limits"
     return f"lower {'missing' if lower is None else f'{lower:g}'}, upper {'missing' if upper is None else f'{upper:g}'}"

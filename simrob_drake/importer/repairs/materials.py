@@ -2,8 +2,8 @@
 
 import xml.etree.ElementTree as ET
 
+from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.names import free_name
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, name_of
 from simrob_drake.robots.urdf_elements import add_colour, text
 
@@ -34,16 +34,16 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
     colour = material.find("color")
     if colour is None:
         return
-    given = colour.get("rgba")
-    if given is None:
+    rgba = colour.get("rgba")
+    if rgba is None:
         material.remove(colour)
         report.add("dropped", where, "its colour has no rgba")
         return
-    values = [float(word) for word in given.split()]
+    values = [float(word) for word in rgba.split()]
     right = _in_range(values)
     if right != values:
         colour.set("rgba", text(right))
-        report.add("repaired", where, f'rgba="{given}" written as "{colour.get("rgba")}", four numbers from 0 to 1')
+        report.add("repaired", where, f'rgba="{rgba}" written as "{colour.get("rgba")}", four numbers from 0 to 1')
 
 
 def _in_range(values: list[float]) -> list[float]:

@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
 WORLD = "world"
@@ -29,9 +29,9 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
     _rename_world(robot, report)
 
 
-def free_name(wanted: str, taken: Iterable[str]) -> str:
+def free_name(name: str, taken: Iterable[str]) -> str:
     """Return a name that nobody has yet: the wanted one, or that with a number."""
-    return FreeNames(taken).take(wanted)
+    return FreeNames(taken).take(name)
 
 
 class FreeNames:
@@ -41,12 +41,12 @@ class FreeNames:
         self._taken = set(taken)
         self._numbers: dict[str, int] = {}
 
-    def take(self, wanted: str) -> str:
+    def take(self, base: str) -> str:
         """Return the wanted name, or that with a number, and keep it from others."""
-        name = wanted
+        name = base
         while name in self._taken:
-            number = self._numbers[wanted] = self._numbers.get(wanted, 1) + 1
-            name = f"{wanted}_{number}"
+            number = self._numbers[base] = self._numbers.get(base, 1) + 1
+            name = f"{base}_{number}"
         self._taken.add(name)
         return name
 

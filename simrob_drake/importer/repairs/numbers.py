@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from simrob_drake.errors import shortened
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportReport
 from simrob_drake.robots.urdf import DRAKE, name_of
 from simrob_drake.robots.urdf_check import NUMBER, NUMBER_COUNTS
 from simrob_drake.robots.urdf_elements import MOMENTS
@@ -24,17 +24,11 @@ _LEFTOVER = re.compile(r"\$\{.*?\}|\$\(.*?\)")
 
 @dataclass(frozen=True)
 class _Rule:
-    """How many numbers an attribute holds, and what stands for unreadable ones.
-
-    Attributes:
-        counts: how many numbers there may be.
-        default: what is put in their place; None removes the attribute, so that it counts as missing.
-        needed: nothing can be put in their place.
-    """
+    """How many numbers an attribute holds, and what stands for unreadable ones."""
 
     counts: tuple[int, ...] = (1,)
-    default: str | None = None
-    needed: bool = False
+    default: str | None = None  # None removes the attribute, so that it counts as missing
+    needed: bool = False  # nothing can be put in their place
 
 
 _ZERO = _Rule((3,), "0 0 0")
@@ -104,7 +98,7 @@ def _refuse_leftovers(where: str, element: ET.Element, report: ImportReport) -> 
 def _mend(element: ET.Element, key: str, rule: _Rule, where: str, report: ImportReport) -> None:
     text = element.attrib[key]
     words = [word for word in re.split(r"[ \t\r\n]+", text) if word]
-    if len(words) in rule.counts and all(_is_usable(word) for word in words):
+    if len(words) in rule.counts and all(_is_finite(word) and not 0 < abs(float(word)) < SMALLEST for word in words):
         return
     readable = _readable(text, rule.counts, _UNITS.get(key, "kg"))
     shown = f'{key}="{shortened(text)}"'
@@ -144,10 +138,6 @@ def _without_unit(word: str, unit: str) -> str:
 
 def _is_finite(word: str) -> bool:
     return NUMBER.fullmatch(word) is not None and abs(float(word)) < LARGEST
-
-
-def _is_usable(word: str) -> bool:
-    return _is_finite(word) and (float(word) == 0 or abs(float(word)) >= SMALLEST)
 
 
 def _counted(counts: tuple[int, ...]) -> str:

@@ -7,10 +7,13 @@ from pathlib import Path, PurePath
 
 from simrob_drake.errors import shortened
 from simrob_drake.importer.meshes.library import Mesh, Scale
+from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.names import FreeNames
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import name_of
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
+
+PLAIN = "simrob_plain"
+"""Attribute of a mesh whose own colours and textures are not shown; that of a visual's material is."""
 
 
 @dataclass
@@ -97,19 +100,19 @@ def mesh_name(mesh: ET.Element | None) -> str:
     return f"mesh '{shortened('' if mesh is None else mesh.get('filename', ''))}'"
 
 
-def tell_mesh(
+def report_mesh(
     report: ImportReport, where: str, mesh: ET.Element, loaded: Mesh, become: list[str], changes: list[str]
 ) -> None:
     """Note what a mesh has become: ``read`` if nothing but its name is new."""
     scale = mesh.get("scale")
-    told = [*loaded.changes, *(change for change in changes if change)]
-    told += [f"scaled by {scale}"] if scale is not None else []
+    notes = [*loaded.changes, *(change for change in changes if change)]
+    notes += [f"scaled by {scale}"] if scale is not None else []
     faces = f"mesh '{PurePath(mesh.get('filename', '')).name}' ({loaded.faces} faces)"
     files = become[0] if len(become) == 1 else f"{become[0]} to {Path(become[-1]).name}"
-    if loaded.original is not None and not told:
+    if loaded.original is not None and not notes:
         report.add("read", where, f"{faces} is {files} as it was")
     else:
-        report.add("repaired", where, "; ".join([f"{faces} is now {files}", *told]))
+        report.add("repaired", where, "; ".join([f"{faces} is now {files}", *notes]))
     for remark in loaded.remarks:
         report.add("read", where, f"{mesh_name(mesh)} {remark}")
 

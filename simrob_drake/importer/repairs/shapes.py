@@ -13,24 +13,24 @@ from typing import Literal
 
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
-from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, Scale
-from simrob_drake.importer.meshes.parts import MeshPart, Rgba, points_of
-from simrob_drake.importer.meshes.places import MeshOutside, MeshPlaces
-from simrob_drake.importer.meshes.writing import MeshWriter
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, MeshWriter, Scale
+from simrob_drake.importer.meshes.parts import MeshPart, Rgba, plain, points_of
+from simrob_drake.importer.meshes.places import MeshPlaces
+from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.importer.packages import OutsideBorder
 from simrob_drake.importer.repairs.names import free_name
 from simrob_drake.importer.repairs.shape_elements import (
+    PLAIN,
     ShapeNames,
     check_geometry,
     drop,
     mesh_name,
     mesh_of,
+    report_mesh,
     scale_of,
     set_shape,
     shapes_of,
-    tell_mesh,
 )
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, drop_collision, name_of
 from simrob_drake.robots.urdf_elements import add_colour, place, pose_of, text
 
@@ -60,7 +60,7 @@ def import_shapes(
         try:
             visuals.rewrite(link)
             collisions.rewrite(link, drawn)
-        except MeshOutside as problem:
+        except OutsideBorder as problem:
             raise report.refusal(f"link '{name_of(link)}'", str(problem)) from problem
     collisions.finish(robot)
 
@@ -91,7 +91,7 @@ class Visuals:
     writer: MeshWriter
     names: ShapeNames
     report: ImportReport
-    _done: dict[tuple[Path, Scale], tuple[Mesh, list[_Drawn]]] = field(default_factory=dict, init=False)
+    _done: dict[tuple[Path, Scale, bool], tuple[Mesh, list[_Drawn]]] = field(default_factory=dict, init=False)
 
     def rewrite(self, link: ET.Element) -> None:
         """Rewrite the visuals of a link that are meshes; drop those that cannot be read."""
@@ -106,23 +106,23 @@ class Visuals:
 
     def _rewrite_mesh(self, link: ET.Element, element: ET.Element, mesh: ET.Element, where: str) -> None:
         uri, scale = mesh.get("filename", ""), scale_of(mesh, where, self.report)
-        loaded, drawn = self._written(link, uri, scale)
+        loaded, drawn = self._written(link, uri, scale, PLAIN in mesh.attrib)
         note = self.library.places.find(uri).note
-        tell_mesh(self.report, where, mesh, loaded, [file.name for file in drawn], [note, *_colours(element, drawn)])
+        report_mesh(self.report, where, mesh, loaded, [file.name for file in drawn], [note, *_colours(element, drawn)])
         place = list(link).index(element)
         link.remove(element)
         for index, file in enumerate(drawn):
             link.insert(place + index, self._element(link, element, file))
 
-    def _written(self, link: ET.Element, uri: str, scale: Scale) -> tuple[Mesh, list[_Drawn]]:
+    def _written(self, link: ET.Element, uri: str, scale: Scale, bare: bool) -> tuple[Mesh, list[_Drawn]]:
         """Return what a mesh has become; a mesh that several links show is written once, named by the first."""
-        key = self.library.path_of(uri), scale
+        key = self.library.path_of(uri), scale, bare
         if key in self._done:
             for _ in self._done[key][1]:
                 self.names.next(link, "visual")  # names count what is shown, whether it is shared or not
             return self._done[key]
         loaded = self.library.load(uri, scale)
-        drawn = [self._file(link, loaded, part) for part in loaded.parts]
+        drawn = [self._file(link, loaded, part) for part in ([plain(loaded.parts)] if bare else loaded.parts)]
         self._done[key] = loaded.remembered(), drawn
         return loaded, drawn
 
@@ -147,11 +147,11 @@ class Visuals:
 def _colours(element: ET.Element, drawn: list[_Drawn]) -> list[str]:
     """Say which colours are shown where the mesh brings its own."""
     own = [file for file in drawn if file.rgba or file.textured]
-    told = [f"{len(drawn)} colours, a <visual> for each"] if len(drawn) > 1 else []
-    told += ["its own colour is kept"] if len(drawn) == 1 and drawn[0].rgba else []
+    notes = [f"{len(drawn)} colours, a <visual> for each"] if len(drawn) > 1 else []
+    notes += ["its own colour is kept"] if len(drawn) == 1 and drawn[0].rgba else []
     if own and element.find("material") is not None:
-        told.append("the URDF's material gives way to its own look, as in RViz")
-    return told
+        notes.append("the URDF's material gives way to its own look, as in RViz")
+    return notes
 
 
 @dataclass
@@ -242,7 +242,7 @@ class Collisions:
             shape = ET.Element("mesh", filename=become)
             ET.SubElement(shape, f"{DRAKE}declare_convex")  # then Drake can press it into others, not just touch points
             set_shape(element, shape)
-        tell_mesh(report, where, mesh, loaded, [become], [self.library.places.find(uri).note, change])
+        report_mesh(report, where, mesh, loaded, [become], [self.library.places.find(uri).note, change])
 
     def _hull(self, link: ET.Element, uri: str, scale: Scale) -> tuple[Mesh, str, str]:
         """Return a mesh, the file of its hull, and what was done, in words; what several links share is made once."""

@@ -4,15 +4,13 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 
 from simrob_drake.errors import nearest
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.importer.repairs.numbers import mend_numbers
-from simrob_drake.importer.report import ImportReport
 from simrob_drake.robots.urdf import DRAKE, MOVABLE_JOINTS, joints_at, link_of, name_of, outward
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, check_parents, check_size
 
 _GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")
-_SHAPES = {"mesh", *SHAPE_SIZES}
 _VISUAL = {f"{DRAKE}{name}" for name in ("illustration_properties", "perception_properties", "accepting_renderer")}
 _KNOWN: dict[str, set[str]] = {
     "robot": {"link", "joint", "material", "transmission", "frame"},
@@ -21,7 +19,7 @@ _KNOWN: dict[str, set[str]] = {
     "inertial": {"origin", "mass", "inertia"},
     "visual": {"origin", "geometry", "material"} | _VISUAL,
     "collision": {"origin", "geometry", f"{DRAKE}proximity_properties"},
-    "geometry": _SHAPES,
+    "geometry": {"mesh", *SHAPE_SIZES},
     "mesh": {f"{DRAKE}declare_convex"},
     "material": {"color", "texture"},
 }
@@ -58,7 +56,7 @@ def _keep_known_elements(robot: ET.Element, options: ImportOptions, report: Impo
         if not options.drop_loops:
             raise report.refusal(where, f"{problem}; remove it, or leave it out with --drop-loops")
         robot.remove(element)
-        report.add("dropped", where, f"{problem}; left out")
+        report.add("lost", where, f"{problem}; left out")
     _lift(robot, robot, report)
     dropped: Counter[tuple[str, str]] = Counter()
     _prune(robot, dropped)
@@ -104,10 +102,6 @@ def _drop_second_ones(robot: ET.Element, report: ImportReport) -> None:
                 for second in element.findall(place)[1:]:
                     element.remove(second)
                     report.add("dropped", f"{top.tag} '{name_of(top)}'", f"a second <{place}> in its <{element.tag}>")
-            shapes = [child for child in element if child.tag in _SHAPES] if element.tag == "geometry" else []
-            for second in shapes[1:]:
-                element.remove(second)
-                report.add("dropped", f"{top.tag} '{name_of(top)}'", f"a second shape, <{second.tag}>, in its geometry")
 
 
 def repair_tree(robot: ET.Element, report: ImportReport) -> None:

@@ -27,12 +27,11 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.capture_step import CaptureStep, Stepper, Stepping
+from simrob_drake.parts.controllers.capture_step import CaptureStep, StepChooser, Stepping
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Balanced, Direction, Support, rotation_of
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
-from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
 
 class Strategy(Strict):
@@ -114,17 +113,17 @@ class Balance(LoopSection):
         assert robot.feet is not None  # check() has asked
         feet = list(robot.feet.links)
 
-        def figures(section: str, given: Strict) -> dict[str, Any]:
+        def values_of(section: str, strategy: Strict) -> dict[str, Any]:
             """Return the figures of a strategy or a step, with moves in radians for all axes."""
-            told = given.model_dump()
-            for name in [name for name in told if name.endswith("_deg")]:
-                moves = robot.model.axis_vector(told.pop(name), f"{key}.{section}.{name}")
-                told[name.removesuffix("_deg")] = robot.model.user_units * moves
-            return told
+            values = strategy.model_dump()
+            for name in [name for name in values if name.endswith("_deg")]:
+                moves = robot.model.axis_vector(values.pop(name), f"{key}.{section}.{name}")
+                values[name.removesuffix("_deg")] = robot.model.user_units * moves
+            return values
 
-        answers = [Answer(**figures(f"strategies.{name}", each)) for name, each in self.strategies.items()]
-        told = [figures(f"steps.{name}", each) for name, each in self.steps.items()]
-        steps = [Stepping(**{**each, "foot": feet.index(each["foot"])}) for each in told]
+        answers = [Answer(**values_of(f"strategies.{name}", each)) for name, each in self.strategies.items()]
+        stepping = [values_of(f"steps.{name}", each) for name, each in self.steps.items()]
+        steps = [Stepping(**{**each, "foot": feet.index(each["foot"])}) for each in stepping]
         return StandingBalance(
             period=1 / self.rate,
             support=Support(robot, math.radians(self.facing_deg)),
@@ -152,11 +151,11 @@ class Answer:
         along = balanced.error(self.measures, self.lead)
         return math.copysign(min(max(abs(along) - self.beyond, 0.0) / (self.full - self.beyond), 1.0), along)
 
-    def next(self, before: float, wanted: float, period: float) -> float:
+    def next(self, before: float, desired: float, period: float) -> float:
         """Return the part a period [s] after another, as near to what is wanted as it can be by then."""
-        duration = self.rise if abs(wanted) > abs(before) else self.release
+        duration = self.rise if abs(desired) > abs(before) else self.release
         step = period / duration if duration > 0 else math.inf
-        return min(max(wanted, before - step), before + step)
+        return min(max(desired, before - step), before + step)
 
 
 class StandingBalance(SampledBlock):
@@ -191,7 +190,7 @@ class StandingBalance(SampledBlock):
         """
         self.units = {"offset": "rad", "com": "m", "capture_point": "m"}
         self._support, self._answers, self._gyroscope = support, answers, gyroscope
-        self._stepper = Stepper(steps, period)
+        self._stepper = StepChooser(steps, period)
         super().__init__(
             period=period,
             reads={"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3},
@@ -212,8 +211,8 @@ class StandingBalance(SampledBlock):
         spin = turned @ spin if self._gyroscope else spin
         balanced = self._support.balanced(read["position"], read["velocity"], turned, spin)
         stepping = memory["step"][0] > 0  # then strategies rest: the rocking on new feet is not a push
-        wanted = [0.0 if stepping else answer.part(balanced) for answer in self._answers]
-        before = zip(self._answers, memory["parts"].tolist(), wanted, strict=True)
+        desired = [0.0 if stepping else answer.part(balanced) for answer in self._answers]
+        before = zip(self._answers, memory["parts"].tolist(), desired, strict=True)
         parts = [answer.next(part, now, self.period) for answer, part, now in before]
         step, offset = self._stepper.next(memory["step"], memory["stepped"], balanced)
         now = {"com": balanced.com, "capture_point": balanced.capture_point, "step": step, "stepped": offset}

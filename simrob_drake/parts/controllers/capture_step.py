@@ -12,8 +12,7 @@ from pydantic import Field
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.support import Balanced, Direction
-from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
 _TOUCHES = 0.003
 """How high above the lowest foot another still touches the floor, since servos and contacts give way [m]."""
@@ -77,7 +76,7 @@ class Stepping:
         )
 
 
-class Stepper:
+class StepChooser:
     """Which of several steps a robot takes: one, and it stays there."""
 
     def __init__(self, steps: Sequence[Stepping], period: float) -> None:

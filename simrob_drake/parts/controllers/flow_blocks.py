@@ -12,9 +12,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.parts.controllers.flow_block import Bounded, FlowBlock, Row, Values
-from simrob_drake.quantities import Instant
-from simrob_drake.yaml_files import Number
+from simrob_drake.parts.controllers.flow_block import FUNCTIONS, Bounded, FlowBlock, Row, Values, chosen, largest, least
+from simrob_drake.sections import Instant, Number
 
 
 class Sums(FlowBlock):
@@ -27,6 +26,11 @@ class Sums(FlowBlock):
     def size(self) -> int:
         """One for each input."""
         return len(self.inputs)
+
+    @property
+    def repeats(self) -> int:
+        """How often an input stands in its equation."""
+        return 1
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
@@ -83,12 +87,25 @@ class Lookup(FlowBlock):
             raise ValueError("points must rise, and values be as many")
         return self
 
+    @property
+    def repeats(self) -> int:
+        """How often an input stands in its equation."""
+        return 2 * len(self.points)
+
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
-        given = min(max(u[0], self.points[0]), self.points[-1]) if self.clip else u[0]
-        right = min(max(bisect_right(self.points, given), 1), len(self.points) - 1)
+        within = least(largest(u[0], self.points[0]), self.points[-1]) if self.clip else u[0]
+        if isinstance(within, float):
+            return (self._line(min(max(bisect_right(self.points, within), 1), len(self.points) - 1), within),)
+        value = self._line(1, within)
+        for right in range(2, len(self.points)):
+            value = chosen(within < self.points[right - 1], value, self._line(right, within))
+        return (value,)
+
+    def _line(self, right: int, u: float) -> float:
+        """Return the line to a point from the one before."""
         begin, low = self.points[right - 1], self.values[right - 1]
-        return (low + (self.values[right] - low) / (self.points[right] - begin) * (given - begin),)
+        return low + (self.values[right] - low) / (self.points[right] - begin) * (u - begin)
 
 
 _COMPARED: Mapping[str, Callable[[float, float], bool]] = {
@@ -108,7 +125,7 @@ class Compare(FlowBlock):
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
-        return (float(_COMPARED[self.operator](u[0], self.threshold)),)
+        return (chosen(_COMPARED[self.operator](u[0], self.threshold), 1.0, 0.0),)
 
 
 class Logic(FlowBlock):
@@ -121,12 +138,18 @@ class Logic(FlowBlock):
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
-        true = sum(part != 0 for part in u)
-        told = {
-            "and": true == len(u), "nand": true < len(u), "or": true > 0, "nor": true == 0, "not": true == 0,
-            "xor": true % 2 == 1,
-        }  # fmt: skip
-        return (float(told[self.operator]),)
+        true = [chosen(part != 0, 1.0, 0.0) for part in u]
+        all_of, any_of = math.prod(true), 1.0 - math.prod(1.0 - one for one in true)
+        odd = (1.0 - math.prod(1.0 - 2.0 * one for one in true)) / 2.0
+        joined = {
+            "and": all_of,
+            "nand": 1.0 - all_of,
+            "or": any_of,
+            "nor": 1.0 - any_of,
+            "not": 1.0 - any_of,
+            "xor": odd,
+        }
+        return (joined[self.operator],)
 
 
 class Switch(FlowBlock):
@@ -141,10 +164,10 @@ class Switch(FlowBlock):
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
-        return (u[0] if _COMPARED[self.operator](u[1], self.threshold) else u[2],)
+        return (chosen(_COMPARED[self.operator](u[1], self.threshold), u[0], u[2]),)
 
 
-class Function(FlowBlock):
+class MathFunction(FlowBlock):
     """y = f(u), or f(u, v) of two."""
 
     takes = 1, 2
@@ -157,17 +180,13 @@ class Function(FlowBlock):
 
     def check(self, key: str) -> None:
         """Check how many inputs it has."""
-        wanted = 2 if self.function in ("atan2", "min", "max", "pow") else 1
-        if len(self.inputs) != wanted:
-            raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", f"{wanted}, as {self.function} takes")
+        count = 2 if self.function in ("atan2", "min", "max", "pow") else 1
+        if len(self.inputs) != count:
+            raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", f"{count}, as {self.function} takes")
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
-        if self.function == "sign":
-            return (math.copysign(1.0, u[0]) if u[0] else 0.0,)
-        own: dict[str, Callable[..., float]] = {"abs": abs, "min": min, "max": max}
-        found = own.get(self.function) or getattr(math, self.function)
-        return (float(found(*u)),)
+        return (FUNCTIONS[self.function](*u),)
 
 
 class Step(FlowBlock):
@@ -189,4 +208,11 @@ class Step(FlowBlock):
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
-        return (self.after if t >= self.time else self.before,)
+        return (chosen(t >= self.time, self.after, self.before),)
+
+
+class Input(FlowBlock):
+    """An input of the station, ``<controller>.<block>``: 0 until something drives it."""
+
+    takes = 0, 0
+    kind: Literal["input"]

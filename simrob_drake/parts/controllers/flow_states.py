@@ -10,9 +10,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.parts.controllers.flow_block import Bounded, FlowBlock, Row, Values
-from simrob_drake.quantities import NotNegative, Positive
-from simrob_drake.yaml_files import Number
+from simrob_drake.parts.controllers.flow_block import Bounded, FlowBlock, Row, Values, chosen, largest, least
+from simrob_drake.sections import NotNegative, Number, Positive
 
 
 class Integrator(Bounded):
@@ -40,9 +39,12 @@ class Integrator(Bounded):
         """Return what becomes of its states."""
         if self.period:
             return (self.clipped(x[0] + self.period * u[0]),)
-        up = self.upper is None or x[0] < self.upper
-        down = self.lower is None or x[0] > self.lower
-        return (u[0] if (up if u[0] > 0 else down) else 0.0,)
+        rate = u[0]
+        if self.upper is not None:
+            rate = chosen(x[0] < self.upper, rate, least(rate, 0.0))
+        if self.lower is not None:
+            rate = chosen(x[0] > self.lower, rate, largest(rate, 0.0))
+        return (rate,)
 
 
 class StateSpace(FlowBlock):
@@ -64,8 +66,8 @@ class StateSpace(FlowBlock):
     @model_validator(mode="after")
     def _fits(self) -> StateSpace:
         states, inputs, outputs = len(self.A), len(self.inputs), len(self.C)
-        wanted = {"A": (states, states), "B": (states, inputs), "C": (outputs, states), "D": (outputs, inputs)}
-        for name, (rows, columns) in wanted.items():
+        shapes = {"A": (states, states), "B": (states, inputs), "C": (outputs, states), "D": (outputs, inputs)}
+        for name, (rows, columns) in shapes.items():
             matrix = getattr(self, name)
             if len(matrix) != rows or any(len(row) != columns for row in matrix):
                 raise ValueError(f"{name} must be {rows} × {columns}, for {inputs} inputs and {states} states")
@@ -149,19 +151,7 @@ class TransferFunction(FlowBlock):
         return self._system.following(x, u)
 
 
-class _OneState(FlowBlock):
-    """What blocks of one state share."""
-
-    initial: Number = 0.0
-    """Its value at the start."""
-
-    @property
-    def start(self) -> Values:
-        """Its states at the start."""
-        return (self.initial,)
-
-
-class RateLimiter(_OneState):
+class RateLimiter(FlowBlock):
     """y follows u with a limited slope: dy/dt = (u - y) / lag within the bounds.
 
     At the bound it is late by nothing, near u by ``lag``. Sampled, without a lag: y[k] = u[k] within y[k-1] ± bound.
@@ -174,6 +164,13 @@ class RateLimiter(_OneState):
     """Largest slope downwards [1/s]."""
     lag: Positive = 1e-3
     """Time by which it is late where it follows [s]; also how short the steps of an explicit solver must be."""
+    initial: Number = 0.0
+    """Its value at the start."""
+
+    @property
+    def start(self) -> Values:
+        """Its states at the start."""
+        return (self.initial,)
 
     @property
     def fed_through(self) -> bool:
@@ -189,16 +186,37 @@ class RateLimiter(_OneState):
         behind, slope = u[0] - x[0], self.period or 1.0
         if not self.period:
             behind /= self.lag
-        step = min(max(behind, -self.falling * slope), self.rising * slope)
+        step = least(largest(behind, -self.falling * slope), self.rising * slope)
         return (x[0] + step if self.period else step,)
 
 
-class Delay(_OneState):
-    """y[k] = u[k-1]."""
+class ZeroOrderHold(FlowBlock):
+    """y[k] = u[k], held until the next sample."""
+
+    kind: Literal["hold"]
+    period: Positive
+    """Between samples [s]."""
+
+    def output(self, t: float, x: Values, u: Values) -> Values:
+        """Return its output."""
+        return u
+
+
+class Delay(FlowBlock):
+    """y[k] = u[k - steps]."""
 
     kind: Literal["delay"]
     period: Positive
-    """Between samples [s]: by so much it is late."""
+    """Between samples [s]: by so much, times the steps, it is late."""
+    steps: int = Field(default=1, ge=1, le=10_000)
+    """How many samples it is late."""
+    initial: Number = 0.0
+    """Its value at the start."""
+
+    @property
+    def start(self) -> Values:
+        """The inputs that are still to come out, the oldest first."""
+        return (self.initial,) * self.steps
 
     @property
     def fed_through(self) -> bool:
@@ -207,11 +225,11 @@ class Delay(_OneState):
 
     def output(self, t: float, x: Values, u: Values) -> Values:
         """Return its output."""
-        return x
+        return x[:1]
 
     def following(self, x: Values, u: Values) -> Values:
         """Return what becomes of its states."""
-        return u
+        return [*x[1:], u[0]]
 
 
 def _rows(first: Sequence[Row], x: Values, second: Sequence[Row], u: Values) -> Values:

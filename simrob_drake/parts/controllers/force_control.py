@@ -30,8 +30,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
 from simrob_drake.parts.site import WORLD, ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.parts.targets import frame_of
-from simrob_drake.quantities import NotNegative, Positive, Triple
 from simrob_drake.robots.axis_map import AxisMap
+from simrob_drake.sections import NotNegative, Positive, Triple
 
 _DAMPED = 1e-6 * np.eye(6)
 """The damping of the least squares, squared: near a singularity joints move less, elsewhere it does not show."""
@@ -84,19 +84,8 @@ class ForceControl(LoopSection):
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
-        sensor = site.station.sensors.get(self.reads["force"])
-        return PressingTool(
-            period=1 / self.rate,
-            plant=site.plant.plant,
-            axes=robot.axis_map,
-            tool=robot.tools[robot.tcp],
-            sensor=frame_of(site.plant, getattr(sensor, "frame", WORLD)),
-            force=self.force,
-            direction=np.array(self.direction),
-            gains=(self.kp, self.ki),
-            speeds=(self.approach, self.speed),
-            reach=self.reach,
-        )
+        sensor = frame_of(site.plant, getattr(site.station.sensors.get(self.reads["force"]), "frame", WORLD))
+        return PressingTool(self, site.plant.plant, robot.axis_map, robot.tools[robot.tcp], sensor)
 
 
 class PressingTool(SampledBlock):
@@ -107,43 +96,25 @@ class PressingTool(SampledBlock):
         out ``offset`` (n) [rad]: to be added to it; ``pressing`` (1) [N]: against the direction; ``path`` (1) [m].
     """
 
-    def __init__(
-        self,
-        *,
-        period: float,
-        plant: MultibodyPlant,
-        axes: AxisMap,
-        tool: Frame,
-        sensor: Frame,
-        force: float,
-        direction: Vector,
-        gains: tuple[float, float],
-        speeds: tuple[float, float],
-        reach: float,
-    ) -> None:
+    def __init__(self, section: ForceControl, plant: MultibodyPlant, axes: AxisMap, tool: Frame, sensor: Frame) -> None:
         """Make the block.
 
         Args:
-            period: T, between samples [s].
+            section: its parameters.
             plant: finalized; it need not be part of the diagram. What is no axis stands there as at the start.
             axes: of the robot, among the plant's.
             tool: that is moved.
             sensor: the frame in whose axes force and direction are given.
-            force: that is asked for [N].
-            direction: d, of length one, shape (3,).
-            gains: kp [m/(s·N)] and ki [m/(s²·N)].
-            speeds: v while it touches nothing, and otherwise [m/s].
-            reach: the largest x [m].
         """
         size, one = len(axes.signs), np.zeros(1)
         self.units = {"offset": "rad", "pressing": "N", "path": "m"}
         memory = {"offset": np.zeros(size), "pressing": one, "path": one}
-        told = list(memory)
-        super().__init__(period=period, reads={"force": 3, "asked": size}, memory={**memory, "drift": one}, gives=told)
+        reads, outputs = {"force": 3, "asked": size}, list(memory)
+        super().__init__(period=1 / section.rate, reads=reads, memory={**memory, "drift": one}, gives=outputs)
         self._plant, self._axes, self._tool, self._sensor = weakref.proxy(plant), axes, tool.index(), sensor.index()
         self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
         self._rest = plant.GetPositions(self._scratch)
-        self._force, self._direction, self._gains, self._speeds, self._reach = force, direction, gains, speeds, reach
+        self._section, self._direction = section, np.array(section.direction)
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how far the tool and the joints are to be moved now."""
@@ -154,27 +125,27 @@ class PressingTool(SampledBlock):
 
     def next_path(self, path: float, drift: float, pressing: float) -> tuple[float, float]:
         """Return x [m] and z [m/s] by what they were, and by the force [N]."""
-        kp, ki = self._gains
-        error, fastest = self._force - pressing, self._speeds[1 if pressing > 0 else 0]
-        wanted = kp * error + drift
-        speed = min(max(wanted, -fastest), fastest)
-        if abs(error) < _NEAR * self._force and speed == wanted:
-            drift += ki * error * self.period
-        return min(max(path + speed * self.period, -self._reach), self._reach), drift
+        section = self._section
+        error, fastest = section.force - pressing, section.speed if pressing > 0 else section.approach
+        desired = section.kp * error + drift
+        speed = min(max(desired, -fastest), fastest)
+        if abs(error) < _NEAR * section.force and speed == desired:
+            drift += section.ki * error * self.period
+        return min(max(path + speed * self.period, -section.reach), section.reach), drift
 
-    def joints(self, offset: Vector, asked: Vector, path: float) -> Vector:
+    def joints(self, offset: Vector, reference: Vector, path: float) -> Vector:
         """Return offsets (n,) [rad], from the last ones on, that put the tool ``path`` [m] beside the reference."""
         plant, context, axes = self._plant, self._scratch, self._axes
         world, tool, sensor = plant.world_frame(), plant.get_frame(self._tool), plant.get_frame(self._sensor)
-        plant.SetPositions(context, axes.spread_positions(asked, self._rest))
-        wanted = tool.CalcPoseInWorld(context)
+        plant.SetPositions(context, axes.spread_positions(reference, self._rest))
+        target = tool.CalcPoseInWorld(context)
         along = sensor.CalcRotationMatrixInWorld(context) @ self._direction
-        plant.SetPositions(context, axes.spread_positions(asked + offset, self._rest))
+        plant.SetPositions(context, axes.spread_positions(reference + offset, self._rest))
         now = tool.CalcPoseInWorld(context)
-        turn = (wanted.rotation() @ now.rotation().inverse()).ToAngleAxis()
+        turn = (target.rotation() @ now.rotation().inverse()).ToAngleAxis()
         left = np.empty(6)
         left[:3] = turn.angle() * turn.axis()
-        left[3:] = wanted.translation() + path * along - now.translation()
+        left[3:] = target.translation() + path * along - now.translation()
         jacobian = axes.velocities(
             plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, tool, np.zeros(3), world, world)
         )

@@ -13,8 +13,7 @@ from simrob_drake.blocks.wiring import mapped
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.parts.sensors.sensor import Sensor
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
-from simrob_drake.quantities import Positive
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.sections import Integer, Number, Positive, Strict
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class LoopSection(Strict):
     reads: dict[str, str] = Field(default_factory=dict)
     """What it reads in place of the true state, by input: a sensor (`position: encoders`), or any output of the
     station or of another controller."""
-    priority: int | None = None
+    priority: Integer | None = None
     """Its place among the loops of a robot: one of higher priority lies above, and sees what is below driven first."""
     weight: Weight | None = None
     """How much of it shows above what is below it, 0 to 1; all unless given."""
@@ -81,8 +80,8 @@ class LoopSection(Strict):
         if station.mode != "dynamic":
             raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: there is nothing to be measured")
         if 1 / self.rate < station.time_step * (1 - 1e-9):
-            told = f"at most {1 / station.time_step:g} Hz, one sample in each time_step of the discrete solver"
-            raise InvalidParameter(f"{key}.rate", f"{self.rate:g} Hz", told)
+            expected = f"at most {1 / station.time_step:g} Hz, one sample in each time_step of the discrete solver"
+            raise InvalidParameter(f"{key}.rate", f"{self.rate:g} Hz", expected)
         self.axes(robot)
 
     def on_feet(self, key: str, station: Surroundings) -> ResolvedRobot:
@@ -127,14 +126,14 @@ class LoopSection(Strict):
         Raises:
             UnknownName: nothing of that name is measured while stepping.
         """
-        given = self.reads.get(name, "")
+        source = self.reads.get(name, "")
         direct = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
-        if not given and direct in site.of_state:
+        if not source and direct in site.of_state:
             return of_state(builder, site, direct)
-        for output in (f"{name}.{given}", given) if given else (f"{robot.prefix}{name}", name):
+        for output in (f"{name}.{source}", source) if source else (f"{robot.prefix}{name}", name):
             if output in site.outputs:
-                return site.outputs[output]
-        raise UnknownName(f"sensor or output of the station for {key}.reads.{name}", given or name, site.outputs)
+                return site.port(builder, output)
+        raise UnknownName(f"sensor or output of the station for {key}.reads.{name}", source or name, site.outputs)
 
 
 def check_force_is_read(section: LoopSection, key: str) -> None:
@@ -197,6 +196,6 @@ def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None
             continue
         shared = [axis for axis in first.axes(robots[0]) if axis in second.axes(robots[0])]
         if shared:
-            told = f"driving {', '.join(shared[:3])}{' ...' if len(shared) > 3 else ''}, as controllers.{one} is"
+            conflict = f"driving {', '.join(shared[:3])}{' ...' if len(shared) > 3 else ''}, as controllers.{one} is"
             expected = "alone on its axes, or with a priority (or both with a weight), which says how they mix"
-            raise InvalidParameter(f"controllers.{other}", told, expected)
+            raise InvalidParameter(f"controllers.{other}", conflict, expected)

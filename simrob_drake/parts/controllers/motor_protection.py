@@ -28,9 +28,9 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
 from simrob_drake.parts.monitors.force_limit import force_limit
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
-from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.sections import NotNegative, Positive
 
 _GUARDS, _WARNS, _GIVES_WAY, _STOPPED = 0.0, 1.0, 2.0, 3.0
 
@@ -105,16 +105,11 @@ class MotorProtection(LoopSection):
         """Return the loop."""
         limit, nominal = self._limits(key, robot)
         return GuardedMotors(
-            period=1 / self.rate,
+            self,
             limit=limit,
             nominal=nominal,
-            thermal_time=self.thermal_time,
-            warn=self.warn,
             stiffness=robot.gains.kp,
-            times=(self.hold, self.patience, math.inf if self.reset_after is None else self.reset_after),
             fastest=robot.model.user_units * self.return_deg,
-            force=None if self.force is None else force_limit(self.force),
-            ends=self.then == "end",
             names=robot.axes,
             units=robot.model.effort_units,
             held_by=None if robot.floats else (site.plant.plant, robot.axis_map, _sags(robot.gains)),
@@ -139,55 +134,45 @@ class GuardedMotors(SampledBlock):
 
     def __init__(
         self,
+        section: MotorProtection,
         *,
-        period: float,
         limit: Vector,
         nominal: Vector,
-        thermal_time: float,
-        warn: float,
         stiffness: Vector,
-        times: tuple[float, float, float],
         fastest: Vector,
-        force: float | None = None,
-        ends: bool = False,
-        names: Sequence[str] = (),
-        units: Sequence[str] = (),
+        names: Sequence[str],
+        units: Sequence[str],
         held_by: tuple[MultibodyPlant, AxisMap, Vector] | None = None,
     ) -> None:
         """Make the block.
 
         Args:
-            period: T, between samples [s].
+            section: its parameters.
             limit: L of each axis, shape (n,) [N·m]; infinite for none.
             nominal: torque that each may give forever, likewise.
-            thermal_time: of the heat [s].
-            warn: how warm a motor warns.
             stiffness: kp of the servos, shape (n,) [N·m/rad].
-            times: how long a torque must be above its limit, an axis give way, all be well again [s].
             fastest: how fast each axis comes back, shape (n,) [rad/s].
-            force: that stops it [N]; None where none is read.
-            ends: whether to stop is to end the run.
-            names: of the axes, for the reason of such an end.
+            names: of the axes, for the reason of an end.
             units: of their torques, likewise.
             held_by: a finalized plant, the axes in it and how far each sags [rad/(N·m)], shape (n,): then an axis is
                 held by a reference that is above it by what it will sag under its weight.
         """
-        size = len(limit)
+        size, period = len(limit), 1 / section.rate
         zero, one = np.zeros(size), np.zeros(1)
         self.units = {"offset": "rad", "target": "rad"}
-        self._limit, self._nominal, self._warn, self._stiffness = limit, nominal, warn, stiffness
-        self._share, self._times, self._fastest = -math.expm1(-period / thermal_time), times, period * fastest
-        self._force, self._ends, self._names = force, ends, names or [str(index) for index in range(size)]
-        self._units = units or ["N·m"] * size
+        self._limit, self._nominal, self._stiffness, self._section = limit, nominal, stiffness, section
+        self._share, self._fastest = -math.expm1(-period / section.thermal_time), period * fastest
+        self._force = force = None if section.force is None else force_limit(section.force)
+        self._names, self._units = names, units
         self._held_by = None
         if held_by is not None:
             plant, axes, sags = held_by
             self._held_by = weakref.proxy(plant), plant.CreateDefaultContext(), axes, sags
         memory = {"offset": zero, "target": zero, "active": one, "heat": zero, "stage": one}
         reads = {"torque": size, "position": size, "asked": size, **({} if force is None else {"force": 3})}
-        told = list(memory)
+        outputs = list(memory)
         memory |= {"above": zero, "pressed": one, "lasts": one}
-        super().__init__(period=period, reads=reads, memory=memory, gives=told)
+        super().__init__(period=period, reads=reads, memory=memory, gives=outputs)
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how warm the motors are now, and what is done about it."""
@@ -200,14 +185,13 @@ class GuardedMotors(SampledBlock):
             beyond = math.hypot(*read["force"]) > self._force
             known["pressed"] = pressed = memory["pressed"][0] + self.period if beyond else 0.0
         if stage == _STOPPED:
-            well = longest == pressed == 0 and warmest < self._warn
+            well = longest == pressed == 0 and warmest < self._section.warn
             return {**known, **self._stopped(memory, read, well=well)}
-        hold, _, _ = self._times
-        if pressed > hold:
+        if pressed > self._section.hold:
             return {**known, **self._stop(read["position"], f"the force was above {self._force:g} N for {pressed:g} s")}
-        if stage == _GIVES_WAY or longest > hold or warmest >= 1:
+        if stage == _GIVES_WAY or longest > self._section.hold or warmest >= 1:
             return {**known, **self._give_way(memory, read, heat)}
-        return {**known, "stage": _WARNS if warmest >= self._warn else _GUARDS}
+        return {**known, "stage": _WARNS if warmest >= self._section.warn else _GUARDS}
 
     def _give_way(self, memory: Named, read: Named, heat: Vector) -> Changes:
         torque, offset = read["torque"], memory["offset"]
@@ -217,8 +201,7 @@ class GuardedMotors(SampledBlock):
         moved = np.clip(back, *room)
         bound = moved != back  # these axes are at their limit
         lasts = memory["lasts"][0] + self.period if bound.any() else 0.0
-        _, patience, _ = self._times
-        if lasts > patience:
+        if lasts > self._section.patience:
             which = int(np.argmax(bound))
             hot = " for it is too warm" if heat[which] >= 1 else ""
             why = f"{self._names[which]} was held at {allowed[which]:g} {self._units[which]} for {lasts:g} s{hot}"
@@ -227,7 +210,7 @@ class GuardedMotors(SampledBlock):
         return {"offset": offset, "lasts": lasts, "stage": _GIVES_WAY if offset.any() or bound.any() else _GUARDS}
 
     def _stop(self, position: Vector, why: str) -> Changes:
-        if self._ends:
+        if self._section.then == "end":
             raise RunEnds(why)
         target = position
         if self._held_by is not None:
@@ -239,7 +222,6 @@ class GuardedMotors(SampledBlock):
 
     def _stopped(self, memory: Named, read: Named, *, well: bool) -> Changes:
         lasts = memory["lasts"][0] + self.period if well else 0.0
-        _, _, reset_after = self._times
-        if lasts < reset_after:
+        if self._section.reset_after is None or lasts < self._section.reset_after:
             return {"lasts": lasts}
         return {"active": 0.0, "stage": _GIVES_WAY, "lasts": 0.0, "offset": memory["target"] - read["asked"]}

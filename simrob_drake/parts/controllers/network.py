@@ -44,28 +44,28 @@ class Network:
         except NotRead as problem:
             raise InvalidParameter(key, str(file), f"an ONNX file that can be read ({problem})") from problem
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
-            told = " ".join(str(problem).split())
-            raise InvalidParameter(key, str(file), f"a network as ONNX ({told})") from problem
-        given, gives = self._session.get_inputs(), self._session.get_outputs()
-        if len(given) != 1 or len(gives) != 1:
-            told = f"a network of one input and one output (it has {len(given)} and {len(gives)})"
-            raise InvalidParameter(key, str(file), told)
-        self.inputs, self.outputs = (_size(port, file, key) for port in (given[0], gives[0]))
-        self._input, self._output, self._kind = given[0].name, gives[0].name, _FLOATS[given[0].type]
-        self._shape = (1, self.inputs) if len(given[0].shape) == 2 else (self.inputs,)
+            detail = " ".join(str(problem).split())
+            raise InvalidParameter(key, str(file), f"a network as ONNX ({detail})") from problem
+        takes, gives = self._session.get_inputs(), self._session.get_outputs()
+        if len(takes) != 1 or len(gives) != 1:
+            detail = f"a network of one input and one output (it has {len(takes)} and {len(gives)})"
+            raise InvalidParameter(key, str(file), detail)
+        self.inputs, self.outputs = (_size(port, file, key) for port in (takes[0], gives[0]))
+        self._input, self._output, self._kind = takes[0].name, gives[0].name, _FLOATS[takes[0].type]
+        self._shape = (1, self.inputs) if len(takes[0].shape) == 2 else (self.inputs,)
 
     def __call__(self, values: Vector) -> Vector:
         """Return what it gives (outputs,) for values (inputs,)."""
         fed = np.asarray(values, dtype=self._kind).reshape(self._shape)
-        (given,) = self._session.run([self._output], {self._input: fed})
-        return np.asarray(given, dtype=float).reshape(self.outputs)
+        (output,) = self._session.run([self._output], {self._input: fed})
+        return np.asarray(output, dtype=float).reshape(self.outputs)
 
 
 def _size(port: Any, file: Path, key: str) -> int:
     *batch, size = port.shape or [None]
     if port.type not in _FLOATS or len(batch) > 1 or not isinstance(size, int):
-        told = (
+        expected = (
             f"a network of floats of shapes (size,) or (batch, size) ('{port.name}' is a {port.type} of {port.shape})"
         )
-        raise InvalidParameter(key, str(file), told)
+        raise InvalidParameter(key, str(file), expected)
     return size

@@ -21,9 +21,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, Wired
 from simrob_drake.parts.controllers.pi_law import MEMORY, PLAIN, PiLaw
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
-from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.sections import NotNegative, Number, Positive
 from simrob_drake.signals import Signal
-from simrob_drake.yaml_files import Number
 
 
 class Objective(LoopSection):
@@ -96,24 +95,29 @@ class Objective(LoopSection):
 
     def _measured(self, site: Site, key: str) -> tuple[Signal, int]:
         """Return the signal that the column belongs to, and its place in the output."""
-        given = [signal for signal in site.signals if signal.output in site.outputs]
-        for signal in given:
+        measured = [signal for signal in site.signals if signal.output in site.outputs]
+        for signal in measured:
             if self.measures in signal.names:
                 place = signal.names.index(self.measures)
                 return signal, place if signal.entries is None else signal.entries[place]
-        known = [column for signal in given for column in signal.names]
+        known = [column for signal in measured for column in signal.names]
         raise UnknownName(f"signal of the station for {key}.measures", self.measures, known)
 
     def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
-        """Add the loop; without a posture it is one of expressions, for which no Python is asked while stepping."""
-        if self.then_deg:
+        """Add the loop; without a posture it is one of expressions, for which no Python is asked while stepping.
+
+        Drake's integrators ask every system for derivatives, which sampled expressions refuse: there it is the block.
+        """
+        station = site.station
+        integrated = station.mode == "dynamic" and not station.time_step and station.scheme != "cenic"
+        if self.then_deg or integrated:
             return super().wire(builder, name, robot, site)
         law, weights, unit = self._law(f"controllers.{name}", robot, site)
         system = builder.AddNamedSystem(f"controller.{name}", law.system())
-        part, told = f"controller.{name}", system.get_output_port()
+        part, output = f"controller.{name}", system.get_output_port()
         outputs = {
-            "offset": mapped(builder, f"{part}.offset", np.outer(weights, [1.0, 0.0]), told),
-            "error": mapped(builder, f"{part}.error", np.array([[0.0, 1.0]]), told),
+            "offset": mapped(builder, f"{part}.offset", np.outer(weights, [1.0, 0.0]), output),
+            "error": mapped(builder, f"{part}.error", np.array([[0.0, 1.0]]), output),
         }
         return Wired({"measured": system.get_input_port()}, outputs, {"offset": "rad", "error": unit})
 

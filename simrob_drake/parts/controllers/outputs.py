@@ -30,18 +30,18 @@ def declare_output(
     robots = site.plant.robots.values() if robot is None else [robot]
     by_axis = next((each.axes for each in robots if len(each.axes) == size), None)
     entries = by_axis or [str(index) for index in range(size)]
-    all_told = size == 1 or axes is None or by_axis is None
-    told = tuple(index for index, entry in enumerate(entries) if all_told or entry in (axes or ()))
-    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in told)
+    every = size == 1 or axes is None or by_axis is None
+    indices = tuple(index for index, entry in enumerate(entries) if every or entry in (axes or ()))
+    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in indices)
     panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
-    picked = told if len(told) < size else None
+    picked = indices if len(indices) < size else None
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(names)
     site.add(output, port, Signal(names, units, "own", output, picked, part=name, panel=panel))
 
 
 def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str) -> None:
     """Add ports to what an input of a robot is given, by blocks of a ``name``; its input stands before them."""
-    given = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(added[0].size()))
-    inner, site.inputs[key] = site.inputs[key], given.get_input_port()
-    builder.Connect(summed(builder, f"{key}.{name}", given.get_output_port(), *added), inner)
+    reference = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(added[0].size()))
+    inner, site.inputs[key] = site.inputs[key], reference.get_input_port()
+    builder.Connect(summed(builder, f"{key}.{name}", reference.get_output_port(), *added), inner)
     site.draw_nothing(key)

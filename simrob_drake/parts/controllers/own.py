@@ -18,7 +18,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName, quoted
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.outputs import declare_output
 from simrob_drake.parts.site import Site
-from simrob_drake.yaml_files import Strict
+from simrob_drake.sections import Strict
 
 
 class OwnController(Strict):
@@ -57,8 +57,8 @@ class OwnController(Strict):
         try:
             block: LeafSystem = made(**self.parameters)
         except Exception as problem:
-            told = f"{type(problem).__name__}: {problem}"
-            raise InvalidParameter(f"{key}.parameters", str(self.parameters), f"what it takes ({told})") from problem
+            cause = f"{type(problem).__name__}: {problem}"
+            raise InvalidParameter(f"{key}.parameters", str(self.parameters), f"what it takes ({cause})") from problem
         return block
 
     @classmethod
@@ -132,6 +132,13 @@ DRIVABLE = (
 """The inputs of a robot that blocks can drive."""
 
 
+def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tuple[str, ...]:
+    """Return inputs of robots, and those that blocks drive and that a station has only where they are asked for."""
+    names = {output.rpartition(".")[2] for output in driven_inputs(blocks)}
+    asked = [name for name in DRIVABLE if name in names and name not in ("reference", "reference_acceleration")]
+    return tuple(dict.fromkeys([*inputs, *asked]))
+
+
 def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
     """Add blocks, and declare their outputs as signals but for those that drive inputs of the station.
 
@@ -164,16 +171,16 @@ def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Le
 
 
 def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> None:
-    wanted = port.get_name()
+    name_of_port = port.get_name()
     if port.get_data_type() != PortDataType.kVectorValued:
         expected = "a vector, as the outputs are that it can read"
-        raise InvalidParameter(f"the input {wanted} of the block {name}", "abstract", expected)
-    if wanted not in site.outputs:
-        raise UnknownName(f"output of the station for the input of the block {name} called", wanted, site.outputs)
-    source = site.outputs[wanted]
+        raise InvalidParameter(f"the input {name_of_port} of the block {name}", "abstract", expected)
+    if name_of_port not in site.outputs:
+        raise UnknownName(f"output of the station for the input of the block {name} called", name_of_port, site.outputs)
+    source = site.port(builder, name_of_port)
     if source.size() != port.size():
         sizes = f"of size {port.size()}", f"of size {source.size()}, as the station's output"
-        raise InvalidParameter(f"the input {wanted} of the block {name}", *sizes)
+        raise InvalidParameter(f"the input {name_of_port} of the block {name}", *sizes)
     builder.Connect(source, port)
 
 
@@ -196,7 +203,7 @@ def _name_of(block: Any) -> str:
     return own if own.isidentifier() else re.sub(r"(?<!^)(?=[A-Z])", "_", type(block).__name__).lower()
 
 
-def class_beside(text: str, folder: Path) -> str:
+def class_from(text: str, folder: Path) -> str:
     """Return ``module:Class`` or ``file.py:Class`` as a station's file in ``folder`` means it.
 
     Files start there, and a module that lies there comes before one of Python's search path.

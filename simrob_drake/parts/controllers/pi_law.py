@@ -58,7 +58,7 @@ class PiLaw:
     def next(self, measured: Any, memory: Mapping[str, Any], maths: Maths) -> tuple[dict[str, Any], Any]:
         """Return the memory after a sample, by names, and the target: of numbers or of expressions, as the maths is."""
         least, most, choose = maths
-        number, held, asked, before = (memory[name] for name in ("number", "held", "asked", "effort"))
+        number, held, setpoint, before = (memory[name] for name in ("number", "held", "asked", "effort"))
         if len(self.targets) > 1:
             due = held >= self.hold
             number = choose(due, least(number + 1.0, len(self.targets) - 1.0), number)
@@ -67,17 +67,17 @@ class PiLaw:
         for place, value in enumerate(self.targets[1:], 1):
             target = choose(number >= place, value, target)
         if math.isinf(self.speed):
-            asked = target
+            setpoint = target
         else:
-            step, asked = self.speed * self.period, choose(memory["begun"] > 0.5, asked, measured)
-            asked = least(most(target, asked - step), asked + step)
-        held = choose(asked == target, held + self.period, 0.0)
-        error, (kp, ki), step = asked - measured, self.gains, self.fastest * self.period
+            step, setpoint = self.speed * self.period, choose(memory["begun"] > 0.5, setpoint, measured)
+            setpoint = least(most(target, setpoint - step), setpoint + step)
+        held = choose(setpoint == target, held + self.period, 0.0)
+        error, (kp, ki), step = setpoint - measured, self.gains, self.fastest * self.period
         grown = memory["integral"] + ki * error * self.period
-        wanted = kp * error + grown
-        effort = least(least(most(most(wanted, before - step), -self.limit), before + step), self.limit)
-        integral = choose((wanted - effort) * error <= 0, grown, memory["integral"])  # else it would wind up
-        values = (integral, asked, effort, number, held, 1.0)
+        desired = kp * error + grown
+        effort = least(least(most(most(desired, before - step), -self.limit), before + step), self.limit)
+        integral = choose((desired - effort) * error <= 0, grown, memory["integral"])  # else it would wind up
+        values = (integral, setpoint, effort, number, held, 1.0)
         return dict(zip(MEMORY, values, strict=True)), target
 
     def system(self) -> SymbolicVectorSystem:

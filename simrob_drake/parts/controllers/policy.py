@@ -17,16 +17,15 @@ from pydantic import Field, model_validator
 from pydrake.math import RollPitchYaw, RotationMatrix
 from pydrake.systems.framework import Context
 
-from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.blocks.sampled import BlockFails, Changes, Named, SampledBlock
+from simrob_drake.errors import InvalidParameter, UnknownName, shown
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.network import Network
 from simrob_drake.parts.controllers.support import rotation_of
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
-from simrob_drake.quantities import Frequency, Positive
 from simrob_drake.robots.axis_values import PositiveAxisValues
-from simrob_drake.yaml_files import Number
+from simrob_drake.sections import Frequency, Number, Positive
 
 _READS = {"position": "position", "velocity": "velocity", "attitude": "orientation"}
 """Which input tells what is observed, where that is not called the same."""
@@ -54,7 +53,7 @@ class Policy(LoopSection):
     """Figures that say what is wanted, such as a place."""
 
     @model_validator(mode="after")
-    def _sees_what_it_is_told(self) -> Policy:
+    def _observes_goal_and_clock(self) -> Policy:
         for name in ("clock", "goal"):
             if bool(getattr(self, name)) != (name in self.observes):
                 raise ValueError(f"{name} goes with '{name}' among what it observes")
@@ -93,9 +92,9 @@ class Policy(LoopSection):
         if self.network is not None:
             network = Network(self.network, f"{key}.network")
             if (network.inputs, network.outputs) != (block.observed, block.acts):
-                told = f"a network that takes {network.inputs} figures and gives {network.outputs}"
+                size = f"a network that takes {network.inputs} figures and gives {network.outputs}"
                 fits = f"one that takes the {block.observed} that are observed and gives {block.acts}"
-                raise InvalidParameter(f"{key}.network", told, fits)
+                raise InvalidParameter(f"{key}.network", size, fits)
             block.law = network
         return block
 
@@ -156,28 +155,49 @@ class LearntPolicy(SampledBlock):
         every = {**seen, "action": self.acts, "clock": 2 * len(self.clock), "goal": len(goal)}
         self.observed = sum(every[name] for name in observes)
         reads = {_READS.get(name, name): 4 if name == "attitude" else seen[name] for name in observes if name in seen}
-        told = {"goal": goal} if len(goal) else {}
+        goals = {"goal": goal} if len(goal) else {}
         super().__init__(
             period=period,
             reads=reads,
-            memory={"offset": np.zeros(len(reach)), "action": np.zeros(self.acts), **told, "count": np.zeros(1)},
-            gives=("offset", "action", *told),
+            memory={"offset": np.zeros(len(reach)), "action": np.zeros(self.acts), **goals, "count": np.zeros(1)},
+            gives=("offset", "action", *goals),
         )
 
     def observe(self, context: Context) -> Vector:
         """Return what would be observed in a context of the block, shape (observed,)."""
         return self._observation(*self.now(context))
 
-    def ask(self, context: Context, **told: Vector) -> None:
+    def ask(self, context: Context, **changes: Vector) -> None:
         """Set what the block remembers in its context: the ``action`` of its next sample, or the ``goal``."""
-        for name, values in told.items():
-            context.SetDiscreteState(self._told[name], values)
+        for name, values in changes.items():
+            context.SetDiscreteState(self._reported[name], values)
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return how far the axes are to be moved now."""
-        action = memory["action"] if self.law is None else self.law(self._observation(memory, read))
+        """Return how far the axes are to be moved now.
+
+        Raises:
+            BlockFails: the law gives no action.
+        """
+        action = memory["action"] if self.law is None else self._action(self.law, self._observation(memory, read))
         action = np.clip(action, -1.0, 1.0)
         return {"offset": self._matrix @ action, "action": action, "count": memory["count"] + 1}
+
+    def _action(self, law: Callable[[Vector], Vector], observation: Vector) -> Vector:
+        """Return the action that a law gives.
+
+        Raises:
+            BlockFails: it gives none, or is not asked, since what is observed is no number.
+        """
+        if not np.isfinite(observation).all():
+            first = int(np.flatnonzero(~np.isfinite(observation))[0])
+            raise BlockFails(self.get_name(), f"observes {observation[first]} in place {first} of {len(observation)}")
+        try:
+            action = law(observation)
+        except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
+            raise BlockFails(self.get_name(), f"has a network that fails: {shown(str(problem))}") from problem
+        if np.isnan(action).any():
+            raise BlockFails(self.get_name(), "has a network that gives nan as an action")
+        return action
 
     def _observation(self, memory: Named, read: Named) -> Vector:
         return np.concatenate([self._part(name, memory, read) for name in self._observes])

@@ -16,9 +16,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
-from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.yaml_files import Number, Strict
+from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
 REACHED = "reached"
 """What the block remembers last: when each cell was reached [s], -1 until then."""
@@ -86,17 +85,8 @@ class Sequencer(Pace, LoopSection):
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
         model = robot.model
-        return CellSequence(
-            period=1 / self.rate,
-            targets=[_targets(cell, model) for cell in self.cells],
-            durations=[cell.duration for cell in self.cells],
-            tolerance=model.user_units * self.tolerance_deg,
-            speed=model.user_units * self.speed_deg,
-            timeout=np.inf if self.timeout is None else self.timeout,
-            stops=self.on_timeout == "stop",
-            ends=self.ends,
-            names=robot.axes,
-        )
+        targets, units = [_targets(cell, model) for cell in self.cells], model.user_units
+        return CellSequence(self, targets, units * self.tolerance_deg, units * self.speed_deg, robot.axes)
 
 
 def _targets(cell: Cell, model: RobotModel) -> Vector:
@@ -114,39 +104,24 @@ class CellSequence(SampledBlock):
     """
 
     def __init__(
-        self,
-        *,
-        period: float,
-        targets: Sequence[Vector],
-        durations: Sequence[float],
-        tolerance: Vector,
-        speed: Vector,
-        timeout: float = np.inf,
-        stops: bool = True,
-        ends: bool = False,
-        names: Sequence[str] = (),
+        self, section: Sequencer, targets: Sequence[Vector], tolerance: Vector, speed: Vector, names: Sequence[str]
     ) -> None:
         """Make the block.
 
         Args:
-            period: between samples [s].
+            section: its parameters.
             targets: of each cell, shape (n,) [rad]; nan where an axis stays.
-            durations: of the ramp to each [s].
             tolerance: how near each axis must come to its target, shape (n,) [rad].
             speed: below which all axes must be, shape (n,) [rad/s].
-            timeout: how long a cell may take [s].
-            stops: whether the run ends then; otherwise the next cell begins.
-            ends: whether the run ends once the last cell is done.
-            names: of the axes, for the reason of such an end.
+            names: of the axes, for the reason of an end.
         """
         size = len(tolerance)
         self.units = {"target": "rad"}
-        self._targets, self._durations = targets, durations
-        self._tolerance, self._speed, self._timeout, self._stops = tolerance, speed, timeout, stops
-        self._ends = ends
-        self._names = names or [str(index) for index in range(size)]
+        self._targets, self._durations = targets, [cell.duration for cell in section.cells]
+        self._tolerance, self._speed, self._section, self._names = tolerance, speed, section, names
+        self._timeout = np.inf if section.timeout is None else section.timeout
         super().__init__(
-            period=period,
+            period=1 / section.rate,
             reads={"position": size, "velocity": size, "reference": size},
             memory={
                 "target": np.zeros(size),
@@ -165,7 +140,7 @@ class CellSequence(SampledBlock):
         """Return the next point of the ramp, or the beginning of the next cell."""
         if not memory["active"][0]:
             return {"active": 1.0, "target": read["reference"], "origin": read["reference"]}
-        if memory["done"][0] and self._ends:
+        if memory["done"][0] and self._section.ends:
             raise RunEnds(f"the last of {len(self._targets)} cells is done")
         number, elapsed = int(memory["cell"][0]), memory["elapsed"][0] + self.period
         goal, duration, clock = self._targets[number], self._durations[number], memory["clock"][0] + self.period
@@ -182,14 +157,9 @@ class CellSequence(SampledBlock):
             changed[REACHED] = np.where(np.arange(len(self._targets)) == number, clock, memory[REACHED])
         elif elapsed < self._timeout:
             return changed
-        else:
-            self._check_patience(number, [self._names[index] for index in map(int, np.flatnonzero(late))])
+        elif self._section.on_timeout == "stop":
+            who = ", ".join(self._names[index] for index in np.flatnonzero(late).tolist()) or "its ramp"
+            raise RunEnds(f"cell {number} was not reached within {self._timeout:g} s: {who} is late")
         if number + 1 < len(self._targets):
             return {**changed, "cell": number + 1, "elapsed": 0.0, "origin": full}
         return {**changed, "done": 1.0}
-
-    def _check_patience(self, number: int, late: Sequence[str]) -> None:
-        """End the run because joints are late, unless the next cell is to begin all the same."""
-        if self._stops:
-            who = ", ".join(late) or "its ramp"
-            raise RunEnds(f"cell {number} was not reached within {self._timeout:g} s: {who} is late")

@@ -2,39 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError
 from itertools import accumulate
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, TypeAdapter
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Demultiplexer
+from pydrake.systems.primitives import Demultiplexer, PassThrough
 
+from simrob_drake.blocks.external_force import add_external_force
 from simrob_drake.blocks.monitor import Condition
-from simrob_drake.blocks.signal_net import SignalNet, Wired
+from simrob_drake.blocks.signal_net import WiredBlock, signal_net
 from simrob_drake.blocks.wiring import fed, joined
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
+from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.flow_block import FlowBlock, Sum
 from simrob_drake.parts.controllers.flow_blocks import (
     Compare,
     DeadZone,
-    Function,
+    Input,
     Logic,
     Lookup,
+    MathFunction,
     Product,
     Saturation,
     Step,
     Sums,
     Switch,
 )
-from simrob_drake.parts.controllers.flow_states import Delay, Integrator, RateLimiter, StateSpace, TransferFunction
+from simrob_drake.parts.controllers.flow_pid import Pid
+from simrob_drake.parts.controllers.flow_states import (
+    Delay,
+    Integrator,
+    RateLimiter,
+    StateSpace,
+    TransferFunction,
+    ZeroOrderHold,
+)
 from simrob_drake.parts.controllers.outputs import add_to, declare_output
 from simrob_drake.parts.monitors.monitor import MonitorSection, add_monitor
 from simrob_drake.parts.site import Site, Surroundings
-from simrob_drake.yaml_files import Strict
+from simrob_drake.parts.targets import check_frame, frame_of
+from simrob_drake.sections import Strict, Triple
+from simrob_drake.signals import applied_signal
 
 _ONE, _TIME = "one", "time"
 _AT_ONCE = ("effort", "estimate", "inertial")
@@ -42,12 +57,43 @@ _AT_ONCE = ("effort", "estimate", "inertial")
 _TORQUE = "torque"
 
 FlowBlockConfig = Annotated[
-    Sums | Product | Saturation | DeadZone | Integrator | StateSpace | TransferFunction | RateLimiter | Delay | Lookup
-    | Compare | Logic | Switch | Function | Step,
+    Sums | Product | Saturation | DeadZone | Integrator | StateSpace | TransferFunction | Pid | RateLimiter
+    | ZeroOrderHold | Delay | Lookup | Compare | Logic | Switch | MathFunction | Step | Input,
     Field(discriminator="kind"),
 ]  # fmt: skip
 
 BlockName = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
+
+
+class FlowForce(Strict):
+    """What a signal flow applies to a body, along the axes of the frame at which it acts."""
+
+    at: str
+    """The link or tool of a robot, or the piece, at whose origin it acts."""
+    point: Triple = (0.0, 0.0, 0.0)
+    """Where it acts in that frame [m]."""
+    force: tuple[Sum, Sum, Sum] | None = None
+    """Along x, y and z [N]."""
+    torque: tuple[Sum, Sum, Sum] | None = None
+    """About x, y and z [N·m]."""
+
+    def sums(self, name: str) -> dict[str, Sums]:
+        """Return the blocks that gather it, by the names of their outputs."""
+        parts = {f"applied_force.{name}": self.force, f"applied_torque.{name}": self.torque}
+        return {output: Sums(kind="sum", of=part) for output, part in parts.items() if part is not None}
+
+    def apply(self, builder: DiagramBuilder, site: Site, name: str, ports: Mapping[str, OutputPort]) -> None:
+        """Let the outputs of these blocks act."""
+        frame = frame_of(site.plant, self.at)
+        for output in self.sums(name):
+            turns = output.startswith("applied_torque")
+            block = add_external_force(builder, site.plant.plant, frame, name=output, point=self.point, turns=turns)
+            builder.Connect(ports[output], block.get_command_input_port())
+            site.spatial_forces.append(block.get_spatial_forces_output_port())
+            what, unit = ("torque", "N·m") if turns else ("force", "N")
+            site.draw(output, "robot", f"{what.capitalize()} '{name}'\nat {self.at}")
+            title = f"applied {what} '{name}' at {self.at}, in its axes"
+            site.add(output, ports[output], applied_signal(output, unit, title, part=name))
 
 
 class SignalFlow(Strict):
@@ -58,68 +104,92 @@ class SignalFlow(Strict):
     signal, ``<controller>.<block>``. Outputs are exact in time: blocks with states are part of the station's.
     """
 
-    needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
-
     kind: Literal["signal_flow"]
     robot: str | None = None
-    """Whom it drives; the only robot unless given."""
+    """Whom it drives; the only robot unless given. A flow without ``torque`` needs none."""
     blocks: dict[BlockName, FlowBlockConfig] = Field(default_factory=dict)
     """By name, in any order."""
-    torque: dict[str, Sum]
+    torque: dict[str, Sum] = Field(default_factory=dict)
     """What is added to the torque of the servos, by axis [N·m or N]."""
+    forces: dict[BlockName, FlowForce] = Field(default_factory=dict)
+    """What it applies to bodies, by name."""
     stops: dict[BlockName, Sum] = Field(default_factory=dict)
     """What ends the run, by name: as soon as it is not 0."""
+    signals: tuple[BlockName, ...] | None = None
+    """The blocks whose outputs are signals of the station; all unless given."""
+
+    @property
+    def needs(self) -> tuple[Literal["feedforward"], ...]:
+        """The inputs of its robot that it drives."""
+        return ("feedforward",) if self.torque else ()
 
     @property
     def named(self) -> list[str]:
         """What it reads by names: signals of sensors and others."""
-        sums = [*self.torque.values(), *(given for block in self._all.values() for given in block.inputs)]
-        return sorted({name for given in sums for name in _terms(given)})
+        sums = [*self.torque.values(), *(terms for block in self._all.values() for terms in block.inputs)]
+        return sorted({name for terms in sums for name in _terms(terms)})
 
     @property
     def _all(self) -> dict[str, FlowBlock]:
         """Its blocks, and those that gather its outputs."""
-        ends = {name: Sums(kind="sum", of=given) for name, given in self.stops.items()}
-        return {**self.blocks, **ends}
+        ends = {name: Sums(kind="sum", of=terms) for name, terms in self.stops.items()}
+        for name, force in self.forces.items():
+            ends |= force.sums(name)
+        return {**{name: block for name, block in self.blocks.items() if not isinstance(block, Input)}, **ends}
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check what is known before anything is built.
 
         Raises:
-            SimrobError: no such robot, axis or block, or a station without torques.
+            SimrobError: no such robot, axis, frame or block, or a station without torques.
         """
-        robot = station.robot(self.robot, key)
         if station.mode != "dynamic":
             raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: its output is a torque")
-        for axis in self.torque:
-            one_of(f"axis of {robot.name} for {key}.torque", axis, robot.axes)
+        if self.torque or self.robot is not None:
+            robot = station.robot(self.robot, key)
+            for axis in self.torque:
+                one_of(f"axis of {robot.name} for {key}.torque", axis, robot.axes)
+        for name, force in self.forces.items():
+            check_frame(station, f"{key}.forces.{name}.at", force.at)
         for name, block in self.blocks.items():
             block.check(f"{key}.blocks.{name}")
             if name in (_ONE, _TIME, _TORQUE, *self.stops):
                 raise InvalidParameter(f"{key}.blocks.{name}", name, "another name: this one is taken")
+        for name in self.signals or ():
+            one_of(f"block for {key}.signals", name, self.blocks)
 
-    def add(self, builder: DiagramBuilder, site: Site, name: str, *, monitors: bool) -> OutputPort:
-        """Add its blocks, and return the torques of its robot's axes, size n [N·m or N].
+    def add(self, builder: DiagramBuilder, site: Site, name: str, *, monitors: bool) -> OutputPort | None:
+        """Add its blocks, and return the torques of its robot's axes, size n [N·m or N]; None where it has none.
 
         Raises:
             SimrobError: a signal that is not there, or an algebraic loop.
         """
-        robot = site.robot(self.robot)
-        torque = Sums(kind="sum", of=tuple(self.torque.get(axis, {}) for axis in robot.axes))
-        net = _Net(site, f"controllers.{name}", robot.prefix, {**self._all, _TORQUE: torque})
+        robot = site.robot(self.robot) if self.torque or self.robot is not None else None
+        axes = robot.axes if robot is not None and self.torque else []
+        torque = {_TORQUE: Sums(kind="sum", of=tuple(self.torque.get(axis, {}) for axis in axes))} if axes else {}
+        opened = {block: f"{name}.{block}" for block, one in self.blocks.items() if isinstance(one, Input)}
+        for block, called in opened.items():
+            opening = builder.AddNamedSystem(called, PassThrough(1))
+            site.inputs[called] = opening.get_input_port()
+            declare_output(site, name, opening.get_output_port(), "1", called=block)
+        net = _Net(site, f"controllers.{name}", robot.prefix if robot else "", {**self._all, **torque}, opened)
         ports = net.add(builder, f"controller.{name}")
         site.notes[name] = {"kind": self.kind}
         label = f"{wrapped(name)}\nsignal flow, {len(self.blocks)} blocks"
         site.draw(f"controller.{name}", "loop", label, robot)
-        for block in (*self.blocks, *self.stops):
-            declare_output(site, name, ports[block], "1", called=block)
+        shown = self.blocks if self.signals is None else self.signals
+        for block, port in ports.items():
+            if block in shown or block in self.stops:
+                declare_output(site, name, port, "1", called=block)
             site.edges.extend(net.blocks[block].edges)
         for stop in self.stops:
-            told = Condition(
+            condition = Condition(
                 {f"{name}.{stop}": 1}, lambda value: 1.0 if value[0] else -1.0, lambda *_, stop=stop: f"{stop} is on"
             )
-            add_monitor(builder if monitors else None, site, f"{name}_{stop}", MonitorSection(), told)
-        return ports[_TORQUE]
+            add_monitor(builder if monitors else None, site, f"{name}_{stop}", MonitorSection(), condition)
+        for place, force in self.forces.items():
+            force.apply(builder, site, place, ports)
+        return ports.get(_TORQUE)
 
 
 def add_flows(builder: DiagramBuilder, site: Site, flows: Mapping[str, SignalFlow], *, monitors: bool = True) -> None:
@@ -130,7 +200,9 @@ def add_flows(builder: DiagramBuilder, site: Site, flows: Mapping[str, SignalFlo
     """
     torques: dict[str, list[OutputPort]] = {}
     for name, flow in flows.items():
-        torques.setdefault(site.robot(flow.robot).name, []).append(flow.add(builder, site, name, monitors=monitors))
+        torque = flow.add(builder, site, name, monitors=monitors)
+        if torque is not None:
+            torques.setdefault(site.robot(flow.robot).name, []).append(torque)
     for robot, ports in torques.items():
         add_to(builder, site, f"{site.plant.robots[robot].prefix}feedforward", ports, name="flows")
 
@@ -139,44 +211,48 @@ def add_flows(builder: DiagramBuilder, site: Site, flows: Mapping[str, SignalFlo
 class _Net:
     """The blocks of one law, under construction; the places of values are those of a :class:`SignalNet`."""
 
-    site: Site
+    site: Site | None
     key: str
     prefix: str
     blocks: Mapping[str, FlowBlock]
+    opened: Mapping[str, str]
     sources: dict[str, int] = field(default_factory=dict)
 
     def add(self, builder: DiagramBuilder, place: str) -> dict[str, OutputPort]:
         """Add the blocks as one, and return the outputs of all of them by name."""
-        given = {name: [self._elements(name, terms) for terms in block.inputs] for name, block in self.blocks.items()}
+        sums = {name: [self._elements(name, terms) for terms in block.inputs] for name, block in self.blocks.items()}
         measured = sum(self.sources.values())
         owners = [*self.sources, *self.blocks]
         sizes = [*self.sources.values(), *(block.size for block in self.blocks.values())]
         starts = dict(zip(owners, accumulate(sizes, initial=2), strict=False)) | {_ONE: 0, _TIME: 1}
         wired = {
-            name: Wired(self.blocks[name], [[(starts[o] + i, k) for (o, i), k in terms.items()] for terms in inputs])
-            for name, inputs in given.items()
+            name: WiredBlock(self.blocks[name], [[(starts[o] + i, k) for (o, i), k in of.items()] for of in inputs])
+            for name, inputs in sums.items()
         }
         try:
-            net = SignalNet(wired, measured)
+            net = signal_net(wired, measured)
         except CycleError as problem:
             expected = "no algebraic loop: something that takes time must lie in it, as an integrator"
             raise InvalidParameter(f"{self.key}.blocks", " → ".join(problem.args[1]), expected) from None
         except ValueError as problem:
-            raise InvalidParameter(f"{self.key}.blocks", str(problem), "multiples of the shortest of them") from None
-        read = [self.site.outputs[source] for source in self.sources]
+            raise InvalidParameter(f"{self.key}.blocks", str(problem), "multiples of a common step") from None
+        read = [self.site.port(builder, source) for source in self.sources] if self.site is not None else []
         values = fed(builder, place, net, *([joined(builder, f"{place}.bus", *read)] if read else []))
         split = Demultiplexer([block.size for block in self.blocks.values()])
         fed(builder, f"{place}.split", split, values)
         return {name: split.get_output_port(index) for index, name in enumerate(self.blocks)}
 
-    def _elements(self, name: str, given: Sum) -> dict[tuple[str, int], float]:
+    def _elements(self, name: str, terms: Sum) -> dict[tuple[str, int], float]:
         """Return a sum by whose elements it takes, and which."""
-        return {self._element(f"{self.key}.blocks.{name}.of", term): k for term, k in _terms(given).items()}
+        return {self._element(f"{self.key}.blocks.{name}.of", term): k for term, k in _terms(terms).items()}
 
     def _element(self, key: str, term: str) -> tuple[str, int]:
         """Return the block or output of the station that a signal is an element of, and which one."""
         if term in (_ONE, _TIME):
             return term, 0
+        if term in self.opened:
+            self.sources[self.opened[term]] = 1
+            return self.opened[term], 0
         block, _, number = term.partition(".")
         if block in self.blocks:
             size = self.blocks[block].size
@@ -185,17 +261,43 @@ class _Net:
                 raise InvalidParameter(key, term, f"{block}.0 to {block}.{size - 1}" if size > 1 else block)
             return block, index
         known = [*self.blocks, _ONE, _TIME]
-        for signal in self.site.signals:
-            if signal.output not in self.site.outputs or signal.role in _AT_ONCE:
+        outputs = {} if self.site is None else self.site.outputs
+        for signal in [] if self.site is None else self.site.signals:
+            if signal.output not in outputs or signal.role in _AT_ONCE:
                 continue
-            for wanted in (f"{self.prefix}{term}", term):
-                if wanted in signal.names:
-                    self.sources[signal.output] = self.site.outputs[signal.output].size()
-                    place = signal.names.index(wanted)
+            for column in (f"{self.prefix}{term}", term):
+                if column in signal.names:
+                    self.sources[signal.output] = outputs[signal.output].size()
+                    place = signal.names.index(column)
                     return signal.output, place if signal.entries is None else signal.entries[place]
             known += signal.names
         raise UnknownName(f"block, or signal that is measured while stepping, for {key}", term, known)
 
 
-def _terms(given: Sum) -> Mapping[str, float]:
-    return {given: 1.0} if isinstance(given, str) else given
+def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector) -> Vector:
+    """Return sums of blocks that depend on time alone at times (t,) that rise from 0, shape (n, t).
+
+    Raises:
+        InvalidParameter: an algebraic loop, or something that is measured.
+    """
+    made = {name: _BLOCK.validate_python(block) for name, block in blocks.items() if block["kind"] != "input"}
+    opened = Sums(kind="sum", of=({},))
+    whole = {**dict.fromkeys(blocks, opened), **made, _TORQUE: Sums(kind="sum", of=tuple(sums))}
+    builder = DiagramBuilder()
+    port = _Net(None, "flow", "", whole, {}).add(builder, "flow")[_TORQUE]
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.get_mutable_integrator().set_target_accuracy(1e-6)
+    context = simulator.get_mutable_context()
+    rows = []
+    for time in times:
+        simulator.AdvanceTo(time)
+        rows.append(port.Eval(diagram.GetSubsystemContext(port.get_system(), context)))
+    return np.transpose(rows)
+
+
+_BLOCK: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
+
+
+def _terms(terms: Sum) -> Mapping[str, float]:
+    return {terms: 1.0} if isinstance(terms, str) else terms

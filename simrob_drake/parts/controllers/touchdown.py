@@ -17,8 +17,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.limbs import Limb, limb_to
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
-from simrob_drake.quantities import NotNegative, Positive
 from simrob_drake.robots.urdf import link_of, name_of
+from simrob_drake.sections import NotNegative, Positive
 
 _FOLLOWS, _TOUCHED, _STANDS = 0.0, 1.0, 2.0
 """A leg goes as planned; it touched while the plan still has it in the air; it stands, until the plan lifts it."""
@@ -68,17 +68,8 @@ class Touchdown(LoopSection):
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
-        return UnknownGround(
-            period=1 / self.rate,
-            limbs={foot: limb_to(robot, robot.tools[foot]) for foot in self.reads if foot in robot.model.tools},
-            size=len(robot.axes),
-            force=self.force,
-            holds_torques=self.holds == "torques",
-            clearance=self.clearance,
-            search=(self.search, self.reach),
-            release=self.release,
-            settle=self.settle,
-        )
+        limbs = {foot: limb_to(robot, robot.tools[foot]) for foot in self.reads if foot in robot.model.tools}
+        return UnknownGround(self, limbs, len(robot.axes))
 
 
 class UnknownGround(SampledBlock):
@@ -91,36 +82,11 @@ class UnknownGround(SampledBlock):
             ``phase`` (k): 0 where a foot follows the reference, 1 where it touched early, 2 where it stands.
     """
 
-    def __init__(
-        self,
-        *,
-        period: float,
-        limbs: Mapping[str, Limb],
-        size: int,
-        force: float,
-        holds_torques: bool = False,
-        clearance: float,
-        search: tuple[float, float],
-        release: float,
-        settle: float,
-    ) -> None:
-        """Make the block.
-
-        Args:
-            period: between samples [s].
-            limbs: the legs, by the names of their k feet.
-            size: n, of axes.
-            force: from which a foot touches [N].
-            holds_torques: whether a leg that touched keeps its torques, and not its positions.
-            clearance: of a foot in the air over the lowest foot of the reference [m].
-            search: speed downward [m/s] and way [m].
-            release: time constant of coming to the reference in the air [s].
-            settle: the same, standing [s].
-        """
-        self.units = {"offset": "rad", "offset_velocity": "rad/s", "feedforward": "N·m"}
-        self._limbs, self._force, self._holds_torques = dict(limbs), force, holds_torques
-        self._clearance, (self._speed, self._reach), self._keeps = clearance, search, np.exp(-period / release)
-        self._stays = np.exp(-period / settle)
+    def __init__(self, section: Touchdown, limbs: Mapping[str, Limb], size: int) -> None:
+        """Make the block of a section, for legs by the names of their k feet, of a robot of n axes."""
+        period, self.units = 1 / section.rate, {"offset": "rad", "offset_velocity": "rad/s", "feedforward": "N·m"}
+        self._limbs, self._section = dict(limbs), section
+        self._keeps, self._stays = np.exp(-period / section.release), np.exp(-period / section.settle)
         zero, feet = np.zeros(size), np.zeros(len(limbs))
         memory = {"offset": zero, "offset_velocity": zero, "feedforward": zero}
         memory |= dict.fromkeys(("posture", "torques", "plan"), zero)
@@ -139,7 +105,7 @@ class UnknownGround(SampledBlock):
         new["offset_velocity"], new["feedforward"] = np.zeros(len(plan)), np.zeros(len(plan))
         angles, before, phases = plan.tolist(), memory["heights"].tolist(), memory["phase"].tolist()
         heights = [limb.place(angles)[2] for limb in self._limbs.values()]
-        least = min(heights) + self._clearance
+        least = min(heights) + self._section.clearance
         for number, (foot, limb) in enumerate(self._limbs.items()):
             raised, leg = heights[number] > least, limb.places
             phase = self._phase(phases[number], raised, heights[number] < before[number], foot, read)
@@ -152,7 +118,7 @@ class UnknownGround(SampledBlock):
                 new["offset_velocity"][leg] = -speed[leg]
             else:
                 new["offset"][leg] *= self._stays
-            if self._holds_torques:
+            if self._section.holds == "torques":
                 self._hold_torques(new, phase, leg, read["position"] - plan, speed)
             new["phase"][number] = phase
         return {**new, "plan": plan, "heights": np.array(heights)}
@@ -163,7 +129,7 @@ class UnknownGround(SampledBlock):
             return _FOLLOWS if raised else _STANDS
         if phase == _TOUCHED:
             return _TOUCHED if raised else _STANDS
-        touches = (lowers or not raised) and math.hypot(*read[foot].tolist()) > self._force
+        touches = (lowers or not raised) and math.hypot(*read[foot].tolist()) > self._section.force
         return (_TOUCHED if raised else _STANDS) if touches else _FOLLOWS
 
     def _seek(self, new: dict[str, Vector], number: int, limb: Limb, plan: Vector, raised: bool) -> None:
@@ -172,7 +138,7 @@ class UnknownGround(SampledBlock):
             new["offset"][limb.places] *= self._keeps
             new["sought"][number] = 0.0
             return
-        step = min(self._speed * self.period, self._reach - new["sought"][number])
+        step = min(self._section.search * self.period, self._section.reach - new["sought"][number])
         new["offset"][limb.places] += np.linalg.lstsq(limb.rates(plan + new["offset"]), [0.0, 0.0, -step])[0]
         new["sought"][number] += step
 

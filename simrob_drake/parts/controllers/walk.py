@@ -17,10 +17,12 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.limbs import axes_to
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.robots.gaits_file import gaits_file
+from simrob_drake.sections import Boolean
 from simrob_drake.walking.body import Body
 from simrob_drake.walking.commands import Commanded, Commander, beyond, clipped, command_of
 from simrob_drake.walking.engine import Engine
-from simrob_drake.walking.figures import Fastest, WalkingFigures, load_walking
+from simrob_drake.walking.parameters import WalkingParameters, load_walking
 from simrob_drake.walking.path import Follower, Waypoints
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import NUMBERS, Stride, eased
@@ -35,14 +37,14 @@ class Walk(LoopSection):
 
     kind: Literal["walk"]
     gait: dict[str, Any] = Field(default_factory=dict)
-    """Figures in place of those of the robot's `walking.yaml`."""
+    """Parameters in place of those under `reacting` in the robot's `gaits.yaml`."""
     commands: tuple[Commanded, ...] = ()
     """What to do when, in the order of the times; before the first one it follows its path, or stands. An input
     `command` (3) that `reads` names comes before them, where it is a number: ahead, to the left [m/s], turn [rad/s]."""
     path: Waypoints | None = None
     """Where to go, by the pose of the root that it reads."""
-    strict: bool = False
-    """Refuse commands that the legs cannot follow, as `fastest` of the gait says; they are clipped otherwise."""
+    strict: Boolean = False
+    """Refuse commands that the legs cannot follow, as `max_speed` of the gait says; they are clipped otherwise."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Walk:
@@ -51,8 +53,8 @@ class Walk(LoopSection):
             raise ValueError(f"the times of commands must rise, and are {times}")
         return self
 
-    def figures(self, robot: ResolvedRobot) -> WalkingFigures:
-        """Return the figures of the walk."""
+    def walking(self, robot: ResolvedRobot) -> WalkingParameters:
+        """Return the parameters of the walk."""
         return load_walking(robot.model, self.gait)
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
@@ -60,21 +62,21 @@ class Walk(LoopSection):
         return robot.axes
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on its own feet and has figures to walk by.
+        """Check that the robot stands on its own feet and has parameters to walk by.
 
         Raises:
             SimrobError: it does not, or what every loop checks.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
-        figures = self.figures(robot)
-        feet = [foot for group in figures.groups for foot in group]
+        parameters = self.walking(robot)
+        feet = [foot for group in parameters.groups for foot in group]
         for foot in feet:
             one_of(f"foot of {robot.name} for {key}.gait.groups", foot, robot.model.tools)
-        told = [foot for foot in feet if foot in self.reads]
-        if told and (told != feet or figures.feedback is None or figures.feedback.touch is None):
-            expected = f"with a force sensor for each of {', '.join(feet)}, and gait.feedback.touch, or with none"
-            raise InvalidParameter(f"{key}.reads", f"forces on {', '.join(told)}", expected)
+        read = [foot for foot in feet if foot in self.reads]
+        if read and (read != feet or parameters.feedback is None or parameters.feedback.touch_force is None):
+            expected = f"with a force sensor for each of {', '.join(feet)}, and gait.feedback.touch_force, or with none"
+            raise InvalidParameter(f"{key}.reads", f"forces on {', '.join(read)}", expected)
         self.warnings(key, robot)
         if self.path is not None:
             begins, stands = complex(*self.path.points[0]), complex(*robot.base.translation()[:2])
@@ -89,21 +91,21 @@ class Walk(LoopSection):
         Raises:
             InvalidParameter: there is some, and the section is strict.
         """
-        fastest, asked = (
-            self.figures(robot).fastest,
+        max_speed, commands = (
+            self.walking(robot).max_speed,
             {f"commands[{n}]": row.command for n, row in enumerate(self.commands)},
         )
         if self.path is not None:
-            asked["path"] = Command(complex(self.path.speed))
-        told = []
-        for place, command in asked.items():
-            for part, value, limit, unit in beyond(command, fastest):
+            commands["path"] = Command(complex(self.path.speed))
+        found = []
+        for place, command in commands.items():
+            for part, value, limit, unit in beyond(command, max_speed):
                 name = f"{key}.{place}.{'speed' if place == 'path' else part}"
                 if self.strict:
                     expected = f"at most {abs(limit):g} {unit}, which the legs of {robot.name} can follow"
                     raise InvalidParameter(name, f"{value:g} {unit}", expected)
-                told.append(f"{name}, {value:g} {unit}, is clipped to {limit:g} {unit}")
-        return told
+                found.append(f"{name}, {value:g} {unit}, is clipped to {limit:g} {unit}")
+        return found
 
     def commanded(self, rows: Sequence[Commanded]) -> Walk:
         """Return it with commands in place of those from the first of their times on."""
@@ -112,12 +114,12 @@ class Walk(LoopSection):
 
     def block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Return the loop."""
-        figures, feet = self.figures(robot), robot.feet
+        parameters, feet = self.walking(robot), robot.feet
         assert feet is not None  # check() has asked
-        names = [foot for group in figures.groups for foot in group]
+        names = [foot for group in parameters.groups for foot in group]
         links = {robot.plant.GetFrameByName(link, robot.instance).body().index(): link for link in feet.links}
         frames = [robot.plant.GetFrameByName(links[robot.tools[foot].body().index()], robot.instance) for foot in names]
-        facing = math.radians(figures.facing_deg)
+        facing = math.radians(gaits_file(robot.model).facing_deg)
         body = Body(
             plant=robot.plant,
             instance=robot.instance,
@@ -130,17 +132,15 @@ class Walk(LoopSection):
             legs=[axes_to(robot, frame) for frame in frames],
             facing=facing,
         )
-        groups = [[names.index(foot) for foot in group] for group in figures.groups]
-        path = None if self.path is None else Follower(self.path, figures.fastest, facing)
+        groups = [[names.index(foot) for foot in group] for group in parameters.groups]
+        path = None if self.path is None else Follower(self.path, parameters.max_speed, facing)
+        posture = robot.model.axis_vector(parameters.bearing.posture_deg, f"{key}.gait.bearing.posture_deg")
         return WalkingLoop(
-            engine=Engine(body, figures, groups, 1 / self.rate),
-            period=1 / self.rate,
-            feet=[foot for foot in names if foot in self.reads],
-            posture=np.deg2rad(robot.model.axis_vector(figures.posture_deg, f"{key}.gait.posture_deg")),
-            commander=Commander(self.commands, path),
-            fastest=figures.fastest,
-            told="command" in self.reads,
-            strict=self.strict,
+            self,
+            Engine(body, parameters, groups, 1 / self.rate),
+            names,
+            np.deg2rad(posture),
+            Commander(self.commands, path),
         )
 
 
@@ -164,36 +164,26 @@ class WalkingLoop(SampledBlock):
     )
 
     def __init__(
-        self,
-        *,
-        engine: Engine,
-        period: float,
-        feet: Sequence[str],
-        posture: Vector,
-        commander: Commander,
-        fastest: Fastest,
-        told: bool = False,
-        strict: bool = False,
+        self, section: Walk, engine: Engine, feet: Sequence[str], posture: Vector, commander: Commander
     ) -> None:
         """Make the block.
 
         Args:
+            section: its parameters.
             engine: that makes the walk.
-            period: between samples [s].
-            feet: names of those whose forces are read, all in the engine's order or none.
+            feet: names in the engine's order; the forces on all of them are read, or on none.
             posture: of the axes in no leg, and near which the legs are found, shape (n,) [rad].
             commander: says what is asked for.
-            fastest: what is clipped.
-            told: whether it has an input ``command``.
-            strict: end the run in place of that.
         """
-        self.engine, self.start, self._commander, self._feet = engine, posture, commander, feet
-        self._fastest, self._told_command, self._strict = fastest, told, strict
+        self.engine, self.start, self._commander, self._strict = engine, posture, commander, section.strict
+        self._feet = [foot for foot in feet if foot in section.reads]
+        self._takes_command = "command" in section.reads
+        self._last = b"", Stride()  # of the last sample, and its numbers: it need not be made of them again
         zero = np.zeros(len(posture))
         reads = {"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6}
         super().__init__(
-            period=period,
-            reads={**reads, **({"command": 3} if told else {}), **dict.fromkeys(feet, 3)},
+            period=1 / section.rate,
+            reads={**reads, **({"command": 3} if self._takes_command else {}), **dict.fromkeys(self._feet, 3)},
             memory={
                 "target": zero,
                 "active": 0.0,
@@ -225,63 +215,67 @@ class WalkingLoop(SampledBlock):
         """Return the next posture."""
         seen = np.concatenate([read[name] for name in _READ])
         blind = 0.0 if math.isfinite(seen.sum()) else 1.0
-        told: dict[str, Vector | float] = {} if memory["blind"][0] == blind else {"blind": blind}
+        changes: dict[str, Vector | float] = {} if memory["blind"][0] == blind else {"blind": blind}
         if not read[TIME][0]:  # what a hand asked for in another run is past
-            told["hand"] = np.zeros(4)
+            changes["hand"] = np.zeros(4)
         if not memory["active"][0]:
-            return {**told, **({} if blind else self._begun(read))}
+            return {**changes, **({} if blind else self._begun(read))}
         if memory["ready"][0] < 1.0:
-            return {**told, **self._readied(memory)}
-        stride, posture, engine = Stride.of(memory["stride"]), memory["posture"], self.engine
-        command = self._commanded(memory, read, told)
-        measured = None if blind else engine.measured(stride, engine.body.seen(seen), self._forces(stride, read))
-        after, target = engine.sample(stride, posture, command, measured)
-        if measured is not None:
-            told["capture"] = np.array([measured.xi.real, measured.xi.imag])
+            return {**changes, **self._readied(memory)}
+        posture, engine, (known, stride) = memory["posture"], self.engine, self._last
+        if memory["stride"].tobytes() != known:
+            stride = Stride.of(memory["stride"])
+        command = self._commanded(memory, read, changes)
+        estimate = None if blind else engine.estimate(stride, engine.body.seen(seen), self._forces(stride, read))
+        after, target = engine.sample(stride, posture, command, estimate)
+        numbers = after.numbers()
+        self._last = numbers.tobytes(), after
+        if estimate is not None:
+            changes["capture"] = np.array([estimate.xi.real, estimate.xi.imag])
         return {
-            **told,
+            **changes,
             "target": target,
             "offset_velocity": (target - posture) / self.period,
             "posture": target,
-            "stride": after.numbers(),
-            "foot": after.standing,
+            "stride": numbers,
+            "foot": after.step.standing,
         }
 
-    def _commanded(self, memory: Named, read: Named, told: dict[str, Vector | float]) -> Command:
+    def _commanded(self, memory: Named, read: Named, changes: dict[str, Vector | float]) -> Command:
         """Return what is asked for within what the legs can follow, and add to what is told."""
-        time, given = float(read[TIME][0]), read["command"] if self._told_command else None
+        time, by_port = float(read[TIME][0]), read["command"] if self._takes_command else None
         progress, before = float(memory["progress"][0]), memory["command"]
-        wanted, along = self._commander.now(time, memory["hand"], given, read["base_pose"], progress)
+        desired, along = self._commander.now(time, memory["hand"], by_port, read["base_pose"], progress)
         if along != progress:
-            told["progress"] = along
-        if wanted is None:  # the path does not see where the robot is
+            changes["progress"] = along
+        if desired is None:  # the path does not see where the robot is
             return command_of(before)
-        command = clipped(wanted, self._fastest)
-        less = float(command is not wanted)
+        command = clipped(desired, self.engine.max_speed)
+        less = float(command is not desired)
         if less and self._strict:
-            part, value, limit, unit = beyond(wanted, self._fastest)[0]
+            part, value, limit, unit = beyond(desired, self.engine.max_speed)[0]
             raise RunEnds(
                 f"the command {part} of {value:g} {unit} is beyond the {limit:g} {unit} that the legs can follow"
             )
         if less != memory["clipped"][0]:
-            told["clipped"] = less
+            changes["clipped"] = less
         numbers = [command.speed.real, command.speed.imag, command.turn]
         if numbers != before.tolist():
-            told["command"] = np.array(numbers)
+            changes["command"] = np.array(numbers)
         return command
 
     def _forces(self, stride: Stride, read: Named) -> list[float] | None:
         """Return the vertical forces on the feet where they count, for reading them takes time; None: none are told."""
         if not self._feet:
             return None
-        felt = self.engine.felt(stride)
+        felt = self.engine.estimator.felt(stride)
         return [abs(float(read[foot][2])) if place in felt else 0.0 for place, foot in enumerate(self._feet)]
 
     def _begun(self, read: Named) -> Changes:
         """Return where the way into the first posture begins."""
         engine = self.engine
         seen = engine.body.seen(np.concatenate([read[name] for name in _READ]))
-        stride, posture = engine.standing(self.start, engine.slope(seen))
+        stride, posture = engine.standing(self.start, engine.estimator.slope(seen))
         far = np.abs(posture - read["position"]).max()
         return {
             "target": read["position"] if far > _SAME else posture,

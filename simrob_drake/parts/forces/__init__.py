@@ -1,15 +1,24 @@
 """Forces over time on a station's bodies: the kinds that a station file can name."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field
+from simrob_drake.parts.kinds import Kinds
 
-from simrob_drake.parts.forces.drag import Drag
-from simrob_drake.parts.forces.push import Push
-from simrob_drake.parts.forces.sine import SineForce
-from simrob_drake.parts.kinds import named_by_kind
+KINDS = Kinds(
+    __name__,
+    {
+        "push": "push.Push",
+        "drag": "drag.Drag",
+        "sine": "sine.SineForce",
+    },
+)
+if TYPE_CHECKING:
+    from simrob_drake.parts.forces.drag import Drag
+    from simrob_drake.parts.forces.push import Push
+    from simrob_drake.parts.forces.sine import SineForce
 
-ForceConfig = Annotated[Push | Drag | SineForce, Field(discriminator="kind")]
-Forces = Annotated[dict[str, ForceConfig], named_by_kind(ForceConfig)]
+    ForceConfig = Push | Drag | SineForce
+else:
+    ForceConfig = Annotated[Any, KINDS]
 
-__all__ = ["Drag", "ForceConfig", "Forces", "Push"]
+Forces = Annotated[dict[str, ForceConfig], KINDS.names_are_kinds]

@@ -15,7 +15,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.frames import Vector
 from simrob_drake.parts.forces.force import ForceSection
 from simrob_drake.parts.site import Site
-from simrob_drake.quantities import Duration, Instant, Positive, Triple
+from simrob_drake.sections import Duration, Instant, Positive, Triple
 
 _PERIOD = 0.01  # s between samples
 _LIFT = 0.25
@@ -58,7 +58,7 @@ class Drag(ForceSection):
         """Where it acts beside the place that it names, shape (3,) [m]."""
         return np.array(self.point)
 
-    def course(self) -> Trajectory:
+    def trajectory(self) -> Trajectory:
         """Return whether it pulls, 1 or 0, and where to, over time: shape (4, 1)."""
         count = len(self.targets)
         rows = np.column_stack([np.ones(count), np.array(self.targets)])
@@ -67,11 +67,11 @@ class Drag(ForceSection):
         return PiecewisePolynomial.ZeroOrderHold([0.0, *changes, changes[-1] + 1.0], values.T)
 
     def source(self) -> TrajectorySource:
-        """Return the block that gives what :meth:`course` tells."""
-        return TrajectorySource(self.course())
+        """Return the block that gives what :meth:`trajectory` does."""
+        return TrajectorySource(self.trajectory())
 
     def shaped(
-        self, builder: DiagramBuilder, site: Site, name: str, frame: Frame, point: Vector, given: OutputPort
+        self, builder: DiagramBuilder, site: Site, name: str, frame: Frame, point: Vector, applied: OutputPort
     ) -> OutputPort:
         """Add the spring, and return its force (3) [N]."""
         plant, body = site.plant.plant, frame.body()
@@ -80,7 +80,7 @@ class Drag(ForceSection):
         stiffness = self.stiffness or max(whole, _LIGHTEST) * gravity / _LIFT
         gains = stiffness, float(np.sqrt(stiffness * max(body.default_mass(), _LIGHTEST)))
         spring = DragSpring(period=_PERIOD, plant=plant, frame=frame, point=point, gains=gains)
-        return fed(builder, f"{name}.spring", spring, given, site.state)
+        return fed(builder, f"{name}.spring", spring, applied, site.state)
 
     def caption(self) -> str:
         """Return it in words."""

@@ -9,8 +9,8 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site, StationPlant, Surroundings, named
 from simrob_drake.parts.targets import frame_names, frame_of
+from simrob_drake.sections import Strict
 from simrob_drake.signals import applied_signal
-from simrob_drake.yaml_files import Strict
 
 
 class ForceSection(Strict):
@@ -30,10 +30,10 @@ class ForceSection(Strict):
         return np.zeros(3)
 
     def shaped(
-        self, builder: DiagramBuilder, site: Site, name: str, frame: Frame, point: Vector, given: OutputPort
+        self, builder: DiagramBuilder, site: Site, name: str, frame: Frame, point: Vector, force: OutputPort
     ) -> OutputPort:
         """Return the force (3) [N] at a point (3,) [m] of a frame, along its axes, made of what the source gives."""
-        return given
+        return force
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that forces count in the station, and that there is what it acts on."""
@@ -53,21 +53,21 @@ class ForceSection(Strict):
 
 
 def add_force(
-    builder: DiagramBuilder, site: Site, name: str, section: ForceSection, source: LeafSystem, told: str
+    builder: DiagramBuilder, site: Site, name: str, section: ForceSection, source: LeafSystem, caption: str
 ) -> None:
-    """Apply a force (3) [N] that a source gives, and that is ``told`` in words; ``applied_force.<name>`` shows it.
+    """Apply a force (3) [N] that a source gives, and that is ``caption`` in words; ``applied_force.<name>`` shows it.
 
     The ports of the blocks that apply it are gathered in the site, for the plant.
     """
     place = section.place_name(f"forces.{name}", site.station)
     frame, point = place_of(site.plant, place)
-    given = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
+    output_port = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
     point = point + section.offset
-    force = section.shaped(builder, site, f"force.{name}", frame, point, given)
+    force = section.shaped(builder, site, f"force.{name}", frame, point, output_port)
     block = add_external_force(builder, site.plant.plant, frame, name=f"force.{name}", point=point)
     builder.Connect(force, block.get_command_input_port())
     site.draw(f"force.{name}", "robot", f"Force '{name}'\nat {place}")
-    site.draw(f"force.{name}.source", "reference", f"Force '{name}'\n{told}")
+    site.draw(f"force.{name}.source", "reference", f"Force '{name}'\n{caption}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())
     output = f"applied_force.{name}"
     title = f"applied force '{name}' at {place}, in its axes"

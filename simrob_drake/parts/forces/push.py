@@ -7,7 +7,7 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.parts.forces.force import ForceSection
-from simrob_drake.quantities import Duration, Instant, Triple
+from simrob_drake.sections import Duration, Instant, Triple
 
 _JUST_BEFORE = 1e-11  # [s]
 
@@ -38,7 +38,7 @@ class Push(ForceSection):
         edges = self.start - _JUST_BEFORE, self.start, self.end - _JUST_BEFORE, self.end
         return tuple(edge for edge in edges if edge >= 0)
 
-    def course(self) -> Trajectory:
+    def trajectory(self) -> Trajectory:
         """Return the force over time, shape (3, 1) [N]."""
         force, nothing = np.array(self.force), np.zeros(3)
         times, values = [0.0, self.start, self.end, self.end + 1.0], [nothing, force, nothing, nothing]  # a hold ends
@@ -47,7 +47,7 @@ class Push(ForceSection):
 
     def source(self) -> TrajectorySource:
         """Return the block that gives the force (3) [N]."""
-        return TrajectorySource(self.course())
+        return TrajectorySource(self.trajectory())
 
     def caption(self) -> str:
         """Return it in words."""

@@ -6,8 +6,7 @@ import numpy as np
 from pydrake.systems.primitives import Sine
 
 from simrob_drake.parts.forces.force import ForceSection
-from simrob_drake.quantities import Frequency, Triple
-from simrob_drake.yaml_files import Number
+from simrob_drake.sections import Frequency, Number, Triple
 
 
 class SineForce(ForceSection):

@@ -6,7 +6,7 @@ from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import SensorMonitorSection, worst
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.quantities import NotNegative
+from simrob_drake.sections import NotNegative
 
 
 class Contact(SensorMonitorSection):

@@ -8,7 +8,7 @@ from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import MonitorSection, of_axes, worst
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.quantities import Positive
+from simrob_drake.sections import Positive
 
 
 class Divergence(MonitorSection):

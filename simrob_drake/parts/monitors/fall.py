@@ -12,7 +12,7 @@ from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector, lean
 from simrob_drake.parts.monitors.monitor import PoseMonitorSection
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.quantities import Positive
+from simrob_drake.sections import Positive
 
 
 class Fall(PoseMonitorSection):

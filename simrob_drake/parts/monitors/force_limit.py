@@ -11,8 +11,8 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import SensorMonitorSection, worst
 from simrob_drake.parts.site import Surroundings
 from simrob_drake.paths import models_root
-from simrob_drake.quantities import Positive
-from simrob_drake.yaml_files import Strict, read_yaml, validated
+from simrob_drake.sections import Positive, Strict, validated
+from simrob_drake.yaml_files import read_yaml
 
 
 class ForceLimit(SensorMonitorSection):

@@ -8,7 +8,7 @@ from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import MonitorSection, of_axes, worst
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.yaml_files import Number
+from simrob_drake.sections import Number
 
 
 class JointLimit(MonitorSection):
@@ -32,6 +32,6 @@ class JointLimit(MonitorSection):
 
         def why(index: int, _: float) -> str:
             side, limits, axis = ("upper", upper, index) if index < count else ("lower", lower, index - count)
-            return f"{robot.axes[axis]} reached its {side} limit of {robot.model.units[axis].told(limits[axis])}"
+            return f"{robot.axes[axis]} reached its {side} limit of {robot.model.units[axis].shown(limits[axis])}"
 
         return worst(of_axes(robot, "position"), overshoots, why)

@@ -10,8 +10,7 @@ from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings
-from simrob_drake.quantities import NotNegative
-from simrob_drake.yaml_files import Strict
+from simrob_drake.sections import NotNegative, Strict
 
 
 class MonitorSection(Strict):
@@ -71,7 +70,7 @@ def add_monitor(
         robot = None if section.robot is None else site.robot(section.robot)
         site.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", robot)
         for output in condition.watched:
-            builder.Connect(site.outputs[output], monitor.GetInputPort(output))
+            builder.Connect(site.port(builder, output), monitor.GetInputPort(output))
 
 
 class PoseMonitorSection(MonitorSection):

@@ -8,7 +8,7 @@ from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import MonitorSection, of_axes
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.sections import NotNegative, Positive
 
 
 class Settled(MonitorSection):
@@ -42,7 +42,7 @@ class Settled(MonitorSection):
 
         def why(*_: Vector) -> str:
             bounds = zip(speed, robot.model.units, strict=True)
-            told = dict.fromkeys(f"{bound / unit.size:g} {unit.name}/s" for bound, unit in bounds)
-            return f"the robot has stood still (below {' and '.join(told)}) for {self.hold:g} s"
+            speeds = dict.fromkeys(f"{bound / unit.size:g} {unit.name}/s" for bound, unit in bounds)
+            return f"the robot has stood still (below {' and '.join(speeds)}) for {self.hold:g} s"
 
         return Condition(of_axes(robot, "velocity", *more), excess, why)

@@ -9,8 +9,8 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import MonitorSection, of_axes, worst
 from simrob_drake.parts.site import ResolvedRobot, Surroundings
-from simrob_drake.quantities import NotNegative
 from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.sections import NotNegative
 
 _AT_LIMIT = 1e-6
 """Part of a torque limit that may be missing where a servo counts as saturated."""
@@ -46,8 +46,8 @@ class TorqueLimit(MonitorSection):
             return np.asarray(np.abs(torque) / limit - 1 + _AT_LIMIT)
 
         def why(index: int, _: float) -> str:
-            told = f"{limit[index]:g} {robot.model.units[index].effort}"
+            bound = f"{limit[index]:g} {robot.model.units[index].effort}"
             what = "its torque limit" if self.limit is None else "the limit"
-            return f"{robot.axes[index]} stayed at {what} of {told} for {self.hold:g} s"
+            return f"{robot.axes[index]} stayed at {what} of {bound} for {self.hold:g} s"
 
         return worst(of_axes(robot, "torque"), uses, why)

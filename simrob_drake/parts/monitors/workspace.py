@@ -11,7 +11,7 @@ from simrob_drake.blocks.monitor import Condition
 from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import PoseMonitorSection, worst
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.quantities import Triple
+from simrob_drake.sections import Triple
 
 _AXES = "xyz"
 

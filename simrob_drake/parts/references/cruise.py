@@ -8,17 +8,17 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.blocks.cruise import cruising
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.captions import positions_told
-from simrob_drake.parts.references.reference import Reference, si_positions
+from simrob_drake.parts.captions import shown_positions
+from simrob_drake.parts.references.reference import ReferenceSection, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.quantities import Instant
 from simrob_drake.robots.axis_values import AxisValues, PositiveAxisValues
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.sections import Instant
 
 _ROUNDING = 1e-9
 
 
-class Cruise(Reference):
+class Cruise(ReferenceSection):
     """What cruises to one posture: straight, all axes at the same time, and none beyond its limits."""
 
     kind: str
@@ -31,7 +31,7 @@ class Cruise(Reference):
     start: Instant = 0.0
     """When it begins [s]."""
 
-    def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+    def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Return the trajectory, shape (n, 1) [rad or m].
 
         Raises:
@@ -49,7 +49,7 @@ class Cruise(Reference):
     def caption(self, model: RobotModel) -> str:
         """Return it in words."""
         late = f", from {self.start:g} s" if self.start else ""
-        return f"{self.kind.replace('_', '-')} to {positions_told(self.target_deg, model)}{late}"
+        return f"{self.kind.replace('_', '-')} to {shown_positions(self.target_deg, model)}{late}"
 
 
 class Trapezoid(Cruise):
@@ -72,13 +72,13 @@ class SCurve(Cruise):
 
 def _within(key: str, values: AxisValues | None, robot: ResolvedRobot, limits: Vector, moves: Vector) -> Vector:
     """Return limits (n,) of the axes as the user wants them, of those that move finite and not beyond their own."""
-    wanted = limits if values is None else si_positions(values, robot, limits, f"reference.{key}")
-    for axis, (own, limit) in enumerate(zip(wanted, limits, strict=True)):
-        unit, told = robot.model.user_units[axis], f"{robot.model.unit_names[axis]}/{'s²' if 'acc' in key else 's'}"
+    chosen = limits if values is None else si_positions(values, robot, limits, f"reference.{key}")
+    for axis, (own, limit) in enumerate(zip(chosen, limits, strict=True)):
+        unit, per_time = robot.model.user_units[axis], f"{robot.model.unit_names[axis]}/{'s²' if 'acc' in key else 's'}"
         where = f"reference.{key} of {robot.prefix}{robot.axes[axis]}"
         if own > limit * (1 + _ROUNDING):
             most = f"at most {limit / unit:.5g}, the robot's own limit"
-            raise InvalidParameter(where, f"{own / unit:.5g} {told}", most)
+            raise InvalidParameter(where, f"{own / unit:.5g} {per_time}", most)
         if moves[axis] and not np.isfinite(own):
-            raise InvalidParameter(where, None, f"given [{told}]: the robot's files tell none")
-    return wanted
+            raise InvalidParameter(where, None, f"given [{per_time}]: the robot's files tell none")
+    return chosen

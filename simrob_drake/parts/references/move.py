@@ -6,15 +6,15 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import move
 from simrob_drake.frames import Vector
-from simrob_drake.parts.captions import positions_told
-from simrob_drake.parts.references.reference import Reference, si_positions
+from simrob_drake.parts.captions import shown_positions
+from simrob_drake.parts.references.reference import ReferenceSection, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.quantities import Duration, Instant
 from simrob_drake.robots.axis_values import AxisValues
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.sections import Duration, Instant
 
 
-class ToOnePosture(Reference):
+class ToOnePosture(ReferenceSection):
     """What moves to one posture share."""
 
     kind: str
@@ -25,7 +25,7 @@ class ToOnePosture(Reference):
     start: Instant = 0.0
     """When it begins [s]."""
 
-    def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+    def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Return the trajectory, shape (n, 1) [rad or m]."""
         return self.way(start, si_positions(self.target_deg, robot, start))
 
@@ -36,10 +36,10 @@ class ToOnePosture(Reference):
     def caption(self, model: RobotModel) -> str:
         """Return it in words."""
         late = f", from {self.start:g} s" if self.start else ""
-        return f"{self.kind} to {positions_told(self.target_deg, model)} in {self.duration:g} s{late}"
+        return f"{self.kind} to {shown_positions(self.target_deg, model)} in {self.duration:g} s{late}"
 
 
-class Move(ToOnePosture):
+class SmoothMove(ToOnePosture):
     """Go to a posture with continuous acceleration (a polynomial of degree five), and stay there."""
 
     kind: Literal["move"]

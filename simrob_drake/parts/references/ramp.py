@@ -10,7 +10,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.blocks.references import ramp
 from simrob_drake.frames import Vector
 from simrob_drake.parts.references.move import ToOnePosture
-from simrob_drake.quantities import NotNegative
+from simrob_drake.sections import NotNegative
 
 
 class Ramp(ToOnePosture):

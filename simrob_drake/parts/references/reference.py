@@ -5,13 +5,13 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.axis_values import AxisValues
-from simrob_drake.yaml_files import Strict
+from simrob_drake.sections import Strict
 
 
-class Reference(Strict):
+class ReferenceSection(Strict):
     """A section ``reference``: what a robot is asked to do over time.
 
-    A kind has its key ``kind``, and the methods ``course(robot, start)``, which gives its course over time, and
+    A kind has its key ``kind``, and the methods ``trajectory(robot, start)``, which gives it over time, and
     ``caption(model)``, which tells it in words.
     """
 

@@ -8,15 +8,14 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.arguments import SHORTEST
 from simrob_drake.blocks.references import sequence
 from simrob_drake.frames import Vector
-from simrob_drake.given import SHORTEST
-from simrob_drake.parts.references.reference import Reference, si_positions
+from simrob_drake.parts.references.reference import ReferenceSection, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.quantities import Duration
 from simrob_drake.robots.axis_values import AxisValues
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.yaml_files import Strict
+from simrob_drake.sections import Duration, Strict
 
 
 class Waypoint(Strict):
@@ -28,7 +27,7 @@ class Waypoint(Strict):
     """Posture, per axis; a mapping leaves the other axes where they were."""
 
 
-class Sequence(Reference):
+class Sequence(ReferenceSection):
     """Go through postures, resting at each, with continuous acceleration."""
 
     kind: Literal["sequence"]
@@ -46,7 +45,7 @@ class Sequence(Reference):
         """Return the targets."""
         return {f"targets at {target.time:g} s": target.target_deg for target in self.targets}
 
-    def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+    def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Return the trajectory, shape (n, 1) [rad or m]."""
         postures = [start]
         for waypoint in self.targets:

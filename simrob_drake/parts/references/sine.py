@@ -4,17 +4,17 @@ from typing import Literal
 
 import numpy as np
 
-from simrob_drake.blocks.references import SineCourse
+from simrob_drake.blocks.references import SineReference
 from simrob_drake.frames import Vector
-from simrob_drake.parts.captions import positions_told
-from simrob_drake.parts.references.reference import Reference
+from simrob_drake.parts.captions import shown_positions
+from simrob_drake.parts.references.reference import ReferenceSection
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.quantities import Frequency
 from simrob_drake.robots.axis_values import AxisValues
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.sections import Frequency
 
 
-class SineWave(Reference):
+class SineWave(ReferenceSection):
     """Swing about the initial posture."""
 
     kind: Literal["sine"]
@@ -25,10 +25,10 @@ class SineWave(Reference):
     phase_deg: AxisValues = 0.0
     """Angle at the start, per axis; 0 starts in the middle."""
 
-    def course(self, robot: ResolvedRobot, start: Vector) -> SineCourse:
+    def trajectory(self, robot: ResolvedRobot, start: Vector) -> SineReference:
         """Return the swing about ``start`` (n,) [rad or m]."""
         model = robot.model
-        return SineCourse(
+        return SineReference(
             centre=start,
             amplitude=model.user_units * model.axis_vector(self.amplitude_deg, "reference.amplitude_deg"),
             frequency=self.frequency,
@@ -37,4 +37,4 @@ class SineWave(Reference):
 
     def caption(self, model: RobotModel) -> str:
         """Return it in words."""
-        return f"sine ±{positions_told(self.amplitude_deg, model)}, {self.frequency:g} Hz"
+        return f"sine ±{shown_positions(self.amplitude_deg, model)}, {self.frequency:g} Hz"

@@ -6,12 +6,12 @@ from typing import Literal
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.arguments import SHORTEST
 from simrob_drake.blocks.references import Samples, hermite, table
-from simrob_drake.csv_files import read_columns
 from simrob_drake.errors import InvalidConfig
+from simrob_drake.files import read_columns
 from simrob_drake.frames import Vector
-from simrob_drake.given import SHORTEST
-from simrob_drake.parts.references.reference import Reference
+from simrob_drake.parts.references.reference import ReferenceSection
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
 
@@ -22,7 +22,7 @@ _MOST_VALUES = 500_000
 Interpolation = Literal["cubic", "linear", "hermite"]
 
 
-class Table(Reference):
+class Table(ReferenceSection):
     """Follow a CSV file: a column `time` [s] and one for each axis [rad], named as the axis."""
 
     kind: Literal["table"]
@@ -32,7 +32,7 @@ class Table(Reference):
     """Cubic: a spline with continuous acceleration. Linear: straight lines. Hermite: cubics with the speeds [rad/s]
     that stand in a column `v.<axis>` for each axis."""
 
-    def course(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
+    def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Return the trajectory, shape (n, 1) [rad or m]; the table says where it begins."""
         times, values = self.rows(robot.axes)
         if self.interpolation == "hermite":
@@ -57,8 +57,8 @@ class Table(Reference):
         close = np.flatnonzero(np.diff(times) < SHORTEST)
         if close.size:
             before, after = times[close[0] : close[0] + 2]
-            told = f"time {after:g} s after {before:g} s; times must rise by {SHORTEST:g} s or more from row to row"
-            raise InvalidConfig(self.file, f"line {lines[close[0] + 1]}", told)
+            message = f"time {after:g} s after {before:g} s; times must rise by {SHORTEST:g} s or more from row to row"
+            raise InvalidConfig(self.file, f"line {lines[close[0] + 1]}", message)
         return times, values[:, 1:]
 
     def caption(self, model: RobotModel) -> str:

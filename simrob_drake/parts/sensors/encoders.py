@@ -18,7 +18,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.sensors.sampled import SampledSensor, normal, rounded
 from simrob_drake.parts.sensors.sensor import axis_names
 from simrob_drake.parts.site import Site, Surroundings
-from simrob_drake.quantities import NotNegative
+from simrob_drake.sections import Integer, NotNegative
 from simrob_drake.signals import Panel, Signal
 
 
@@ -34,7 +34,7 @@ class Encoders(SampledSensor):
     """Standard deviation of a position [deg, or m]."""
     smoothing: NotNegative = 0.0
     """Time constant of the speeds' low-pass filter [s]."""
-    seed: int = Field(default=0, ge=0)
+    seed: Integer = Field(default=0, ge=0)
     """Of the noise: the same seed, the same figures."""
 
     def check(self, key: str, station: Surroundings) -> None:
@@ -60,7 +60,7 @@ class Encoders(SampledSensor):
             label = f"{output} [{', '.join(dict.fromkeys(units))}]"
             panel = Panel(f"encoders_{name}", f"the encoders '{name}'", output, label, names)
             signals[output] = Signal(names, units, "motion", part=name, panel=panel)
-        inputs = {"position": site.outputs[f"{robot.prefix}position"]}
+        inputs = {"position": site.port(builder, f"{robot.prefix}position")}
         self._give(builder, site, name, block=block, title="Encoders", inputs=inputs, signals=signals, robot=robot)
         site.notes[name] = {"kind": self.kind}
 
@@ -110,7 +110,8 @@ class JointEncoders(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the encoders tell now."""
         count = int(memory["count"][0])
-        told = rounded(read["position"] + self._noise * normal(self.seed, count, len(self._noise)), self._resolution)
-        difference = (told - memory["position"]) / self.period if count else np.zeros(len(told))
+        noise = self._noise * normal(self.seed, count, len(self._noise))
+        position = rounded(read["position"] + noise, self._resolution)
+        difference = (position - memory["position"]) / self.period if count else np.zeros_like(position)
         velocity = memory["velocity"] + self._share * (difference - memory["velocity"])
-        return {"position": told, "velocity": velocity, "count": count + 1}
+        return {"position": position, "velocity": velocity, "count": count + 1}

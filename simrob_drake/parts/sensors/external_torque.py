@@ -8,7 +8,7 @@ from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.parts.sensors.sampled import SampledSensor
 from simrob_drake.parts.sensors.sensor import axis_names
 from simrob_drake.parts.site import Site, Surroundings
-from simrob_drake.quantities import Positive
+from simrob_drake.sections import Positive
 from simrob_drake.signals import Signal, sensor_panel
 
 

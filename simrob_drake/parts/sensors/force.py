@@ -18,12 +18,12 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.parts.sensors.momentum_balance import Balance
+from simrob_drake.parts.sensors.momentum_balance import MomentumBalance
 from simrob_drake.parts.sensors.sampled import normal, rounded
 from simrob_drake.parts.sensors.sensor import ShapeSensor, axis_names, check_contact, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
-from simrob_drake.quantities import NotNegative
+from simrob_drake.sections import Integer, NotNegative
 from simrob_drake.signals import Signal, sensor_panel
 
 _CONTACTS = "contacts"
@@ -52,7 +52,7 @@ class Force(ShapeSensor):
     """Likewise [N·m]."""
     delay: NotNegative = 0.0
     """How late it tells them [s], to the nearest sample."""
-    seed: int = Field(default=0, ge=0)
+    seed: Integer = Field(default=0, ge=0)
     """Of the noise: the same seed, the same figures."""
 
     @property
@@ -89,9 +89,9 @@ class Force(ShapeSensor):
         wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
         site.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
         split = Demultiplexer([3, 3])
-        fed(builder, f"sensor.{name}.split", split, self._told(builder, f"sensor.{name}.hold", wrench))
+        fed(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
         tangential = self._tangential(site, body[0])
-        balance = Balance(site, frame, body, other) if tangential == "momentum balance" else None
+        balance = MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
         site.notes[name]["tangential"] = tangential
         across = "" if tangential == "contact" else f" (along the surface: {tangential})"
         names, moments = axis_names("force", name), axis_names("moment", name)
@@ -108,7 +108,7 @@ class Force(ShapeSensor):
         moment = Signal(moments, ("N·m",) * 3, "moment", f"moment.{name}", part=name)
         site.add(f"moment.{name}", split.get_output_port(1), moment)
 
-    def _told(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
+    def _reported(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
         """Return what the sensor tells of a wrench (6)."""
         if self.rate is None or not self._errs:
             return sampled(builder, name, wrench, self.rate)
@@ -157,8 +157,8 @@ class MeasuredWrench(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the sensor tells now."""
         count = int(memory["count"].item())
-        told = rounded(read["wrench"] + self._noise * normal(self.seed, count, 6), self._resolution)
-        return {"wrench": told, "count": count + 1}
+        measured = rounded(read["wrench"] + self._noise * normal(self.seed, count, 6), self._resolution)
+        return {"wrench": measured, "count": count + 1}
 
 
 def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:

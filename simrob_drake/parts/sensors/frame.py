@@ -26,7 +26,7 @@ from simrob_drake.lifetime import weakly
 from simrob_drake.parts.sensors.sensor import Sensor, axis_names, sensor_label
 from simrob_drake.parts.site import WORLD, Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
-from simrob_drake.quantities import ORIGIN, Pose
+from simrob_drake.sections import ORIGIN, Boolean, Pose
 from simrob_drake.signals import Panel, Signal
 
 Axes = Literal["world", "base", "frame"]
@@ -50,7 +50,7 @@ class FrameSensor(Sensor):
     """Pose of that in its frame."""
     axes: Axes = "base"
     """In whose axes position and velocities are told: `world`, `base` or `frame`."""
-    turning: bool = True
+    turning: Boolean = True
     """Whether the velocity is that which one sees who turns with these axes; else that which the world sees."""
 
     def check(self, key: str, station: Surroundings) -> None:

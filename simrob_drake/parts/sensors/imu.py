@@ -24,7 +24,7 @@ from simrob_drake.parts.sensors.sampled import SampledSensor, normal
 from simrob_drake.parts.sensors.sensor import axis_names
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
-from simrob_drake.quantities import NotNegative
+from simrob_drake.sections import Integer, NotNegative
 from simrob_drake.signals import Panel, Signal
 
 _PARTS = {
@@ -43,7 +43,7 @@ class Imu(SampledSensor):
     kind: Literal["imu"]
     frame: str | None = None
     """A link or a tool of a robot, or a piece (its TCP); the root link of the only robot unless given."""
-    seed: int = Field(default=0, ge=0)
+    seed: Integer = Field(default=0, ge=0)
     """Of noise and biases: the same seed, the same figures."""
     accelerometer_noise: NotNegative = 0.0
     """Standard deviation of a sample of each axis [m/s²]."""
@@ -151,5 +151,5 @@ class InertialUnit(SampledBlock):
         rates = pose.rotation().inverse() @ motion.rotational()
         wrong = self._bias * normal(self.seed, 0, 6) + self._noise * normal(self.seed, count + 1, 6)
         measured = np.concatenate([force, rates]) + wrong
-        told = {"specific_force": measured[:3], "angular_velocity": measured[3:], "orientation": orientation}
-        return {**told, "velocity": velocity, "count": count + 1}
+        outputs = {"specific_force": measured[:3], "angular_velocity": measured[3:], "orientation": orientation}
+        return {**outputs, "velocity": velocity, "count": count + 1}

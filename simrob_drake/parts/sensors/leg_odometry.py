@@ -40,7 +40,7 @@ from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_fro
 from simrob_drake.parts.sensors.sampled import SampledSensor
 from simrob_drake.parts.sensors.sensor import axis_names
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings, named
-from simrob_drake.quantities import Positive
+from simrob_drake.sections import Boolean, Positive
 from simrob_drake.signals import Panel, Signal
 
 _COUNTS = 0.003
@@ -75,7 +75,7 @@ class LegOdometry(SampledSensor):
     """Speed over the ground at which a point of the feet counts half as much as at rest [m/s]."""
     velocity_time: Positive = 0.1
     """Time constant τ with which the velocity follows the feet [s]."""
-    level: bool | None = None
+    level: Boolean | None = None
     """Whether the ground is level, at z = 0, which keeps the height from drifting; as the floor is unless given."""
 
     def read(self, sensors: Mapping[str, Any]) -> dict[str, str]:
@@ -94,9 +94,9 @@ class LegOdometry(SampledSensor):
             raise InvalidParameter(key, f"of {robot.model.name}", "of a robot that stands on feet of its own")
         kinds = {"imu": "imu", "encoders": "encoders", **dict.fromkeys(robot.feet.links, "force")}
         for what in dict.fromkeys(["imu", "encoders", *self.reads]):
-            kind, told = kinds[one_of(f"input for {key}.reads", what, kinds)], f"{key}.reads.{what}"
+            kind, where = kinds[one_of(f"input for {key}.reads", what, kinds)], f"{key}.reads.{what}"
             known = _of_kind(station.sensors, kind)
-            named(self.reads.get(what), known, kind=f"sensor of kind {kind} for {told}", key=told)
+            named(self.reads.get(what), known, kind=f"sensor of kind {kind} for {where}", key=where)
         feet = [foot for foot in robot.feet.links if foot in self.reads]
         if feet and len(feet) < len(robot.feet.links):
             raise InvalidParameter(f"{key}.reads", f"with {', '.join(feet)}", "with all feet, or none")
@@ -254,19 +254,19 @@ class BaseEstimator(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return where the base is now."""
         pose, motion, period, soles = memory["base_pose"], memory["base_velocity"], self.period, self._soles
-        told = {name: read[name] for name in self._reads}
-        if not math.isfinite(np.concatenate([*told.values()]).sum()):
+        measured = {name: read[name] for name in self._reads}
+        if not math.isfinite(np.concatenate([*measured.values()]).sum()):
             place = pose[:3] + period * motion[:3]
             return {"base_pose": np.concatenate([place, pose[3:]]), "shares": np.zeros(len(soles.arms))}
-        turn, before = told["orientation"], pose[3:]
+        turn, before = measured["orientation"], pose[3:]
         turned, middle = _rotation(turn), _rotation(before + math.copysign(1.0, before @ turn) * turn)
-        change = period * (middle @ (told["specific_force"] - memory["bias"]) + self._gravity)
+        change = period * (middle @ (measured["specific_force"] - memory["bias"]) + self._gravity)
         step, speed = period * (motion[:3] + change / 2), motion[:3] + change
-        poses = soles.poses(told["position"], turned)
+        poses = soles.poses(measured["position"], turned)
         lowest, places = soles.arms.copy(), (poses @ soles.arms[:, :, np.newaxis])[:, :, 0]
         lowest[:, :3] -= soles.radius * poses[:, 2, :3]
         places[:, 2] -= soles.radius
-        shares = self._shares(places[:, 2], told)
+        shares = self._shares(places[:, 2], measured)
         moved = (poses @ memory["lowest"].reshape(lowest.shape)[:, :, np.newaxis])[:, :, 0]
         errors = memory["places"].reshape(places.shape) - moved - step
         weights = shares * memory["shares"] / (1.0 + (errors * errors).sum(axis=1) / self._slips)
@@ -278,20 +278,20 @@ class BaseEstimator(SampledBlock):
             step[2] -= trust * self._settle * (pose[2] + step[2] + weights @ places[:, 2] / total)
         return {
             "base_pose": np.concatenate([pose[:3] + step, turn]),
-            "base_velocity": np.concatenate([speed, turned @ told["angular_velocity"]]),
+            "base_velocity": np.concatenate([speed, turned @ measured["angular_velocity"]]),
             "bias": bias,
             "lowest": lowest.ravel(),
             "places": places.ravel(),
             "shares": shares,
         }
 
-    def _shares(self, heights: Vector, told: Named) -> Vector:
+    def _shares(self, heights: Vector, read: Named) -> Vector:
         """Return how much each point counts by how low it is, and by the force on its foot, shape (k,)."""
         if self._force is None:
             return np.asarray(np.exp((heights.min() - heights) / _COUNTS))
         shares = np.empty(len(heights))
         for foot, part in self._soles.feet.items():
-            own, force = heights[part], told[foot]
+            own, force = heights[part], read[foot]
             shares[part] = min(math.sqrt(force @ force) / self._force, 1.0) * np.exp((own.min() - own) / _COUNTS)
         return shares
 

@@ -20,7 +20,7 @@ from simrob_drake.signals import Recorded
 _NO_LOAD = 1e-9  # N
 
 
-class Balance:
+class MomentumBalance:
     """What one sensor has of the friction on its model.
 
     What sensors have in common, contacts and momenta, is worked out once a run: it lies in the run's memo.

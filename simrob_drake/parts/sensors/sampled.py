@@ -11,7 +11,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.lifetime import release_with
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
 from simrob_drake.parts.site import Site, StationRobot
-from simrob_drake.quantities import NotNegative, Positive
+from simrob_drake.sections import Boolean, NotNegative, Positive
 from simrob_drake.signals import Compute, Recorded, Signal
 
 
@@ -20,7 +20,7 @@ class SampledSensor(Sensor):
 
     rate: Positive = 200.0
     """Samples a second [Hz]."""
-    in_loop: bool = False
+    in_loop: Boolean = False
     """Sample while stepping, so that blocks can read it; otherwise it is computed after the run and costs nothing."""
 
     delay: NotNegative = 0.0

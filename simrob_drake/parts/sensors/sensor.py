@@ -9,8 +9,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 from simrob_drake.blocks.wiring import fed
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.quantities import Positive
-from simrob_drake.yaml_files import Strict
+from simrob_drake.sections import Positive, Strict
 
 
 class Sensor(Strict):

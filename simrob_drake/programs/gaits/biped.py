@@ -1,56 +1,58 @@
 """Walking on two legs: footsteps, and the posture for every moment of them."""
 
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.feet import Foot
+from simrob_drake.programs.gaits.gait import SteppingGait
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import Walk
-from simrob_drake.programs.gaits.phases import Phase, check_steps, course, on_path, ramp_shares
+from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
-from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.sections import Number, Positive
 
 SIDES = ("right_foot", "left_foot")
 """Who steps first, and who next."""
 
 
-def walk(
-    robot: str | RobotModel | Walker, steps: int, name: str = "walk", *, amplitude: float = 1.0, **changes: Any
-) -> JointMotion:
-    """Plan a walk of a robot with two legs.
+class BipedWalk(SteppingGait):
+    """A walk on two legs."""
 
-    Args:
-        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
-        steps: how many full steps ahead; ``ramp_steps`` and the one that brings the feet side by side come in addition.
-        name: of the walk in the robot's `gaits.yaml`.
-        amplitude: scales length, way sideways and turn of the steps.
-        changes: parameters of :class:`Walk` to change.
+    section: ClassVar[str] = "walks"
+    usual: ClassVar[str] = "walk"
 
-    Raises:
-        OutOfReach: steps that are too long or too high for the legs.
-        InvalidParameter: a robot that cannot walk so.
-        UnknownName: no such walk.
-    """
-    walker = Walker.of(robot)
-    gait: Walk = walker.gait("walks", name, changes, amplitude)
-    return planned_walk(walker, steps, gait)[0]
+    lift: Positive = 0.03
+    """Height of the swinging foot [m]."""
+    double_support: Positive = 0.2
+    """Part of a step in which both feet stand."""
+    zmp_inward: Number = 0.0
+    """How far inside of the middle of each foot the zero-moment point goes [m]."""
+    zmp_ahead: Number = 0.0
+    """How far ahead of the middle of each foot it goes [m]."""
+
+    def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
+        """Return its motion."""
+        return planned_walk(walker, steps, self)[0]
 
 
-def planned_walk(walker: Walker, steps: int, gait: Walk) -> tuple[JointMotion, Vector, Vector]:
+walk = BipedWalk.planned
+"""Plan a walk; ``ramp_steps`` steps and one that brings the feet side by side come in addition to the full ones."""
+
+
+def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> tuple[JointMotion, Vector, Vector]:
     """Return a walk, and its zero-moment point as asked for and as planned, each (m, 2) [m]."""
     feet = {foot.name: foot for foot in walker.feet(gait.feet)}
     _check(walker.model.name, steps, gait, feet)
     start = {name: np.array([0.0, foot.home[1] + foot.side * gait.widen, 0.0]) for name, foot in feet.items()}
-    way = course(start, np.array([gait.zmp_ahead, 0.0]), _phases(steps, gait, start))
+    way = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _phases(steps, gait, start))
     motion, zmp = WholeBody(walker, gait, way).solve()
     return motion, way.zmp, zmp
 
 
-def _phases(steps: int, gait: Walk, start: dict[str, Vector]) -> list[Phase]:
+def _phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[Phase]:
     shift = gait.double_support * gait.step_time
     place = {name: at.copy() for name, at in start.items()}
     pose = np.zeros(3)
@@ -76,7 +78,7 @@ def _phases(steps: int, gait: Walk, start: dict[str, Vector]) -> list[Phase]:
     return phases
 
 
-def _check(robot: str, steps: int, gait: Walk, feet: dict[str, Foot]) -> None:
+def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> None:
     if sorted(feet) != sorted(SIDES):
         raise InvalidParameter(f"robot {robot}", f"one with {len(feet)} feet", "one with two feet, to walk so")
     check_steps(steps)

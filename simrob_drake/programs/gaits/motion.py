@@ -9,10 +9,10 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import hermite
 from simrob_drake.frames import Vector, poses_from_matrices
-from simrob_drake.parts.monitors import Fall
-from simrob_drake.paths import models_root
+from simrob_drake.parts.monitors.fall import Fall
+from simrob_drake.paths import ROBOT_FILE, models_root
 from simrob_drake.robots.axis_values import AxisValues
-from simrob_drake.robots.catalog import ROBOT_FILE, RobotModel
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
 from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
@@ -20,7 +20,7 @@ from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig
 MAX_STEP = 0.005
 """Of the scheme `cenic` [s]: references stand still over a step. Steps of this length are as good as longer ones with
 error control, which work out each step thrice, and take half to three quarters of their time."""
-_BESIDE = 1.0  # floor beyond the way that a motion goes [m]
+_FLOOR_AROUND = 1.0  # floor beyond the way that a motion goes [m]
 
 
 @dataclass(frozen=True)
@@ -74,18 +74,19 @@ class JointMotion:
             "robot.base": poses_from_matrices(self.root)[0].tolist(),
             "robot.initial_deg": np.rad2deg(self.positions[0]).tolist(),
             "duration": self.duration,
+            "program": None,
         }
         if self.feet is not None:
             settings["robot.feet"] = self.feet
         if self.model.folder != models_root() / self.model.name:
             settings["robot.model"] = str(self.model.folder / ROBOT_FILE)
-        given = overrides or {}
-        config = load_station(name or f"{self.model.name}_dynamic", {**settings, **given})
-        nested = {f"{key}.{inner}" for key, value in given.items() if isinstance(value, Mapping) for inner in value}
-        return self.adapted(config, ONLY_ROBOT, given={*given, *nested})
+        changes = overrides or {}
+        config = load_station(name or f"{self.model.name}_dynamic", {**settings, **changes})
+        nested = {f"{key}.{inner}" for key, value in changes.items() if isinstance(value, Mapping) for inner in value}
+        return self.adapted(config, ONLY_ROBOT, changed={*changes, *nested})
 
     def adapted(
-        self, config: StationConfig, robot: str, *, start: float = 0.0, given: Collection[str] = ()
+        self, config: StationConfig, robot: str, *, start: float = 0.0, changed: Collection[str] = ()
     ) -> StationConfig:
         """Return a station on which a robot can perform the motion; a kinematic one is as it was.
 
@@ -97,41 +98,41 @@ class JointMotion:
             config: the station.
             robot: who performs.
             start: how far from the world's origin [m].
-            given: dotted keys of what stays as it is.
+            changed: dotted keys of what stays as it is.
         """
         if config.mode == "kinematic":
             return config
-        gains = {key: value for key, value in self.servo.items() if f"servo.{key}" not in given}
+        gains = {key: value for key, value in self.servo.items() if f"servo.{key}" not in changed}
         servo = ServoConfig(**{**config.servo_of(robot).model_dump(exclude_unset=True), **gains})
         entry = config.robots[robot].model_copy(update={"servo": servo})
         changes: dict[str, Any] = {"robots": {**config.robots, robot: entry}}
-        if config.floor is not None and "floor.size" not in given:
+        if config.floor is not None and "floor.size" not in changed:
             way = np.linalg.norm(self.root[:, :2, 3] - self.root[0, :2, 3], axis=1).max()
-            size = max(config.floor.size, float(np.ceil(2.0 * (start + way + _BESIDE))))
+            size = max(config.floor.size, float(np.ceil(2.0 * (start + way + _FLOOR_AROUND))))
             changes["floor"] = config.floor.model_copy(update={"size": size})
-        if self.feed_velocity and "inputs" not in given:
+        if self.feed_velocity and "inputs" not in changed:
             changes["inputs"] = tuple(dict.fromkeys((*config.inputs, "reference_velocity")))
-        if self.falls and "monitors" not in given:
+        if self.falls and "monitors" not in changed:
             changes["monitors"] = {
                 name: each
                 for name, each in config.monitors.items()
                 if not (isinstance(each, Fall) and each.faller(config.only_robot) == robot)
             }
-        return config.model_copy(update={**changes, "solver": short_steps(config.solver, given)})
+        return config.model_copy(update={**changes, "solver": short_steps(config.solver, changed)})
 
 
-def short_steps(solver: SolverConfig, given: Collection[str] = ()) -> SolverConfig:
+def short_steps(solver: SolverConfig, changed: Collection[str] = ()) -> SolverConfig:
     """Return a solver whose steps are short enough for servos to follow; another one than `cenic` as it is.
 
     Args:
         solver: the station's.
-        given: dotted keys of what stays as it is.
+        changed: dotted keys of what stays as it is.
     """
     if not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
         return solver
     steps: dict[str, Any] = {}
-    if "solver.max_step" not in given:
+    if "solver.max_step" not in changed:
         steps["max_step"] = min(solver.max_step, MAX_STEP)
-    if "solver.accuracy" not in given and "error_control" not in solver.model_fields_set:
+    if "solver.accuracy" not in changed and "error_control" not in solver.model_fields_set:
         steps["error_control"] = False
     return solver.model_copy(update=steps)

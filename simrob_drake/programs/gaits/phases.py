@@ -5,12 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from simrob_drake.arguments import whole
 from simrob_drake.blocks.references import smooth
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
 SAMPLE = 0.01
 """Time between the samples of a plan [s]."""
+_LONGEST, _MOST_STEPS = 1000.0, 10_000  # of a plan [s], which takes 50 ms of the processor for a second of it
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class Course:
+class GaitPlan:
     """What feet, trunk and zero-moment point do, at m equal steps of time."""
 
     times: Vector  # shape (m,) [s]
@@ -51,7 +53,7 @@ class Course:
     heading: Vector  # of the trunk, shape (m,) [rad]
 
 
-def course(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> Course:
+def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> GaitPlan:
     """Lay phases end to end.
 
     Args:
@@ -66,7 +68,7 @@ def course(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> 
     if not phases:
         raise InvalidParameter("phases", "empty", "at least one")
     ends = np.cumsum([phase.duration for phase in phases])
-    times = np.arange(round(ends[-1] / SAMPLE) + 1) * SAMPLE
+    times = samples(float(ends[-1]))
     paths = {name: np.tile([*place[:2], 0.0, place[2]], (len(times), 1)) for name, place in feet.items()}
     point, heading = np.tile(zmp, (len(times), 1)), np.zeros(len(times))
     for phase, end in zip(phases, ends, strict=True):
@@ -82,7 +84,7 @@ def course(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> 
             path[:, [0, 1, 3]] += smooth(share)[:, np.newaxis] * (place - path[:, [0, 1, 3]])
             path[:, 2] = phase.lift * _bump(share * length, length, phase.hold)
             paths[name][later] = path
-    return Course(times, paths, point, heading)
+    return GaitPlan(times, paths, point, heading)
 
 
 def _bump(since: Vector, length: float, hold: float) -> Vector:
@@ -98,14 +100,24 @@ def _ratio(part: Vector, whole: float) -> Vector:
     return np.clip(part / whole, 0.0, 1.0) if whole > 0 else np.asarray(part >= 0, dtype=float)
 
 
+def samples(duration: float) -> Vector:
+    """Return the times of the samples of a plan, shape (m,) [s].
+
+    Raises:
+        InvalidParameter: a plan of no time, or of more than is planned at once.
+    """
+    if not 0 < duration <= _LONGEST:
+        raise InvalidParameter("gait", f"{duration:.6g} s long", f"at most {_LONGEST:g} s long; take fewer steps")
+    return np.arange(round(duration / SAMPLE) + 1, dtype=float) * SAMPLE
+
+
 def check_steps(steps: int) -> None:
     """Check that a gait goes some steps.
 
     Raises:
-        InvalidParameter: it does not.
+        InvalidParameter: it does not, or more than are planned at once.
     """
-    if steps < 1:
-        raise InvalidParameter("steps", steps, "at least 1")
+    whole(steps, "steps", 1, _MOST_STEPS)
 
 
 def on_path(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float = 0.0) -> Vector:

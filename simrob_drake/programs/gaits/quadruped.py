@@ -1,17 +1,19 @@
 """Walking on four legs: the trot, the crawl, and standing on three."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
+from simrob_drake.programs.gaits.gait import OneFootGait, Pace, SolvedGait, SteppingGait
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import Crawl, Stand, Trot
-from simrob_drake.programs.gaits.phases import Phase, check_steps, course, on_path, ramp_shares
+from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.sections import Integer, Number, Positive
 
 PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left_foot"))
 """Feet that a trot swings together."""
@@ -19,106 +21,121 @@ CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_ri
 """Each hind foot comes before the fore foot of its side: then the trunk always has three feet about it."""
 
 
-def trot(
-    robot: str | RobotModel | Walker, steps: int, name: str = "trot", *, amplitude: float = 1.0, **changes: Any
-) -> JointMotion:
-    """Plan a trot: diagonal pairs in turn; the last step brings the feet under the hips.
+class Trot(SteppingGait):
+    """A gait on four legs, diagonal pairs in turn."""
 
-    Args:
-        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
-        steps: how many full steps ahead; ``ramp_steps`` and the last one come in addition.
-        name: of the trot in the robot's `gaits.yaml`.
-        amplitude: scales length, way sideways and turn of the steps.
-        changes: parameters of :class:`Trot` to change.
+    section: ClassVar[str] = "trots"
+    usual: ClassVar[str] = "trot"
 
-    Raises:
-        OutOfReach: steps that are too long or too high for the legs.
-        InvalidParameter: a robot that has other than four feet, or too few steps.
-        UnknownName: no such trot.
-    """
-    walker = Walker.of(robot)
-    gait: Trot = walker.gait("trots", name, changes, amplitude)
-    check_steps(steps)
-    start = _stance(walker, gait)
-    phases, pose = [Phase(gait.settle, np.zeros(2), 0.0)], np.zeros(3)
-    move = np.array([gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)])
-    stand = gait.all_stand * gait.step_time
-    for number, share in enumerate(ramp_shares(steps, gait.ramp_steps)):
-        landing = on_path(pose, *(share * move))
-        between = on_path((pose + landing) / 2, *(share * gait.lead * move))  # of pairs that stand and that land
-        goals = {foot: on_path(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
-        *over, heading = between
-        time = gait.step_time
-        phases.append(Phase(time, np.array(over), time, goals, lift=gait.lift, rest=stand, heading=heading))
-        pose = landing
-    phases.append(Phase(gait.settle + gait.rest, pose[:2], gait.settle, heading=pose[2]))
-    return _solved(walker, gait, start, phases)
+    ramp_steps: Integer = Field(default=4, ge=0)
+    """Steps in which the step length grows at the start and shrinks at the end, which go in addition."""
+    lift: Positive = 0.05
+    """Height of the swinging feet [m]."""
+    lead: Number = 0.0
+    """How far the trunk runs ahead of the middle of its feet, as a part of the step."""
+    all_stand: Positive = 0.1
+    """Part of a step in which all feet stand."""
+
+    def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
+        """Return its motion."""
+        check_steps(steps)
+        start = _stance(walker, self)
+        phases, pose = [Phase(self.settle, np.zeros(2), 0.0)], np.zeros(3)
+        move = np.array([self.step_length, self.sideways, np.deg2rad(self.turn_deg)])
+        stand = self.all_stand * self.step_time
+        for number, share in enumerate(ramp_shares(steps, self.ramp_steps)):
+            landing = on_path(pose, *(share * move))
+            between = on_path((pose + landing) / 2, *(share * self.lead * move))  # of pairs that stand and that land
+            goals = {foot: on_path(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
+            *over, heading = between
+            time = self.step_time
+            phases.append(Phase(time, np.array(over), time, goals, lift=self.lift, rest=stand, heading=heading))
+            pose = landing
+        phases.append(Phase(self.settle + self.rest, pose[:2], self.settle, heading=pose[2]))
+        return _solved(walker, self, start, phases)
+
+
+class Crawl(OneFootGait):
+    """A gait on four legs, one leg at a time."""
+
+    section: ClassVar[str] = "crawls"
+    steps: ClassVar[bool] = True
+    scaled: ClassVar[tuple[str, ...]] = ("stride",)
+    pace: ClassVar[str] = "leg_time"
+
+    leg_time: Pace
+    """From one leg's footfall to the next one's [s]."""
+    stride: Number = 0.0
+    """How far each leg goes when its turn comes [m]."""
+    lift: Positive = 0.04
+    """Height of the swinging foot [m]."""
+    shift: Positive = 0.6
+    """Part of the leg's time in which all feet stand and the trunk goes over the next three."""
+    settle: Pace = 0.8
+    """Time to stand before the first leg and after the last one [s]."""
+
+    def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
+        """Return its motion."""
+        check_steps(steps)
+        start = _stance(walker, self)
+        place = {foot: at.copy() for foot, at in start.items()}
+        shift = self.shift * self.leg_time
+        phases = [Phase(self.settle, np.zeros(2), 0.0)]
+        for number in range(steps):
+            swinging = CRAWL_ORDER[number % 4]
+            triangle = np.array([place[foot][:2] for foot in place if foot != swinging])
+            middle = np.mean([at[:2] for at in place.values()], axis=0)
+            goal, over = on_path(place[swinging], self.stride), moved_inside(middle, triangle, self.inside)
+            phases.append(Phase(self.leg_time, over, shift, {swinging: goal}, lift=self.lift, delay=shift))
+            place[swinging] = goal
+        end = np.mean([at[:2] for at in place.values()], axis=0)
+        phases.append(Phase(self.settle + self.rest, end, self.settle))
+        return _solved(walker, self, start, phases)
+
+
+class Stand(OneFootGait):
+    """Standing on three legs."""
+
+    section: ClassVar[str] = "stands"
+
+    foot: str
+    """Which foot is up."""
+    height: Positive = 0.03
+    """How high [m]."""
+    seconds: Pace = 5.0
+    """How long it stays there [s]."""
+
+    def plan(self, walker: Walker, steps: int = 0, amplitude: float = 1.0) -> JointMotion:
+        """Return its motion."""
+        start, foot = _stance(walker, self), self.foot
+        if foot not in start:
+            raise UnknownName(f"foot of {walker.model.name}", foot, start)
+        triangle = np.array([at[:2] for other, at in start.items() if other != foot])
+        over = moved_inside(np.zeros(2), triangle, self.inside)
+        rise = 0.6
+        phases = [
+            Phase(0.5, np.zeros(2), 0.0),
+            Phase(1.0, over, 1.0),
+            Phase(self.seconds + 2 * rise, over, 0.0, {foot: start[foot]}, lift=self.height, hold=self.seconds),
+            Phase(1.0 + self.rest, np.zeros(2), 1.0),
+        ]
+        return _solved(walker, self, start, phases)
+
+
+trot = Trot.planned
+"""Plan a trot; ``ramp_steps`` steps and one that brings the feet under the hips come in addition to the full ones."""
 
 
 def crawl(
     robot: str | RobotModel | Walker, legs: int, name: str = "crawl", *, amplitude: float = 1.0, **changes: Any
 ) -> JointMotion:
-    """Plan a crawl: one leg after the other, the zero-moment point well inside of the other three feet.
-
-    Args:
-        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
-        legs: how many legs swing in all; a multiple of four ends as it began.
-        name: of the crawl in the robot's `gaits.yaml`.
-        amplitude: scales the stride.
-        changes: parameters of :class:`Crawl` to change.
-
-    Raises:
-        OutOfReach: strides that are too long or too high for the legs.
-        InvalidParameter: a robot that has other than four feet, or no legs to swing.
-        UnknownName: no such crawl.
-    """
-    walker = Walker.of(robot)
-    gait: Crawl = walker.gait("crawls", name, changes, amplitude)
-    check_steps(legs)
-    start = _stance(walker, gait)
-    place = {foot: at.copy() for foot, at in start.items()}
-    shift = gait.shift * gait.leg_time
-    phases = [Phase(gait.settle, np.zeros(2), 0.0)]
-    for number in range(legs):
-        swinging = CRAWL_ORDER[number % 4]
-        triangle = np.array([place[foot][:2] for foot in place if foot != swinging])
-        middle = np.mean([at[:2] for at in place.values()], axis=0)
-        goal, over = on_path(place[swinging], gait.stride), moved_inside(middle, triangle, gait.inside)
-        phases.append(Phase(gait.leg_time, over, shift, {swinging: goal}, lift=gait.lift, delay=shift))
-        place[swinging] = goal
-    end = np.mean([at[:2] for at in place.values()], axis=0)
-    phases.append(Phase(gait.settle + gait.rest, end, gait.settle))
-    return _solved(walker, gait, start, phases)
+    """Plan a crawl in which so many legs swing, a multiple of four to end as it began; see :meth:`Gait.planned`."""
+    return Crawl.planned(robot, legs, name, amplitude=amplitude, **changes)
 
 
 def three_legs(robot: str | RobotModel | Walker, name: str = "three_legs", **changes: Any) -> JointMotion:
-    """Plan to lift one foot and stand on the other three.
-
-    Args:
-        robot: its name, its model, or a :class:`Walker` that tells what it carries and on what slope.
-        name: of the stand in the robot's `gaits.yaml`.
-        changes: parameters of :class:`Stand` to change, such as ``foot``.
-
-    Raises:
-        OutOfReach: a foot that cannot be lifted so high.
-        UnknownName: no such stand or foot.
-        InvalidConfig: a height or a time that is not positive.
-    """
-    walker = Walker.of(robot)
-    gait: Stand = walker.gait("stands", name, changes)
-    start, foot = _stance(walker, gait), gait.foot
-    if foot not in start:
-        raise UnknownName(f"foot of {walker.model.name}", foot, start)
-    triangle = np.array([at[:2] for other, at in start.items() if other != foot])
-    over = moved_inside(np.zeros(2), triangle, gait.inside)
-    rise = 0.6
-    phases = [
-        Phase(0.5, np.zeros(2), 0.0),
-        Phase(1.0, over, 1.0),
-        Phase(gait.seconds + 2 * rise, over, 0.0, {foot: start[foot]}, lift=gait.height, hold=gait.seconds),
-        Phase(1.0 + gait.rest, np.zeros(2), 1.0),
-    ]
-    return _solved(walker, gait, start, phases)
+    """Plan to lift one foot, the parameter ``foot``, and stand on the other three; see :meth:`Gait.planned`."""
+    return Stand.planned(robot, 0, name, **changes)
 
 
 def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
@@ -145,9 +162,9 @@ def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     return min(inside, key=lambda place: float(np.linalg.norm(place - point)))
 
 
-def _stance(walker: Walker, gait: Trot | Crawl | Stand) -> dict[str, Vector]:
+def _stance(walker: Walker, gait: SolvedGait) -> dict[str, Vector]:
     """Return where the feet stand about the middle of them, shape (3,) each [m, rad]."""
-    feet = walker.feet()
+    feet = walker.feet(gait.feet)
     if sorted(foot.name for foot in feet) != sorted(CRAWL_ORDER):
         raise InvalidParameter(
             f"robot {walker.model.name}", f"one with {len(feet)} feet", "one with four feet, to walk so"
@@ -155,6 +172,6 @@ def _stance(walker: Walker, gait: Trot | Crawl | Stand) -> dict[str, Vector]:
     return {foot.name: np.array([foot.home[0], foot.home[1] + foot.side * gait.widen, 0.0]) for foot in feet}
 
 
-def _solved(walker: Walker, gait: Trot | Crawl | Stand, start: dict[str, Vector], phases: list[Phase]) -> JointMotion:
-    way = course(start, np.zeros(2), phases)
+def _solved(walker: Walker, gait: SolvedGait, start: dict[str, Vector], phases: list[Phase]) -> JointMotion:
+    way = gait_plan(start, np.zeros(2), phases)
     return WholeBody(walker, gait, way).solve()[0]

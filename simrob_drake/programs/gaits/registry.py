@@ -1,67 +1,71 @@
-"""Every gait of a robot under its name: what plans it, and what it needs.
+"""Every gait of a robot under its name; a new kind of gait is a file beside this and a name in the list.
 
 Each is made for one kind of feet, and carries on others as large.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from pydantic import Field, create_model
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.programs.gaits.biped import walk
-from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
-from simrob_drake.programs.gaits.sequences import march, posing
+from simrob_drake.programs.gaits.biped import BipedWalk
+from simrob_drake.programs.gaits.gait import Gait
+from simrob_drake.programs.gaits.quadruped import Crawl, Stand, Trot
+from simrob_drake.programs.gaits.sequences import March, Posing
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.gaits_file import gaits_file
+from simrob_drake.sections import Number, Strict, validated
+from simrob_drake.walking.parameters import WalkingParameters
 
-
-@dataclass(frozen=True)
-class Section:
-    """What the gaits of a section of ``gaits.yaml`` have in common.
-
-    Attributes:
-        plan: makes the motion of the robot's model, the steps if any, the gait's name, and changed parameters.
-        steps: whether it goes steps: it is then told how many, and how large they are (``amplitude``).
-        on_feet: whether it is for a robot that stands on the feet that it is made for.
-    """
-
-    plan: Callable[..., JointMotion]
-    steps: bool = False
-    on_feet: bool = True
-
-
-SECTIONS: Mapping[str, Section] = {
-    "walks": Section(walk, steps=True),
-    "trots": Section(trot, steps=True),
-    "crawls": Section(crawl, steps=True),
-    "marches": Section(march, steps=True),
-    "stands": Section(three_legs),
-    "sequences": Section(posing, on_feet=False),
-}
-"""By section of ``gaits.yaml``; a robot's gaits all have different names."""
+KINDS: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing)
+"""Kinds of gaits that are planned before they begin."""
 _AS_LARGE = 0.8
 """Part of the length and of the width of a gait's own feet that others have at least: what gaits leave as margin."""
 
 
-def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, tuple[Section, Any]]:
-    """Return the gaits of a robot that go some steps, or the others: by name, their section and their parameters.
+class _Gaits(Strict):
+    """All gaits of a robot."""
+
+    facing_deg: Number
+    """Where the robot looks while its root is not turned, counterclockwise from the world's x [deg]."""
+    reacting: WalkingParameters | None = None
+    """The walk that is made while it goes: controllers of kind `walk`."""
+
+
+_SECTIONS: dict[str, Any] = {
+    kind.section: (dict[str, kind], Field(default_factory=dict, description=f"{kind.__doc__} By name."))  # type: ignore[valid-type]
+    for kind in KINDS
+}
+Gaits = create_model("Gaits", __base__=_Gaits, __doc__=_Gaits.__doc__, **_SECTIONS)
+"""A file `gaits.yaml`: a section for each kind."""
+
+
+def load_gaits(robot: str | RobotModel) -> Any:
+    """Return all gaits of a robot, checked: ``walks``, ``trots`` ... by name.
+
+    Raises:
+        UnknownName: no such robot; proposes the nearest.
+        InvalidParameter: a robot without gaits.
+        InvalidConfig: its file has a wrong entry.
+    """
+    found = gaits_file(robot)
+    return validated(Gaits, dict(found.content), found.file)
+
+
+def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
+    """Return the gaits of a robot that go some steps, or the others, by name.
 
     Raises:
         InvalidParameter: a robot without gaits.
+        InvalidConfig: its file has a wrong entry.
     """
     gaits = load_gaits(robot)
-    fitting = {key: section for key, section in SECTIONS.items() if section.steps == steps}
-    return {name: (section, own) for key, section in fitting.items() for name, own in getattr(gaits, key).items()}
-
-
-def made_for(model: RobotModel, gait: Any) -> str | None:
-    """Return the kind of feet that a gait is made for: what it names, else the robot's default one."""
-    named: str | None = getattr(gait, "feet", None)
-    return named or (model.feet.default if model.feet else None)
+    return {name: gait for kind in KINDS if kind.steps == steps for name, gait in getattr(gaits, kind.section).items()}
 
 
 def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
@@ -72,13 +76,13 @@ def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
     return ours.keys() == theirs.keys() and all((ours[link] >= _AS_LARGE * theirs[link]).all() for link in ours)
 
 
-def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, tuple[Section, Any]]) -> str:
+def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -> str:
     """Return the name of the first gait that is made for the feet worn, else of the first that they carry.
 
     Raises:
         InvalidParameter: there is none; tells which feet have one.
     """
-    made = {name: made_for(model, gait) for name, (_, gait) in known.items()}
+    made = {name: gait.made_for(model) for name, gait in known.items()}
     fitting = [name for name in made if made[name] == worn] or [
         name for name in made if carries(model, worn, made[name])
     ]

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from simrob_drake.errors import UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import Skeleton, skeleton_of
 from simrob_drake.programs.gaits.feet import Foot, feet_of
-from simrob_drake.programs.gaits.parameters import Gaits, load_gaits
 from simrob_drake.programs.gaits.zmp import LEVEL
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.yaml_files import validated
+from simrob_drake.robots.gaits_file import GaitsFile, gaits_file
 
-_SCALED = ("step_length", "stride", "sideways", "turn_deg")  # what an amplitude scales
 _SIDES = {"left": "right", "right": "left"}
 
 
@@ -27,7 +22,7 @@ class Walker:
 
     skeleton: Skeleton
     """The robot, with what it carries."""
-    gaits: Gaits
+    gaits: GaitsFile
     gravity: Vector = field(default_factory=LEVEL.copy)
     """In the frame of the ground, the robot looking along x, shape (3,) [m/s²]."""
     differs: bool = False
@@ -47,35 +42,13 @@ class Walker:
         """
         if isinstance(robot, Walker):
             return robot
-        gaits = load_gaits(robot)
+        gaits = gaits_file(robot)
         return cls(skeleton_of(robot), gaits)
 
     @property
     def model(self) -> RobotModel:
         """The robot's model."""
         return self.skeleton.model
-
-    def gait(self, section: str, name: str, changes: Mapping[str, Any], amplitude: float = 1.0) -> Any:
-        """Return the parameters of a gait, some of them changed.
-
-        Args:
-            section: of its file, such as ``walks``.
-            name: which.
-            changes: parameters in place of the gait's own.
-            amplitude: scales lengths and turns of its steps.
-
-        Raises:
-            UnknownName: no such gait there; tells what there is, in other sections if this one is empty.
-            InvalidConfig: a parameter that cannot be.
-        """
-        known: Mapping[str, Any] = getattr(self.gaits, section)
-        if name not in known:
-            sections = [key for key in Gaits.model_fields if isinstance(getattr(self.gaits, key), dict)]
-            others = [f"{other} ({key})" for key in sections for other in getattr(self.gaits, key)]
-            raise UnknownName(f"gait of {self.model.name} under {section}", name, known or others)
-        found = known[name]
-        scaled = {key: amplitude * value for key in _SCALED if (value := getattr(found, key, 0.0))}
-        return validated(type(found), {**found.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")
 
     def feet(self, kind: str | None = None) -> list[Foot]:
         """Return the feet of a kind, of the default one unless given; see :func:`feet_of`."""

@@ -15,10 +15,10 @@ import numpy as np
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.programs.gaits.feet import UP, facing_rotation, rolled, rotations_about, upright
+from simrob_drake.programs.gaits.gait import SolvedGait
 from simrob_drake.programs.gaits.legs import leg_angles
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import SolvedGait, Walk
-from simrob_drake.programs.gaits.phases import SAMPLE, Course
+from simrob_drake.programs.gaits.phases import SAMPLE, GaitPlan
 from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
 from simrob_drake.rows import parts
@@ -32,9 +32,9 @@ _NUDGE = 1e-3  # lean whose effect is measured [rad]
 class WholeBody:
     """Solves the posture of a robot for a course."""
 
-    def __init__(self, walker: Walker, gait: SolvedGait, course: Course) -> None:
+    def __init__(self, walker: Walker, gait: SolvedGait, plan: GaitPlan) -> None:
         """Prepare for a course, on which the robot carries itself as its gait says."""
-        self.walker, self.gait, self.course = walker, gait, course
+        self.walker, self.gait, self.plan = walker, gait, plan
         self.skeleton, self.facing_deg = walker.skeleton, walker.gaits.facing_deg
         model, bearing = walker.model, gait.bearing
         self._posture = np.deg2rad(model.axis_vector(bearing.posture_deg, "posture_deg"))
@@ -43,10 +43,10 @@ class WholeBody:
         )  # of each axis, a radian of lean to the right
         self._swing = np.deg2rad(model.axis_vector(bearing.swing_arms_deg, "swing_arms_deg"))
         self._upright = upright(walker.gravity)
-        self._kind = gait.feet if isinstance(gait, Walk) else None
+        self._kind = gait.feet
         self.feet = walker.feet(self._kind)
         self.leans = any(len(foot.axes) == 4 for foot in self.feet)
-        self._rolled = {foot.name: np.zeros((len(course.times), 2)) for foot in self.feet}
+        self._rolled = {foot.name: np.zeros((len(plan.times), 2)) for foot in self.feet}
 
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
         """Return the motion, and the zero-moment point that it has if nothing slips, shape (m, 2) [m].
@@ -54,15 +54,15 @@ class WholeBody:
         Raises:
             OutOfReach: a leg cannot get where its foot shall be.
         """
-        count = len(self.course.times)
+        count = len(self.plan.times)
         angles, height, factor, lean_height = self._start()
         angles = np.tile(angles, (count, 1))
-        wanted, pull = self.course.zmp, -float(self.walker.gravity[2])
-        place, lean = com_from_zmp(wanted, step=SAMPLE, height=height, gravity=pull), np.zeros(count)
+        desired, pull = self.plan.zmp, -float(self.walker.gravity[2])
+        place, lean = com_from_zmp(desired, step=SAMPLE, height=height, gravity=pull), np.zeros(count)
         angles, root = self._postures(place, lean, angles)
         zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE, self.walker.gravity)
         for _ in range(rounds):
-            missing = wanted - zmp
+            missing = desired - zmp
             move = com_from_zmp(missing, step=SAMPLE, height=height, gravity=pull)
             if self.leans:
                 lean = lean + com_from_zmp(missing[:, 1:], step=SAMPLE, height=lean_height, gravity=pull)[:, 0] / factor
@@ -84,9 +84,9 @@ class WholeBody:
         return angles, root
 
     def _postures_of(self, part: slice, place: Vector, lean: Vector, angles: Vector) -> tuple[Vector, Vector]:
-        course, bearing = self.course, self.gait.bearing
+        plan, bearing = self.plan, self.gait.bearing
         count = len(lean)
-        turned = rotations_about(UP, course.heading[part])
+        turned = rotations_about(UP, plan.heading[part])
         rotation = (
             turned @ rotations_about(LEFT, np.full(count, np.deg2rad(bearing.pitch_deg))) @ rotations_about(AHEAD, lean)
         )
@@ -95,11 +95,11 @@ class WholeBody:
         angles = self._with_arms(part, angles, lean)
         apart = np.zeros(count)
         for foot in self.feet:
-            path = course.feet[foot.name][part]
+            path = plan.feet[foot.name][part]
             goal = path[:, :3] + foot.over * UP
             goal[:, :2] += self._rolled[foot.name][part]
             target = stacked(goal, rotations_about(UP, path[:, 3]))
-            angles = leg_angles(self.skeleton.model, foot, target, root, angles, course.times[part])
+            angles = leg_angles(self.skeleton.model, foot, target, root, angles, plan.times[part])
             if self.leans:  # which moves the root sideways
                 apart += (goal - foot.poses(angles, root)[:, :3, 3])[:, 1] / len(self.feet)
         root[:, 1, 3] += apart
@@ -109,15 +109,15 @@ class WholeBody:
         """Find how far feet that are balls roll in a motion."""
         for foot in self.feet:
             if not foot.half.any():
-                standing = self.course.feet[foot.name][:, 2] <= 0
+                standing = self.plan.feet[foot.name][:, 2] <= 0
                 self._rolled[foot.name] = rolled(foot.poses(angles, root)[:, :3, :3], standing, foot.over)
 
     def _with_arms(self, part: slice, angles: Vector, lean: Vector) -> Vector:
         """Return the angles with the axes that are in no leg set: posture, counterweight of a lean, and swing."""
         free = [axis for axis in range(angles.shape[1]) if not any(axis in foot.axes for foot in self.feet)]
         right, left = np.maximum(lean, 0.0), np.maximum(-lean, 0.0)
-        course = self.course.feet
-        stride = course["left_foot"][part, 0] - course["right_foot"][part, 0] if "left_foot" in course else 0.0 * lean
+        feet = self.plan.feet
+        stride = feet["left_foot"][part, 0] - feet["right_foot"][part, 0] if "left_foot" in feet else 0.0 * lean
         other = mirrored(self.skeleton.model, self._arms)
         all_ = self._posture + np.outer(right, self._arms) + np.outer(left, other)
         all_ = all_ + np.outer(stride, self._swing)
@@ -130,8 +130,9 @@ class WholeBody:
 
         A lean moves the centre of mass to the left [m/rad], as a pendulum of some height would [m].
         """
-        way = self.course
-        first = Course(way.times[:1], {foot: path[:1] for foot, path in way.feet.items()}, way.zmp[:1], way.heading[:1])
+        plan = self.plan
+        feet = {foot: path[:1] for foot, path in plan.feet.items()}
+        first = GaitPlan(plan.times[:1], feet, plan.zmp[:1], plan.heading[:1])
         short = WholeBody(self.walker, self.gait, first)
         angles, points = self._posture[np.newaxis], []
         for lean in (_NUDGE, 0.0):  # to one side: arms answer to each side by themselves
@@ -151,4 +152,4 @@ class WholeBody:
         facing = facing_rotation(-self.facing_deg)
         places = (root[:, :3, 3] - root[0, :3, 3] * [1.0, 1.0, 0.0]) @ facing.T
         turned = stacked(places, facing @ root[:, :3, :3])
-        return JointMotion(self.walker.model, self._kind, self.course.times, angles, turned, self.gait.servo)
+        return JointMotion(self.walker.model, self._kind, self.plan.times, angles, turned, self.gait.servo)

@@ -86,10 +86,10 @@ def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = ST
             raise InvalidParameter(name, value, "positive")
     if zmp.ndim != 2 or len(zmp) < 3:
         raise InvalidParameter("zmp", f"of shape {zmp.shape}", "(m, k) with m > 2")
-    beside = -height / gravity / step**2
+    off_diagonal = -height / gravity / step**2
     bands = np.zeros((3, len(zmp)))
-    bands[0, 2:] = beside
-    bands[1] = 1.0 - 2.0 * beside
-    bands[2, :-2] = beside
+    bands[0, 2:] = off_diagonal
+    bands[1] = 1.0 - 2.0 * off_diagonal
+    bands[2, :-2] = off_diagonal
     bands[1, [0, -1]] = 1.0
     return np.asarray(solve_banded((1, 1), bands, zmp))

@@ -119,9 +119,9 @@ def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Came
 
 
 def aspect_of(points: Vector, *, azimuth: float = _ASIDE) -> float:
-    """Return the width over the height of points as a camera sees them."""
+    """Return the width over the height of points as a camera sees them; 1 where all are one point."""
     width, height = np.ptp((points @ _camera_axes(azimuth).T)[:, :2], axis=0)
-    return float(width / height)
+    return float(width / height) if height > 0 else 1.0
 
 
 def _camera_axes(azimuth: float) -> Vector:

@@ -6,7 +6,7 @@ from pydrake.geometry import Role
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.drawn import Command, placed
-from simrob_drake.results.animation.scene import Scene
+from simrob_drake.results.animation.scene import ViewedStation
 
 GHOSTS = "/drake/ghosts"
 """Where in Meshcat's tree they hang."""
@@ -19,7 +19,7 @@ _PLAIN = 0.6  # opacity of a marked one
 
 
 def ghosts(
-    scene: Scene, robot: str, postures: Sequence[Vector], good: Sequence[bool], marked: int | None = None
+    scene: ViewedStation, robot: str, postures: Sequence[Vector], good: Sequence[bool], marked: int | None = None
 ) -> list[Command]:
     """Return what makes the view of a station show a robot, and what it carries, at postures (n,) [rad or m].
 

@@ -10,7 +10,7 @@ from pydrake.geometry import Meshcat, Role
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
 from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
-from simrob_drake.results.animation.scene import Scene, draw_floor_lines
+from simrob_drake.results.animation.scene import ViewedStation, draw_floor_lines
 from simrob_drake.results.animation.steering import Steering
 from simrob_drake.results.animation.window import Window
 from simrob_drake.results.record.run import RecordedRun
@@ -37,13 +37,13 @@ class StationView:
             tell: takes a subject and the commands to Meshcat's page in place of those it was told of it before.
         """
         self._tell, self._config = tell, None
-        self.scene: Scene | None = None
+        self.scene: ViewedStation | None = None
 
     def draw(self, config: StationConfig, state: State | None = None) -> None:
         """Show a station in a state, or at its initial posture; it is loaded anew where its looks have changed."""
         looks = _looks(config)
         if self.scene is None or looks != self._config:
-            self.scene, self._config = Scene(config), looks
+            self.scene, self._config = ViewedStation(config), looks
             self._tell_scene(self.scene, config)
         self.show(self.scene.initial if state is None else state.of_plant(self.scene.station)[0])
 
@@ -53,7 +53,7 @@ class StationView:
             self.scene.place(positions)
             self._tell("poses", [*pose_commands(self.scene.query(), _PREFIXES), *self._followed(self.scene)])
 
-    def _followed(self, scene: Scene) -> list[dict[str, Any]]:
+    def _followed(self, scene: ViewedStation) -> list[dict[str, Any]]:
         """Return where a robot on its feet is that the camera goes with; nothing of none, and of several."""
         walkers = [robot for robot in scene.station.robots.values() if robot.model.feet and robot.floats]
         if len(walkers) != 1:
@@ -61,7 +61,7 @@ class StationView:
         place = scene.pose(walkers[0].root).translation()[:2].round(4).tolist()
         return [{"type": "follow", "place": place}]
 
-    def _tell_scene(self, scene: Scene, config: StationConfig) -> None:
+    def _tell_scene(self, scene: ViewedStation, config: StationConfig) -> None:
         points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
         scene.place(scene.initial)
         here = [{**one, "begins": True} for one in self._followed(scene)]

@@ -34,7 +34,7 @@ from simrob_drake.results.animation.camera import (
     side,
     walked_way,
 )
-from simrob_drake.results.animation.scene import RENDERER, Scene, with_floor_under
+from simrob_drake.results.animation.scene import RENDERER, ViewedStation, with_floor_under
 from simrob_drake.results.record.events import events_of
 from simrob_drake.results.record.run import RecordedRun
 
@@ -222,7 +222,7 @@ class Studio:
         self.way = way = walked_way(result)
         gone = None if way is None else way(np.linspace(0.0, result.stop_time, _PLACES))
         config = result.config if gone is None else with_floor_under(result.config, gone)
-        self._scene = scene = Scene(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
+        self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
         azimuth, points = side(scene.station), scene.extents_of_run(result, way)
         width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), *_ASPECTS))
         self._camera = camera_on(points, aspect=width / height, azimuth=azimuth)

@@ -12,7 +12,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, frame_times, side, walked_way
 from simrob_drake.results.animation.contact_arrows import draw_contact_forces
 from simrob_drake.results.animation.drawn import draw_tool_paths, look, open_meshcat
-from simrob_drake.results.animation.scene import SPACING, Scene, floor_lines, with_floor_under
+from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under
 from simrob_drake.results.record.run import RecordedRun
 
 _SCRIPT = Path(__file__).with_suffix(".js")
@@ -48,7 +48,7 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     meshcat.SetProperty("/Axes/<object>", "position", [0.0, 0.0, _OVER_FLOOR])
     gone = np.zeros((len(times), 3)) if way is None else way(times)
     config = with_floor_under(result.config, gone)
-    scene = Scene(config, meshcat=meshcat)
+    scene = ViewedStation(config, meshcat=meshcat)
     _record(meshcat, scene, result, times, frames_per_second)
     for number, part in enumerate(result.parts):  # the tool may change in between
         draw_tool_paths(meshcat, part, number)
@@ -71,14 +71,14 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     return f"{before}{script}{end}{after}"
 
 
-def _record(meshcat: Meshcat, scene: Scene, result: RecordedRun, times: Vector, frames_per_second: float) -> None:
+def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vector, frames_per_second: float) -> None:
     visualizer = scene.visualizer
     assert visualizer is not None
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
     shown = [(frame + 0.5) / frames_per_second for frame in range(len(times))]  # Meshcat rounds down to frames
-    for time, positions in zip(shown, result.positions_at(times), strict=True):
+    for time, positions in zip(shown, run.positions_at(times), strict=True):
         scene.draw(positions, time)
-    draw_contact_forces(meshcat, result, times, shown)
+    draw_contact_forces(meshcat, run, times, shown)
     animation.set_autoplay(True)
     animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     animation.set_repetitions(_LOOPS)

@@ -71,11 +71,11 @@ class RobotView:
         of_plant = self._plant.GetMyMutableContextFromRoot(self._context)
         end, shown = monotonic() + timeout, np.empty(0)
         while not self._window.controls[_STOP].value and monotonic() < end:
-            wanted = np.array(list(self.sliders().values()))
-            if not np.array_equal(wanted, shown):
-                self._plant.SetPositions(of_plant, wanted)
+            moved = np.array(list(self.sliders().values()))
+            if not np.array_equal(moved, shown):
+                self._plant.SetPositions(of_plant, moved)
                 self._window.tell("poses", pose_commands(self._geometry(), _PREFIXES))
-                shown = wanted
+                shown = moved
             sleep(_FRAME)
 
     def sliders(self) -> dict[str, float]:
@@ -108,5 +108,5 @@ def _sliders(plant: MultibodyPlant) -> dict[str, Control]:
     values = scales * plant.GetPositions(plant.CreateDefaultContext())
     lower, upper = scales * plant.GetPositionLowerLimits(), scales * plant.GetPositionUpperLimits()
     lower, upper = np.where(np.isfinite(lower), lower, -far), np.where(np.isfinite(upper), upper, far)
-    figures = zip(names, units, values.tolist(), lower.tolist(), upper.tolist(), strict=True)
-    return {name + unit: Control(value, low, high, _STEPS[unit]) for name, unit, value, low, high in figures}
+    sliders = zip(names, units, values.tolist(), lower.tolist(), upper.tolist(), strict=True)
+    return {name + unit: Control(value, low, high, _STEPS[unit]) for name, unit, value, low, high in sliders}

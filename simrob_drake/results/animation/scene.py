@@ -41,7 +41,7 @@ _LOOKS = 24  # configurations that stand for a motion
 _BOX_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
-class Scene(PosedStation):
+class ViewedStation(PosedStation):
     """A station's robots, pieces and floor, without dynamics and contact.
 
     It is built anew from the configuration, so that showing it cannot touch a simulation.
@@ -172,7 +172,7 @@ def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: R
         scene_graph.RegisterAnchoredGeometry(source, line)
 
 
-def draw_floor_lines(meshcat: Meshcat, scene: Scene, *, size: float) -> None:
+def draw_floor_lines(meshcat: Meshcat, scene: ViewedStation, *, size: float) -> None:
     """Draw lines on the floor of a scene, of a size [m], about the world's origin, by which a way can be told."""
     far = np.array([[-_SEEN, -_SEEN, 0.0], [_SEEN, _SEEN, 0.0]])
     tilt = scene.station.ground.tilt @ RigidTransform([0.0, 0.0, _WIDTH / 2])

@@ -4,14 +4,13 @@ from collections.abc import Callable
 from functools import partial
 from math import radians
 
-from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.results.animation.window import Board, Control
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.walking.figures import Fastest
+from simrob_drake.walking.parameters import MaxSpeed
 
 _AHEAD, _LEFT, _TURN, _STOP = "ahead ↑ ↓ [m/s]", "left Q E [m/s]", "turn ← → [°/s]", "stop: space"
-_NOTCHES = 5  # from rest to the fastest
+_NOTCHES = 5  # from rest to the max_speed
 
 
 class Steering:
@@ -25,14 +24,14 @@ class Steering:
 
     def __init__(self, config: StationConfig) -> None:
         """Prepare; a station without walks has nothing to set."""
-        walks = {name: section for name, section in config.controllers.items() if isinstance(section, Walk)}
+        walks = {name: section for name, section in config.controllers.items() if section.kind == "walk"}
         self.controls = dict[str, Control]()
         self.hands: dict[str, Callable[[float], tuple[float, float, float] | None]] = {}
         station = resolve(config)
         for number, (name, section) in enumerate(walks.items()):
             prefix = f"{name}: " if len(walks) > 1 else ""
-            figures = section.figures(station.robot(section.robot, f"controllers.{name}"))
-            self.controls |= _controls(figures.fastest, prefix, keys=number == 0)
+            parameters = section.walking(station.robot(section.robot, f"controllers.{name}"))
+            self.controls |= _controls(parameters.max_speed, prefix, keys=number == 0)
             self.hands[name] = partial(self._command, prefix)
         self.board: Board | None = None
         self._begun = set[str]()
@@ -53,13 +52,13 @@ class Steering:
         return (ahead, left, radians(turn)) if prefix in self._begun else None
 
 
-def _controls(fastest: Fastest, prefix: str, *, keys: bool) -> dict[str, Control]:
+def _controls(max_speed: MaxSpeed, prefix: str, *, keys: bool) -> dict[str, Control]:
     """Return the controls of a walk."""
     found = {}
     for name, low, high, less, more in (
-        (_AHEAD, fastest.backward, fastest.ahead, "ArrowDown", "ArrowUp"),
-        (_LEFT, fastest.sideways, fastest.sideways, "KeyE", "KeyQ"),
-        (_TURN, fastest.turn_deg, fastest.turn_deg, "ArrowRight", "ArrowLeft"),
+        (_AHEAD, max_speed.backward, max_speed.ahead, "ArrowDown", "ArrowUp"),
+        (_LEFT, max_speed.sideways, max_speed.sideways, "KeyE", "KeyQ"),
+        (_TURN, max_speed.turn_deg, max_speed.turn_deg, "ArrowRight", "ArrowLeft"),
     ):
         step = (high or 1.0) / _NOTCHES
         found[prefix + name] = Control(0.0, -low, high, step, *((less, more) if keys else ()))

@@ -47,12 +47,12 @@ class Control:
 
     def command(self, name: str) -> Command:
         """Return what puts the control into the page's menu."""
-        told = json.dumps(name)
+        tell = f"tell({json.dumps(name)}"
         if self.step is None:
-            return {"type": "set_control", "name": name, "callback": f"() => tell({told}, 1)", "keycode1": self.key}
+            return {"type": "set_control", "name": name, "callback": f"() => {tell}, 1)", "keycode1": self.key}
         limits = {"value": self.value, "min": self.low, "max": self.high, "step": self.step}
         keys = {"keycode1": self.key, "keycode2": self.key_up}
-        return {"type": "set_control", "name": name, "callback": f"(value) => tell({told}, value)", **limits, **keys}
+        return {"type": "set_control", "name": name, "callback": f"(value) => {tell}, value)", **limits, **keys}
 
 
 class Board:
@@ -73,7 +73,7 @@ class Board:
         self.controls = controls or {}
         self._on_drag = on_drag
         self._news = Condition()
-        self._told: dict[str, Sequence[Command]] = {}
+        self._commands: dict[str, Sequence[Command]] = {}
         self._versions: dict[str, int] = {}
         self._count = count(1)
         self._open = True
@@ -84,7 +84,7 @@ class Board:
     def tell(self, subject: str, commands: Sequence[Command]) -> None:
         """Tell all pages, and those that come later, in place of what they were told of the same subject."""
         with self._news:
-            self._told[subject] = commands
+            self._commands[subject] = commands
             self._versions[subject] = next(self._count)
             self._news.notify_all()
 
@@ -96,24 +96,24 @@ class Board:
     def wipe(self) -> None:
         """Forget all that was told; pages that are open show it until they are loaded anew."""
         with self._news:
-            self._told.clear()
+            self._commands.clear()
             self._versions.clear()
 
     def hear(self, message: bytes) -> None:
         """Hear of a control that is set to a number, or of a dragged body: lists in JSON. All else is not heard."""
         try:
-            name, given = json.loads(message)
+            name, content = json.loads(message)
             if name == _DRAG and self._on_drag is not None:
-                body, point, target = given
+                body, point, target = content
                 self._on_drag(str(body), _place(point), None if target is None else _place(target))
                 return
-            control, value = self.controls[name], float(given)
+            control, value = self.controls[name], float(content)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
         if math.isfinite(value):
             control.value = min(max(value, control.low), control.high)
             with self._news:  # what the program set it to is past
-                self._told.pop(f"control {name}", None)
+                self._commands.pop(f"control {name}", None)
                 self._versions.pop(f"control {name}", None)
 
     def events(self) -> Iterator[bytes]:
@@ -131,7 +131,7 @@ class Board:
             self._news.wait_for(lambda: self._unknown(known) or not self._open, timeout=_BREATH)
             if not self._open:
                 return None
-            new = [command for subject in self._unknown(known) for command in self._told[subject]]
+            new = [command for subject in self._unknown(known) for command in self._commands[subject]]
             known.update(self._versions)
         return f"data: {json.dumps(new)}\n\n".encode() if new else b": nothing new\n\n"
 
@@ -150,9 +150,9 @@ def is_short(length: str) -> bool:
     return length.isascii() and length.isdigit() and len(length) < 9 and int(length) <= _LONGEST
 
 
-def _place(given: Sequence[float]) -> list[float]:
+def _place(coordinates: Sequence[float]) -> list[float]:
     """Return a place (3) [m] that a page tells."""
-    x, y, z = (float(value) for value in given)
+    x, y, z = (float(value) for value in coordinates)
     if not all(abs(value) < _FAR for value in (x, y, z)):
         raise ValueError
     return [x, y, z]

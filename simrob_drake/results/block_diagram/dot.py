@@ -1,7 +1,7 @@
 """A block graph in Graphviz' language: from left to right, a cluster for each role, signals as arrows."""
 
 from simrob_drake.parts.captions import BlockRole
-from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, Block, BlockGraph
+from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, BlockGraph, DrawnBlock
 
 TITLES: dict[BlockRole, str] = {
     "reference": "reference",
@@ -62,7 +62,7 @@ def _cluster(graph: BlockGraph, robot: str, role: BlockRole) -> list[str]:
     ]
 
 
-def _node(graph: BlockGraph, block: Block) -> str:
+def _node(graph: BlockGraph, block: DrawnBlock) -> str:
     line = COLOURS[block.role][1]
     look = {"label": block.label, "color": line, "fillcolor": "white"}
     if block.shape in BARS:
@@ -88,7 +88,7 @@ def _slots(graph: BlockGraph, bar: str) -> list[str]:
     return feedback + graph.targets(bar) if lower else graph.targets(bar) + feedback
 
 
-def _rows(graph: BlockGraph, block: Block) -> int:
+def _rows(graph: BlockGraph, block: DrawnBlock) -> int:
     """Return how many rows the bars beside a mux have, so that its arrows lie level."""
     bars = [b for b in graph.blocks.values() if b.shape in BARS and (b.role, b.robot) == (block.role, block.robot)]
     return max(len(graph.targets(bar.key)) for bar in bars) if block.shape == "mux" else 0

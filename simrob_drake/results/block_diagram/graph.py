@@ -19,7 +19,7 @@ _FAN = 3
 
 
 @dataclass
-class Block:
+class DrawnBlock:
     """A block of the picture."""
 
     key: str  # its identifier in the graph
@@ -47,7 +47,7 @@ class BlockGraph:
     title: str
     description: str = ""
     robots: list[str] = field(default_factory=list)
-    blocks: dict[str, Block] = field(default_factory=dict)
+    blocks: dict[str, DrawnBlock] = field(default_factory=dict)
     arrows: dict[tuple[str, str], list[str]] = field(default_factory=dict)
 
     def connect(self, source: str, target: str, signals: Iterable[str]) -> None:
@@ -77,13 +77,13 @@ class BlockGraph:
         for (source, target), signals in self.arrows.items():
             back = self.arrows.get((target, source))
             if back is None:
-                drawn.append(Arrow(source, target, "" if self._told(source, target) else ", ".join(signals)))
+                drawn.append(Arrow(source, target, "" if self._labelled(source, target) else ", ".join(signals)))
             elif self.forward(source, target):
                 text = " / ".join(filter(None, (", ".join(signals), ", ".join(back))))
                 drawn.append(Arrow(source, target, text, both=True))
         return drawn
 
-    def _told(self, source: str, target: str) -> bool:
+    def _labelled(self, source: str, target: str) -> bool:
         """Tell whether an arrow to a port of the station carries what another arrow of its source names already."""
         others = [self.arrows[source, other] for other in self.targets(source) if other != target]
         return self.blocks[target].shape == "port" and self.arrows[source, target] in others
@@ -117,7 +117,7 @@ class BlockGraph:
             if len(targets) < _FAN or not self.forward(key, targets[0]) or role == self.blocks[key].role:
                 continue
             bar = f"{key} to {robot} {role}"
-            self.blocks[bar] = Block(bar, role, robot, shape="bus")
+            self.blocks[bar] = DrawnBlock(bar, role, robot, shape="bus")
             carried = {target: self.arrows.pop((key, target)) for target in targets}
             self.connect(key, bar, (signal for signals in carried.values() for signal in signals))
             for target in sorted(targets, key=lambda target: self.blocks[target].shape != "port"):

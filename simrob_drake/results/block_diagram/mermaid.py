@@ -1,7 +1,7 @@
 """A block graph as a Mermaid flowchart, which GitHub and many editors draw inside of Markdown."""
 
 from simrob_drake.results.block_diagram.dot import COLOURS, TITLES, WIRE
-from simrob_drake.results.block_diagram.graph import BARS, ROLES, Block, BlockGraph
+from simrob_drake.results.block_diagram.graph import BARS, ROLES, BlockGraph, DrawnBlock
 
 
 def mermaid_text(graph: BlockGraph) -> str:
@@ -22,7 +22,7 @@ def mermaid_text(graph: BlockGraph) -> str:
     return "\n".join([*lines, *_styles(), ""])
 
 
-def _shape(block: Block) -> str:
+def _shape(block: DrawnBlock) -> str:
     """Return a block's outline, text and style."""
     if block.shape in BARS:
         return '((" ")):::bar'

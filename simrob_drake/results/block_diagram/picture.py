@@ -6,9 +6,9 @@
 import subprocess
 from pathlib import Path
 
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.folders import replaced_at_once
-from simrob_drake.given import as_path
 from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
@@ -103,8 +103,8 @@ def _drawn(text: str, kind: str) -> bytes:
     except subprocess.TimeoutExpired as problem:
         raise SimrobError(f"Graphviz took more than {_TIMEOUT:g} s; choose a .dot or .mmd file") from problem
     except subprocess.CalledProcessError as problem:
-        said = " ".join(problem.stderr.decode(errors="replace").split())
-        raise SimrobError(f"Graphviz failed: {said}; choose a .dot or .mmd file") from problem
+        message = " ".join(problem.stderr.decode(errors="replace").split())
+        raise SimrobError(f"Graphviz failed: {message}; choose a .dot or .mmd file") from problem
 
 
 if __name__ == "__main__":

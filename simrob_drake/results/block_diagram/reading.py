@@ -13,7 +13,7 @@ from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multipl
 
 from simrob_drake.blocks.events import EventTimes, SteadySteps
 from simrob_drake.parts.captions import BlockRole, Drawn, wrapped
-from simrob_drake.results.block_diagram.graph import Block, BlockGraph, Shape
+from simrob_drake.results.block_diagram.graph import BlockGraph, DrawnBlock, Shape
 from simrob_drake.stations.ports import StationPorts
 
 _SYMBOLS = {  # of a station's ports; the first that a signal has is its name
@@ -81,7 +81,7 @@ class _Reader:
         place = self._places[name]
         if place is None:
             return
-        new = Block(place.key, place.role, place.robot, shape=place.shape)
+        new = DrawnBlock(place.key, place.role, place.robot, shape=place.shape)
         block = self.graph.blocks.setdefault(place.key, new)
         block.systems.append(name)
         if place.label not in block.label:
@@ -117,7 +117,7 @@ class _Reader:
     def _open_input(self, name: str) -> str:
         """Draw an input of the station that nothing feeds yet."""
         key = f"input {name}"
-        self.graph.blocks.setdefault(key, Block(key, "reference", self._robot(name), name, "port", [name]))
+        self.graph.blocks.setdefault(key, DrawnBlock(key, "reference", self._robot(name), name, "port", [name]))
         return key
 
     def _draw_outputs(self) -> None:
@@ -129,7 +129,7 @@ class _Reader:
         for (system, _, index), aliases in names.items():
             key, robot = f"output {aliases[0]}", self._robot(aliases[0])
             short = sorted((name.removeprefix(f"{robot}.") for name in aliases), key=len)
-            self.graph.blocks[key] = Block(key, "sensor", robot, "\n".join(short), "port")
+            self.graph.blocks[key] = DrawnBlock(key, "sensor", robot, "\n".join(short), "port")
             for source, signals in self._origins(system, index):
                 self.graph.connect(source, key, signals)
 
@@ -157,7 +157,7 @@ def _identity(port: OutputPort | InputPort) -> tuple[str, Side, int]:
 
 
 @dataclass(frozen=True)
-class Place:
+class SystemPlace:
     """Where a system is drawn: systems of one key share a block."""
 
     key: str
@@ -167,24 +167,24 @@ class Place:
     shape: Shape = "block"
 
 
-def place_of(name: str, system: System, ports: StationPorts) -> Place | None:
+def place_of(name: str, system: System, ports: StationPorts) -> SystemPlace | None:
     """Return where a system is drawn, or None for wiring that is part of the arrows."""
     robot = next((r for r in ports.plant.robots.values() if name.startswith(r.prefix)), None)
     local = name if robot is None else name.removeprefix(robot.prefix)
     owner = robot.name if robot is not None and robot.prefix else ""
-    said = _said(name, ports)
-    if isinstance(system, _SILENT) or said is None:
+    drawn = _drawing_of(name, ports)
+    if isinstance(system, _SILENT) or drawn is None:
         return None
-    if isinstance(said, Drawn):
-        return Place(said.key, said.role, said.label, said.robot)
+    if isinstance(drawn, Drawn):
+        return SystemPlace(drawn.key, drawn.role, drawn.label, drawn.robot)
     if _is_wire(local, system):
         return None
     bars: list[tuple[type, Shape, str]] = [(Multiplexer, "mux", ""), (Selector, "bus", ""), (Adder, "sum", "+")]
     for kind, shape, label in bars:
         if isinstance(system, kind):
-            return Place(name, "servo", label, owner, shape)
-    told = type(system).__name__ if type(system) is not LeafSystem else system.GetSystemType().split("::")[-1]
-    return Place(name, "own", f"{wrapped(name)}\n{told}")
+            return SystemPlace(name, "servo", label, owner, shape)
+    shown = type(system).__name__ if type(system) is not LeafSystem else system.GetSystemType().split("::")[-1]
+    return SystemPlace(name, "own", f"{wrapped(name)}\n{shown}")
 
 
 def _is_wire(local: str, system: System) -> bool:
@@ -194,7 +194,7 @@ def _is_wire(local: str, system: System) -> bool:
     return isinstance(system, MatrixGain) and bool(np.isin(np.asarray(system.D()), (-1.0, 0.0, 1.0)).all())
 
 
-def _said(name: str, ports: StationPorts) -> Drawn | str | None:
+def _drawing_of(name: str, ports: StationPorts) -> Drawn | str | None:
     """Return the block that was said to hold a system, None for wiring, and its name where nothing was said."""
     known = name
     while known not in ports.drawn:

@@ -34,11 +34,11 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
         Plot("tilt [deg]", [Curve(np.rad2deg(tilts(pose)), "tilt", _PURPLE)]),
         Plot("yaw [deg]", [Curve(yaw, "yaw", _FACING)]),
     ]
-    figure = grid_figure(result, title, [Stack("over time", plots)], width=_WIDTH, beside=_RIGHT + 0.2)
+    figure = grid_figure(result, title, [Stack("over time", plots)], width=_WIDTH, legend=_RIGHT + 0.2)
     first, last = (figure.axes[place].get_position() for place in (0, -1))
     inch = 1 / figure.get_size_inches()[0]
-    beside = first.x1 + _LEFT * inch, last.y0, (_RIGHT - _LEFT) * inch, first.y1 - last.y0
-    _draw_path(figure.add_axes(beside), trusted(result, pose[:, :2].T), heading)
+    area = first.x1 + _LEFT * inch, last.y0, (_RIGHT - _LEFT) * inch, first.y1 - last.y0
+    _draw_path(figure.add_axes(area), trusted(result, pose[:, :2].T), heading)
     return figure
 
 

@@ -85,8 +85,8 @@ def panel_figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
         heading = ", ".join(dict.fromkeys(panel.heading for panel in panels))
         stacks = [_stack(result, panel) for panel in panels]
         explained = [_part(column) for panel in panels if len(panel.columns) > 1 for column in panel.columns]
-        beside = _HANDLE + _CHARACTER * max(map(len, explained), default=0)
-        yield name, grid_figure(result, heading, stacks, columns=1, width=_WIDTH, beside=beside)
+        legend = _HANDLE + _CHARACTER * max(map(len, explained), default=0)
+        yield name, grid_figure(result, heading, stacks, columns=1, width=_WIDTH, legend=legend)
 
 
 def _stack(result: RecordedRun, panel: Panel) -> Stack:

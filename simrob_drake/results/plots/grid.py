@@ -89,7 +89,7 @@ def grid_figure(
     *,
     columns: int | None = None,
     width: float = 8.0,
-    beside: float = 0.0,
+    legend: float = 0.0,
     span: Span | None = None,
 ) -> Figure:
     """Draw stacks side by side in rows, under a title, a legend, and the reason of a stop.
@@ -100,15 +100,15 @@ def grid_figure(
         stacks: in the order of reading; only so many are drawn as somebody may look at, which the title says.
         columns: stacks in a row; at most three, or about as many as rows, unless given.
         width: of the figure, at least [inches].
-        beside: room to the right of each stack [inches]; with some, plots of several curves have their legend there.
+        legend: room to the right of each stack [inches]; with some, plots of several curves have their legend there.
         span: the part of the run to show; all of it unless given.
     """
     if len(stacks) > _MOST:
         title, stacks = f"{title}: the first {_MOST} of {len(stacks)}", stacks[:_MOST]
     columns = columns or (len(stacks) if len(stacks) <= 3 else int(np.ceil(np.sqrt(len(stacks)))))
     grid = _Grid(result, stacks, columns)
-    grid.draw(span or (0.0, result.stop_time), legends=beside > 0)
-    grid.arrange(title, max(_FRAME, width / columns - 0.8 - beside), beside)
+    grid.draw(span or (0.0, result.stop_time), legends=legend > 0)
+    grid.arrange(title, max(_FRAME, width / columns - 0.8 - legend), legend)
     return grid.figure
 
 
@@ -164,12 +164,12 @@ class _Grid:
             for axes in self.figure.axes:
                 self._explained["stop"] = axes.axvline(self._result.stop_time, **looks)
 
-    def arrange(self, title: str, frame: float, beside: float) -> None:
+    def arrange(self, title: str, frame: float, legend: float) -> None:
         """Give the figure its head and size, and the frames, of a width [inches], and their labels a place."""
         numbers = max(map(_width_of_numbers, self.figure.axes))
         labels = any(self._is_labelled(index) for index in range(len(self._stacks)) if index % self._columns)
-        left, pitch = _MARGIN + _LABEL + numbers, frame + beside + _GAP + numbers + _LABEL * labels
-        width = left + (self._columns - 1) * pitch + frame + max(beside, _MARGIN)
+        left, pitch = _MARGIN + _LABEL + numbers, frame + legend + _GAP + numbers + _LABEL * labels
+        width = left + (self._columns - 1) * pitch + frame + max(legend, _MARGIN)
         reason = textwrap.wrap(_reason(self._result), int(14 * width))
         tops, down = self._tops(_HEAD + _LEGEND * bool(self._explained) + _LINE * len(reason))
         height = down + _LABEL

@@ -56,14 +56,14 @@ def side_groups(robot: StationRobot) -> list[SideGroup]:
 
 def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     """Return each axis with its reference and, where there can be one, the error below."""
-    wanted, reached = (result.axes(signal, robot.name) / robot.model.user_units for signal in ("q_ref", "q"))
+    reference, reached = (result.axes(signal, robot.name) / robot.model.user_units for signal in ("q_ref", "q"))
     with np.errstate(invalid="ignore"):  # a diverging run may end with infinite positions
-        error = wanted - reached
+        error = reference - reached
     stacks = []
     for group in side_groups(robot):
         unit = robot.model.unit_names[group.first]
         curves = group.curves(reached, "position", VALUE)
-        curves += [dashed(wanted[:, place], "reference", REFERENCE) for place in group.places.values()]
+        curves += [dashed(reference[:, place], "reference", REFERENCE) for place in group.places.values()]
         plots = [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves)]
         if result.config.mode == "dynamic":
             errors = group.curves(error, "error: reference - position", ERROR)
@@ -83,7 +83,7 @@ def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
         for bound in (*own, *-own):
             if _NEAR * (np.sign(bound) * torques[:, places]).max() >= abs(bound):
                 curves.append(dashed(np.full(len(torques), bound), "torque limit", RED))
-        said = " / ".join(f"±{limit:g} {unit}" if np.isfinite(limit) else "none" for limit in own)
-        note = f"limit {said}" if np.isfinite(own).any() else "no limit"
+        shown = " / ".join(f"±{limit:g} {unit}" if np.isfinite(limit) else "none" for limit in own)
+        note = f"limit {shown}" if np.isfinite(own).any() else "no limit"
         stacks.append(Stack(group.name, [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves, note=note)]))
     return stacks

@@ -22,6 +22,7 @@ RUNAWAY = 1e8
 """A position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged."""
 
 
+_GO_ON = EventStatus.DidNothing()
 _LOOK_EVERY = 20  # steps
 _ROUNDING = 1e-9  # by how much a time may lie outside of the run [s]
 
@@ -38,7 +39,7 @@ class Recorder:
         self,
         simulator: Simulator,
         *watchers: Callable[[Context], None],
-        look: Callable[[History], bool] | None = None,
+        look: Callable[[StateHistory], bool] | None = None,
         pace: Callable[[Context], None] | None = None,
     ) -> None:
         """Begin to record, with the state that the simulator starts from.
@@ -65,6 +66,7 @@ class Recorder:
         self._sizes = [context.num_continuous_states(), *(context.get_discrete_state(group).size() for group in groups)]
         self._states = self._states or [array("d") for _ in self._sizes]
         self._values = range(context.num_abstract_states())
+        self._vector = context.get_continuous_state_vector()
         self._groups = [context.get_discrete_state(group).value() for group in groups]
         self._keep(context)
         simulator.set_monitor(self._keep)
@@ -77,7 +79,7 @@ class Recorder:
             del self.times[-1:], self._abstract[-1:]
             for size, states in zip(self._sizes, self._states, strict=True):
                 del states[len(states) - size :]
-        self._copy(context)
+        self._copy(time, context)
         try:
             for watcher in self._watchers:
                 watcher(context)
@@ -89,12 +91,12 @@ class Recorder:
                 return EventStatus.ReachedTermination(self._system, "a state ran away to infinity")
             if self.look():
                 return EventStatus.ReachedTermination(self._system, "a monitor ended the run")
-        return EventStatus.DidNothing()
+        return _GO_ON
 
-    def _copy(self, context: Context) -> None:
-        self.times.append(context.get_time())
+    def _copy(self, time: float, context: Context) -> None:
+        self.times.append(time)
         if self._sizes[0]:
-            self._states[0].frombytes(context.get_continuous_state_vector().CopyToVector().tobytes())
+            self._states[0].frombytes(self._vector.CopyToVector().tobytes())
         for group, states in zip(self._groups, self._states[1:], strict=True):
             states.frombytes(group.tobytes())
         if self._values:
@@ -110,30 +112,34 @@ class Recorder:
 
     def is_sane(self) -> bool:
         """Tell whether the last recorded state is made of numbers of a size that a robot can have."""
-        last = self._rows(slice(len(self.times) - 1, None))
-        return all(_sane(values).all() for values in (last.continuous, *last.discrete))
+        ends = zip(self._states, self._sizes, strict=True)
+        return all(_is_sane(np.array(states[len(states) - size :])).all() for states, size in ends)
 
-    def history(self, count: int | None = None) -> History:
+    def history(self, count: int | None = None) -> StateHistory:
         """Return what was recorded so far, up to the last sane state; its first ``count`` steps where that is given."""
         whole = self._rows(slice(0, count))
         sane = np.all([_sane(values) for values in (whole.continuous, *whole.discrete)], axis=0)
         kept = len(sane) if sane.all() else max(int(np.argmin(sane)), 1)
         return whole if kept == len(whole.times) else self._rows(slice(0, kept))
 
-    def _rows(self, rows: slice) -> History:
+    def _rows(self, rows: slice) -> StateHistory:
         first, last, _ = rows.indices(len(self.times))
         everything = last - first == len(self.times)  # of which there shall be no second copy
         continuous, *groups = (
             np.asarray(states if everything else states[first * size : last * size]).reshape(last - first, size)
             for size, states in zip(self._sizes, self._states, strict=True)
         )
-        return History(np.asarray(self.times[rows]), continuous, groups, self._abstract[rows])
+        return StateHistory(np.asarray(self.times[rows]), continuous, groups, self._abstract[rows])
 
 
 def _sane(states: Vector) -> npt.NDArray[np.bool_]:
-    """Tell which rows of values hold numbers below RUNAWAY; infinite is a monitor's "not yet"."""
-    found = [(np.isinf(states[part]) | (np.abs(states[part]) < RUNAWAY)).all(axis=1) for part in parts(len(states))]
-    return np.concatenate(found)
+    """Tell which rows of values are sane."""
+    return np.concatenate([_is_sane(states[part]).all(axis=1) for part in parts(len(states))])
+
+
+def _is_sane(values: Vector) -> npt.NDArray[np.bool_]:
+    """Tell which values are numbers below RUNAWAY; infinite is a monitor's "not yet"."""
+    return np.asarray(np.isinf(values) | (np.abs(values) < RUNAWAY))
 
 
 @dataclass(frozen=True)
@@ -157,7 +163,7 @@ def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> Pl
 
 
 @dataclass(frozen=True)
-class History:
+class StateHistory:
     """States at the accepted steps of a run."""
 
     times: Vector  # of the steps' ends, shape (m,) [s], rising
@@ -170,7 +176,7 @@ class History:
         """The time of the last state [s]."""
         return float(self.times[-1])
 
-    def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> History:
+    def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> StateHistory:
         """Return the states at ``times``, exact at step ends.
 
         Positions of the plant follow a cubic Hermite spline on the joint rates, the rest of the continuous state a
@@ -199,13 +205,13 @@ class History:
             rows, place = np.unique([before, after], return_inverse=True)
             slopes = rates(self.continuous[rows])[place.reshape(2, -1)] * width[:, np.newaxis]
             states[knots] = _hermite(part, low[knots], high[knots], *slopes)
-        return History(times, states, [group[after] for group in self.discrete], self._values_at(after))
+        return StateHistory(times, states, [group[after] for group in self.discrete], self._values_at(after))
 
-    def steps(self, times: Vector) -> History:
+    def steps(self, times: Vector) -> StateHistory:
         """Return the steps that hold ``times`` (k,): the states at their ends, with the times of their starts."""
         end = self._after(times)
         begins, groups = self.times[np.maximum(end - 1, 0)], [group[end] for group in self.discrete]
-        return History(begins, self.continuous[end], groups, self._values_at(end))
+        return StateHistory(begins, self.continuous[end], groups, self._values_at(end))
 
     def _values_at(self, rows: npt.NDArray[np.intp]) -> list[list[AbstractValue]]:
         return [self.abstract[row] for row in rows] if self.abstract else []
@@ -224,20 +230,20 @@ class History:
         for index, value in enumerate(self.abstract[row] if self.abstract else []):
             context.get_mutable_abstract_state(index).SetFrom(value)
 
-    def joined(self, later: History) -> History:
+    def joined(self, later: StateHistory) -> StateHistory:
         """Return these states, as far as they come before the first of ``later``, and those after them."""
         kept = self.times < later.times[0]
-        return History(
+        return StateHistory(
             np.append(self.times[kept], later.times),
             np.vstack([self.continuous[kept], later.continuous]),
             [np.vstack([group[kept], end]) for group, end in zip(self.discrete, later.discrete, strict=True)],
             [*self.abstract[: int(kept.sum())], *later.abstract],
         )
 
-    def last(self) -> History:
+    def last(self) -> StateHistory:
         """Return the last state alone."""
         discrete = [group[-1:] for group in self.discrete]
-        return History(self.times[-1:], self.continuous[-1:], discrete, self.abstract[-1:])
+        return StateHistory(self.times[-1:], self.continuous[-1:], discrete, self.abstract[-1:])
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:

@@ -6,10 +6,9 @@ from itertools import pairwise
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.results.record.run import RecordedRun
 
-_TOLD = {
+_REMARKS = {
     "clipped": "is asked for more than its legs can follow, and does what they can",
     "blind": "reads what is not a number, and goes on as planned",
 }
@@ -27,12 +26,12 @@ def remarks_of(run: RecordedRun) -> list[str]:
 
 def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
     for name, section in run.config.controllers.items():
-        for output, told in _TOLD.items() if isinstance(section, Walk) else ():
+        for output, remark in _REMARKS.items() if section.kind == "walk" else ():
             spans = _spans(run[f"{name}.{output}"], begin + run.times)
             if spans:
                 when = ", ".join(f"{first:.2f} to {last:.2f} s" for first, last in spans[:_MOST])
                 more = f" and {len(spans) - _MOST} times more" if len(spans) > _MOST else ""
-                yield f"{name} {told}: {when}{more}"
+                yield f"{name} {remark}: {when}{more}"
 
 
 def _spans(on: Vector, times: Vector) -> list[tuple[float, float]]:

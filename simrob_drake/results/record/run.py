@@ -1,18 +1,22 @@
 """What was recorded of a run: signals, how it ended and how fast it was."""
 
-from collections.abc import Callable, Iterator
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, Self
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults
+from pydrake.systems.framework import Context
 
-from simrob_drake.blocks.references import Course, Samples
+from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.errors import one_of
 from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
-from simrob_drake.parts.controllers.sequencer import Sequencer
 from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.state import State
+from simrob_drake.results.record.touch import Touch
 from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.poses import VELOCITY_NAMES
@@ -41,10 +45,13 @@ class RecordedRun:
         step_times: ends of the accepted steps [s].
         positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq); others are refused.
         stepping_time, signal_time: wall-clock seconds spent on each.
-        warnings: why the result may be wrong though the run went to its end, in words.
+        solver_warnings: why servos and solver may have made the result wrong though the run went to its end, in words.
         final_state: where the station was at the end, for another run to begin there.
         start: where it began; None at the configuration's initial posture.
         contacts_at: Drake's contact results at any times of the run; None in a station without contact.
+        context: gives a context of a diagram in which the plant stands with its shapes, to be put anywhere; None where
+            it stands in none.
+        shortened: how often the solver tried a step again, shorter; None where all steps are of one length.
         references: what was given to simulate() in place of the configuration's references, by robot.
         did: what was done in it, in a few words, such as ``move_l of left``.
         runs: of a program, the runs that follow each other in it; see :func:`simrob_drake.results.whole.joined`.
@@ -70,9 +77,11 @@ class RecordedRun:
     signal_time: float
     final_state: State
     start: State | None = None
-    references: dict[str, Course | Samples] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    references: dict[str, Reference | Samples] = field(default_factory=dict)
+    solver_warnings: list[str] = field(default_factory=list)
     contacts_at: Callable[[Vector], Iterator[ContactResults]] | None = None
+    context: Callable[[], Context] | None = None
+    shortened: int | None = None
     did: str = ""
     runs: tuple[Self, ...] = ()
     begun: StationConfig | None = None
@@ -82,7 +91,7 @@ class RecordedRun:
 
     def __getitem__(self, name: str) -> Vector:
         """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
-        return self.values[:, self.names.index(one_of("signal", name, self.names))]
+        return self.values[:, self._places[one_of("signal", name, self._places)]]
 
     def axes(self, signal: str, robot: str | None = None) -> Vector:
         """Return a signal of all axes of a robot, shape (m, n): ``q_ref``, ``q``, ``v`` or ``tau``.
@@ -96,24 +105,29 @@ class RecordedRun:
             InvalidParameter: no robot named, and the station has not just one.
         """
         station_robot = self._robot(robot)
-        return np.column_stack([self[f"{station_robot.prefix}{signal}.{axis}"] for axis in station_robot.axes])
+        return self._columns(f"{station_robot.prefix}{signal}", station_robot.axes)
 
     def pose(self, signal: str, robot: str | None = None) -> Vector:
         """Return a pose signal, ``base`` or ``tcp``, shape (m, 7): x y z qw qx qy qz; names as in :meth:`axes`."""
         station_robot = self._robot(robot)
-        return np.column_stack([self[f"{station_robot.prefix}{signal}.{part}"] for part in XYZ_QUATERNION_NAMES])
+        return self._columns(f"{station_robot.prefix}{signal}", XYZ_QUATERNION_NAMES)
 
     def piece_pose(self, piece: str) -> Vector:
         """Return where a free piece was, shape (m, 7): x y z qw qx qy qz."""
-        return np.column_stack([self[f"piece.{piece}.{part}"] for part in XYZ_QUATERNION_NAMES])
+        return self._columns(f"piece.{piece}", XYZ_QUATERNION_NAMES)
 
     def piece_velocity(self, piece: str) -> Vector:
         """Return how a free piece moved, shape (m, 6): vx vy vz [m/s] wx wy wz [rad/s], in the world's axes."""
-        return np.column_stack([self[f"piece.{piece}.{part}"] for part in VELOCITY_NAMES])
+        return self._columns(f"piece.{piece}", VELOCITY_NAMES)
 
     def vector(self, signal: str) -> Vector:
         """Return a signal of three columns, such as ``force.<sensor>``, shape (m, 3)."""
-        return np.column_stack([self[f"{signal}.{axis}"] for axis in "xyz"])
+        return self._columns(signal, "xyz")
+
+    @cached_property
+    def touch(self) -> Touch:
+        """What touched what, at samples of the run."""
+        return Touch.of(self.config, self.plant, self.times, self.positions_at, self.context)
 
     @property
     def units(self) -> dict[str, str]:
@@ -133,7 +147,7 @@ class RecordedRun:
         found = {}
         for name, section in self.config.controllers.items():
             block = self.final_state.blocks.get(f"controller.{name}")
-            if isinstance(section, Sequencer) and block is not None:
+            if section.kind == "sequencer" and block is not None:
                 times = block.discrete[-1][-len(section.cells) :].tolist()
                 found[name] = [round(time, 9) if time >= 0 else None for time in times]
         return found
@@ -154,9 +168,25 @@ class RecordedRun:
         return self.stepping_time + self.signal_time
 
     @property
+    def pace(self) -> str:
+        """How fast it was stepped, and in how many steps, in words."""
+        rate = self.realtime_rate
+        return f"{rate:{'.0f' if rate >= 10 else '.2g'}} × real time, {len(self.step_times) - 1} steps"
+
+    @property
     def realtime_rate(self) -> float:
         """Simulated over wall-clock time of stepping and signals."""
         return self.stop_time / self.wall_time if self.wall_time > 0 else 0.0
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {name: place for place, name in enumerate(self.names)}
+
+    def _columns(self, signal: str, parts: Iterable[str]) -> Vector:
+        """Return columns of a signal, shape (m, k)."""
+        names, known = [f"{signal}.{part}" for part in parts], self._places
+        places = [known[name] if name in known else known[one_of("signal", name, known)] for name in names]
+        return np.take(self.values, places, axis=1)
 
     def _robot(self, name: str | None) -> StationRobot:
         return self.plant.robots[named(name, list(self.plant.robots))]

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site
-from simrob_drake.results.record.history import History, PlantSlice, plant_slice
+from simrob_drake.results.record.history import PlantSlice, StateHistory, plant_slice
 from simrob_drake.rows import parts
 
 
@@ -23,7 +23,7 @@ class Sampler:
         self,
         diagram: Diagram,
         site: Site,
-        history: History,
+        history: StateHistory,
         *,
         held: Collection[OutputPort] = (),
         prepare: Callable[[], None] | None = None,
@@ -45,17 +45,18 @@ class Sampler:
         self._plant = site.plant.plant
         self._context = diagram.CreateDefaultContext()
         self._plant_slice = plant_slice(diagram, self._plant, self._context)
-        self._of_state = {site.outputs[name]: how for name, how in site.of_state.items()}
+        rules = {port: site.from_state(name) for name, port in site.outputs.items()}
+        self._of_state = {port: rule for port, rule in rules.items() if rule is not None}
         self._recorded = _recorded(diagram, self._context)
         self.history = history
 
     @property
-    def history(self) -> History:
+    def history(self) -> StateHistory:
         """The recorded states."""
         return self._history
 
     @history.setter
-    def history(self, history: History) -> None:
+    def history(self, history: StateHistory) -> None:
         self._history = history
         self.memo: dict[Any, Any] = {}
 
@@ -71,7 +72,7 @@ class Sampler:
         values |= self.evaluate(held, self._history.steps(times)) if held else {}
         return [values[port] for port in ports]
 
-    def evaluate(self, ports: Sequence[OutputPort], states: History) -> dict[OutputPort, Any]:
+    def evaluate(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
         """Return the values of ports at states (k rows), as :meth:`sample` does."""
         state_port, where = self._site.state, self._plant_slice
         known: dict[OutputPort, Any] = {}
@@ -79,12 +80,12 @@ class Sampler:
         if linear and where is not None:  # the state was recorded
             known[state_port] = states.continuous[:, where.positions.start : where.velocities.stop]
         known |= {port: states.discrete[self._recorded[port]] for port in ports if port in self._recorded}
-        wanted = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
-        known |= self._evaluated([port for port in wanted if port not in known], states)
-        known |= {port: self._of_state[port].of(known[state_port]) for port in linear if port != state_port}
+        needed = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
+        known |= self._evaluated([port for port in needed if port not in known], states)
+        known |= {port: self._of_state[port](known[state_port]) for port in linear if port != state_port}
         return {port: known[port] for port in ports}
 
-    def _evaluated(self, ports: Sequence[OutputPort], states: History) -> dict[OutputPort, Any]:
+    def _evaluated(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
         if not ports:
             return {}
         if self._prepare is not None:
@@ -128,7 +129,7 @@ class Sampler:
         self._at(np.array([time])).put(0, self._context)
         return self._context
 
-    def _at(self, times: Vector) -> History:
+    def _at(self, times: Vector) -> StateHistory:
         where = self._plant_slice
         return self._history.at(times, where, None if where is None else partial(self._rates, where))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, System
 
+from simrob_drake.arguments import instance
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.files import NotRead, text_of
 from simrob_drake.frames import Vector, finite
-from simrob_drake.given import instance
-from simrob_drake.parts.site import Site, StationPlant
+from simrob_drake.parts.site import ResolvedRobot, Site, StationPlant
+from simrob_drake.sections import Number, Strict, validated
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.yaml_files import parse_json
 
 _LARGEST = 10_000_000  # bytes of a file
 _OF_ROBOTS = ("positions", "velocities", "references")
@@ -40,6 +43,21 @@ class BlockState:
     continuous: Vector
     discrete: tuple[Vector, ...]
     abstract: tuple[Any, ...] = ()
+
+
+Numbers = list[Number]
+
+
+class _Kept(Strict):
+    """What stands in the file of a state."""
+
+    of_any_size = True
+    positions: dict[str, Numbers]
+    velocities: dict[str, Numbers]
+    references: dict[str, Numbers]
+    joints: dict[str, tuple[Numbers, Numbers]]
+    blocks: dict[str, tuple[Numbers, list[Numbers], list[Any]]]
+    """Continuous state, discrete groups, abstract values."""
 
 
 @dataclass(frozen=True)
@@ -83,13 +101,12 @@ class State:
         def of_robots(signal: str) -> dict[str, Vector]:
             values = {}
             for robot in ports.plant.robots.values():
-                port = ports.outputs[f"{robot.prefix}{signal}"]
                 try:
-                    values[robot.name] = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
+                    values[robot.name] = ports.value(f"{robot.prefix}{signal}", context)
                 except Exception:
                     if not tolerant:
                         raise
-                    values[robot.name] = np.full(port.size(), np.nan)
+                    values[robot.name] = np.full(len(robot.axes), np.nan)
             return values
 
         plant, blocks = ports.plant.plant, {}
@@ -117,8 +134,8 @@ class State:
             vectors += [(name, block.continuous), *((name, values) for values in block.discrete)]
         for name, values in vectors:
             if not (isinstance(values, np.ndarray) and values.ndim == 1 and finite(values).shape == values.shape):
-                told = "an array of finite numbers, unlike at the end of a run in which a block failed"
-                raise InvalidParameter(f"start: {name}", values, told)
+                expected = "an array of finite numbers, unlike at the end of a run in which a block failed"
+                raise InvalidParameter(f"start: {name}", values, expected)
 
     def _entries(self, key: str, kind: type[Any]) -> list[tuple[str, Any]]:
         entries = instance(getattr(self, key), f"start: {key}", Mapping, "a mapping by name")
@@ -162,8 +179,24 @@ class State:
         for name, places, speeds in joints_of(plant):
             if name in self.joints:
                 self._check(name, self.joints[name].position, len(q[places]))
+                self._check(name, self.joints[name].velocity, len(v[speeds]))
                 q[places], v[speeds] = self.joints[name].position, self.joints[name].velocity
         return q, v
+
+    def with_axes(self, robot: ResolvedRobot, positions: Vector, velocities: Vector) -> State:
+        """Return the state with other positions and velocities (n,) of a robot's axes."""
+        own = {axis.joint for axis in robot.model.axes.values()}
+        kept = {
+            name: joint
+            for name, joint in self.joints.items()
+            if name.partition("::")[0] != robot.name or name.rpartition("/")[2] not in own
+        }
+        return replace(
+            self,
+            positions={**self.positions, robot.name: positions},
+            velocities={**self.velocities, robot.name: velocities},
+            joints=kept,
+        )
 
     def to_json(self) -> str:
         """Return the state as a text that :meth:`from_json` reads back to the last bit.
@@ -183,26 +216,27 @@ class State:
         )
 
     @classmethod
-    def from_json(cls, text: str) -> State:
+    def from_json(cls, text: str, where: Path | str = "state") -> State:
         """Return the state that :meth:`to_json` wrote.
 
+        Args:
+            text: the state.
+            where: it stands, for errors.
+
         Raises:
-            InvalidParameter: the text holds no state.
+            InvalidConfig: the text holds no state.
         """
-        try:
-            content = json.loads(text)
-            return cls(
-                _arrays(content["positions"]),
-                _arrays(content["velocities"]),
-                _arrays(content["references"]),
-                {name: JointState(_array(q), _array(v)) for name, (q, v) in content["joints"].items()},
-                {
-                    name: BlockState(_array(continuous), tuple(map(_array, discrete)), tuple(*abstract))
-                    for name, (continuous, discrete, *abstract) in content["blocks"].items()
-                },
-            )
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as problem:
-            raise InvalidParameter("state", text, "the text of a state, as State.to_json() writes it") from problem
+        kept = validated(_Kept, parse_json(text, where), where)
+        return cls(
+            _arrays(kept.positions),
+            _arrays(kept.velocities),
+            _arrays(kept.references),
+            {name: JointState(np.array(q), np.array(v)) for name, (q, v) in kept.joints.items()},
+            {
+                name: BlockState(np.array(continuous), tuple(map(np.array, discrete)), tuple(abstract))
+                for name, (continuous, discrete, abstract) in kept.blocks.items()
+            },
+        )
 
     @classmethod
     def at_start_of(cls, config: StationConfig) -> State | None:
@@ -214,15 +248,10 @@ class State:
         if config.start is None:
             return None
         try:
-            state = cls.from_json(text_of(config.start, _LARGEST))
-        except (NotRead, InvalidParameter) as problem:
-            what = f"cannot be read ({problem})" if isinstance(problem, NotRead) else "holds no state"
-            raise InvalidConfig(config.start, "", f"{what}; `start` names the start.json of a result") from problem
-        try:
-            state.check()
-        except InvalidParameter as problem:
-            raise InvalidConfig(config.start, "", str(problem)) from problem
-        return state
+            return cls.from_json(text_of(config.start, _LARGEST), config.start)
+        except (NotRead, InvalidConfig) as problem:
+            what = f"{config.start}: cannot be read ({problem})" if isinstance(problem, NotRead) else problem
+            raise InvalidConfig("", "", f"{what}; `start` names the start.json of a result") from problem
 
     def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
         own = system.GetMyMutableContextFromRoot(context)
@@ -235,15 +264,18 @@ class State:
             self._check(system.get_name(), values, size)
             own.SetDiscreteState(group, values)
         for index, value in enumerate(kept.abstract[: own.num_abstract_states()]):
-            if value is not None:
-                own.get_mutable_abstract_state(index).set_value(deepcopy(value))
+            if value is None:
+                continue
+            state = own.get_mutable_abstract_state(index)
+            expected = f"a {type(state.get_value()).__name__}, as that block remembers"
+            state.set_value(deepcopy(instance(value, f"start: {system.get_name()}", type(state.get_value()), expected)))
 
     @staticmethod
     def _check(name: str, values: Vector | None, size: int) -> None:
         if values is None or len(values) != size:
-            given = "unknown" if values is None else f"of size {len(values)}"
+            found = "unknown" if values is None else f"of size {len(values)}"
             raise InvalidParameter(
-                "start", f"a state in which '{name}' is {given}", f"of a station where it is of {size}"
+                "start", f"a state in which '{name}' is {found}", f"of a station where it is of {size}"
             )
 
 
@@ -291,9 +323,5 @@ def _json_values(values: tuple[Any, ...]) -> list[Any]:
     return [value if known(value) else None for value in values]
 
 
-def _array(values: Any) -> Vector:
-    return np.array(values, dtype=float)
-
-
-def _arrays(values: dict[str, Any]) -> dict[str, Vector]:
-    return {name: _array(vector) for name, vector in values.items()}
+def _arrays(values: Mapping[str, Numbers]) -> dict[str, Vector]:
+    return {name: np.array(numbers) for name, numbers in values.items()}

@@ -11,6 +11,7 @@ from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_
 from simrob_drake.results.record.remarks import remarks_of
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import legged_robots, locomotion
+from simrob_drake.results.verdict.verdict import Verdict
 
 
 def pose_vector(pose: Vector) -> list[float]:
@@ -18,7 +19,7 @@ def pose_vector(pose: Vector) -> list[float]:
     return [float(value) for value in pose_from_transform(transform_from_xyz_quaternion(pose))]
 
 
-def summary_of(run: RecordedRun) -> dict[str, Any]:
+def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
     """Return how a run ended and why, final and largest values, measures of walks, speed and versions."""
     robots, only, torques = run.plant.robots, run.config.only_robot, _columns(run, "tau")
     names = {name: robot.model.name for name, robot in robots.items()}
@@ -29,7 +30,8 @@ def summary_of(run: RecordedRun) -> dict[str, Any]:
         "stopped_by": run.stopped_by,
         "stop_time": run.stop_time,
         "message": run.message,
-        "warnings": run.warnings,
+        "warnings": [*run.solver_warnings, *verdict.warnings],
+        "verdict": verdict.summary(),
         "remarks": remarks_of(run),
         "solver": run.config.solver.model_dump() if run.config.mode == "dynamic" else None,
         "steps": len(run.step_times) - 1,

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
-from simrob_drake.parts.monitors import Fall
 from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.touch import legged
 
 _SHORTEST_WAY = 0.01
 """Way below which a cost of transport means nothing [m]."""
@@ -24,10 +24,7 @@ _AT_LIMIT = 0.999  # share of a torque limit
 
 def legged_robots(result: RecordedRun) -> list[str]:
     """Return the robots of a run that could walk: with feet, a free base and joints that are moved by torque."""
-    if result.config.mode != "dynamic":
-        return []
-    robots = result.plant.robots.items()
-    return [name for name, robot in robots if robot.feet is not None and robot.model.base == "floating"]
+    return [robot.name for robot in legged(result.config, result.plant)]
 
 
 @dataclass(frozen=True)
@@ -142,7 +139,7 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
 def fallen(result: RecordedRun) -> str | None:
     """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
     monitor = result.config.monitors.get(result.stopped_by or "")
-    return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
+    return monitor.faller(result.config.only_robot) if monitor is not None and monitor.kind == "fall" else None
 
 
 def mechanical_work(result: RecordedRun, robot: str) -> float:
@@ -152,34 +149,8 @@ def mechanical_work(result: RecordedRun, robot: str) -> float:
 
 
 def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
-    """Return how far each foot slid over the ground, by its link [m].
-
-    A foot touches with those points of its contact shapes, lowest over the floor, that lie below the ground's surface.
-    From one sample to the next each point that touches in both is followed as a point of its link, and the foot slides
-    by the mean of their displacements along the floor. A foot that rolls does not slide.
-    """
-    own, plant, ground = result.plant.robots[robot], result.plant.plant, result.plant.ground
-    assert own.feet is not None  # the caller asks for robots with feet only
-    frames, context = (
-        [plant.GetFrameByName(link, own.instance) for link in own.feet.links],
-        plant.CreateDefaultContext(),
-    )
-    from_floor, rows = ground.tilt.inverse(), []
-    for positions in result.positions_at(result.times):
-        plant.SetPositions(context, positions)
-        rows.append([(from_floor @ frame.CalcPoseInWorld(context)).GetAsMatrix4() for frame in frames])
-    slips = {}
-    for link, poses in zip(own.feet.links, np.array(rows).swapaxes(0, 1), strict=True):
-        turns, places = poses[:, :3, :3], poses[:, :3, 3]
-        points = own.feet.lowest_points(link, poses)
-        local = np.einsum("mji,mkj->mki", turns[:-1], points[:-1] - places[:-1, np.newaxis])
-        moved = places[1:, np.newaxis] + np.einsum("mij,mkj->mki", turns[1:], local)
-        seen = points.reshape(-1, 3) @ ground.tilt.rotation().matrix().T
-        below = (seen[:, 2] < ground.beneath(seen)).reshape(points.shape[:2])
-        touches = below[:-1] & below[1:]
-        ways = np.linalg.norm((moved - points[:-1])[..., :2], axis=2) * touches
-        slips[link] = float((ways.sum(axis=1) / np.maximum(touches.sum(axis=1), 1)).sum())
-    return slips
+    """Return how far each foot slid over the ground, by its link [m]: see ``Slide`` of a verdict."""
+    return {link: slide.total for (owner, link), slide in result.touch.slides.items() if owner == robot}
 
 
 def _peak_torque(result: RecordedRun, robot: StationRobot) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from pydrake.systems.framework import OutputPort
 
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.parts.site import Site
-from simrob_drake.results.record.history import History
+from simrob_drake.results.record.history import StateHistory
 from simrob_drake.results.record.signals import Sampler
 
 TOLERANCE = 1e-4
@@ -20,7 +20,7 @@ TOLERANCE = 1e-4
 
 Holds = Callable[[Sampler, float], bool]
 """Whether the condition holds at a time [s] of a sampler's run."""
-Step = Callable[[History, float], History]
+Step = Callable[[StateHistory, float], StateHistory]
 """Steps from the last state of a history before a time to that time [s], and returns the state there."""
 
 
@@ -48,7 +48,7 @@ class Watch:
         self._count = 0
         self.stop: Stop | None = None
 
-    def look(self, steps: History) -> bool:
+    def look(self, steps: StateHistory) -> bool:
         """Look at the steps that follow those of the last call; tell whether one of them ends the run."""
         ports = {name: self._ports(name) for name in self._site.monitors}
         values = self._sampler.evaluate(list(dict.fromkeys(port for own in ports.values() for port in own)), steps)

@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.files import NotRead, content_of
+from simrob_drake.files import NotRead, content_of, opened
 from simrob_drake.frames import Vector
 from simrob_drake.simulink.reading.elements import DEEPEST, MOST_BLOCKS, one_line
 from simrob_drake.simulink.reading.xml_part import Unreadable, parse_part
@@ -128,7 +128,7 @@ class Assembly:
 def is_export(path: Path) -> bool:
     """Tell whether an XML file is what a CAD tool exports for Simscape Multibody, of any age."""
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             beginning = file.read(2000)
     except OSError:
         return False
@@ -184,11 +184,11 @@ class _Reader:
             name = f"{parent.name}/{name.replace('/', '_')}".lstrip("/")
             if uid in parent.inside:
                 raise self._wrong(name, f"has the uid '{uid}' of {parent.inside[uid].name}")
-            said = {key: element.get(key, "") == "true" for key in ("grounded", "rigid")}
+            flags = {key: element.get(key, "") == "true" for key in ("grounded", "rigid")}
             entity = element.get("entityUid", "")
             instance = Instance(
-                name, parent.pose @ self._transform(element, name), self._parts.get(entity), held=said["grounded"],
-                rigid=said["rigid"], group=element.get("rigidGroup", ""), visible=element.get("visible") != "false",
+                name, parent.pose @ self._transform(element, name), self._parts.get(entity), held=flags["grounded"],
+                rigid=flags["rigid"], group=element.get("rigidGroup", ""), visible=element.get("visible") != "false",
             )  # fmt: skip
             parent.inside[uid] = instance
             if instance.part is None and entity not in self._kinds:

@@ -96,7 +96,7 @@ def _rows(tie: Tie) -> Vector:
     if tie.kind in ("Perpendicular", "Angle"):
         across = np.cross(a, b)
         size = float(np.linalg.norm(across))
-        return _turning(across / size) if size > _SAME else _turning(*_beside(a))
+        return _turning(across / size) if size > _SAME else _turning(*_perpendicular(a))
     if tie.kind == "Parallel":
         return _parallel(shapes, a, b)
     return np.vstack([_parallel(shapes, a, b), _touching(tie.kind, shapes, one, other)])
@@ -109,7 +109,7 @@ def _parallel(shapes: tuple[str, str], a: Vector, b: Vector) -> Vector:
     if shapes == ("line", "plane"):
         across = np.cross(a, b)
         return _turning(across / max(float(np.linalg.norm(across)), 1e-12))
-    return _turning(*_beside(b))
+    return _turning(*_perpendicular(b))
 
 
 def _touching(kind: str, shapes: tuple[str, str], one: End, other: End) -> Vector:
@@ -123,7 +123,7 @@ def _touching(kind: str, shapes: tuple[str, str], one: End, other: End) -> Vecto
     far = float(np.linalg.norm(between)) > _SAME
     if kind in ("Distance", "Tangent") and far:
         return _sliding(place, between / np.linalg.norm(between))
-    return _sliding(place, *(_beside(normal) if shapes[1] == "line" else np.eye(3)))
+    return _sliding(place, *(_perpendicular(normal) if shapes[1] == "line" else np.eye(3)))
 
 
 def _shape(tie: Tie, end: End) -> str:
@@ -138,7 +138,7 @@ def _axis(end: End) -> Vector:
     return np.asarray(end.pose.rotation().matrix()[:, 2])
 
 
-def _beside(axis: Vector) -> Vector:
+def _perpendicular(axis: Vector) -> Vector:
     return np.asarray(RotationMatrix.MakeFromOneVector(axis, 2).matrix()[:, :2].T)
 
 

@@ -8,11 +8,11 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.importer.report import Deed
+from simrob_drake.importer.options import EntryKind
 from simrob_drake.simulink.cad.assembly import Assembly, Instance, Tie, read_assembly
 from simrob_drake.simulink.cad.constraints import joint_of
 from simrob_drake.simulink.mechanics.joints import PRIMITIVES, xyz_angles
-from simrob_drake.simulink.reading.graph import Block, Model, Port, System
+from simrob_drake.simulink.reading.graph import Model, Port, SimulinkBlock, System
 
 _WORLD = "World"
 _JOINTS = {kind.removesuffix(" Joint").replace(" ", ""): kind for kind in PRIMITIVES if kind != "6-DOF Joint"}
@@ -35,7 +35,7 @@ class _Writer:
 
     def __init__(self, path: Path, assembly: Assembly) -> None:
         self._path, self._assembly = path, assembly
-        self._system, self.notes = System(), list[tuple[Deed, str, str]]()
+        self._system, self.notes = System(), list[tuple[EntryKind, str, str]]()
         self._bodies = {instance: instance for instance in assembly.root.all()}
         self._sids: dict[Instance, str] = {}
 
@@ -100,10 +100,10 @@ class _Writer:
         """Add the joint that constraints leave; tell them as refused, and return False, where that is none."""
         names, found = ", ".join(tie.name for tie in ties), self._joint_of(ties)
         if found is None:
-            told = (
+            message = (
                 f"its constraints ({names}) leave freedoms between two parts that no joint has; export a joint instead"
             )
-            self.notes.append(("refused", ties[0].name, told))
+            self.notes.append(("refused", ties[0].name, message))
             return False
         kind, frame = found
         self.notes.append(("read", ties[0].name, f"{names}: a {kind}"))
@@ -143,8 +143,8 @@ class _Writer:
         for end, frame, side in ((tie.base, base, "base"), (tie.follower, follower, "follower")):
             first = self._first.get(self._body(end.instance))
             if first is None:
-                told = f"its {side} is on {end.instance.name or 'the assembly'}, in which no part is fixed"
-                raise InvalidModel(self._path, tie.name, told)
+                message = f"its {side} is on {end.instance.name or 'the assembly'}, in which no part is fixed"
+                raise InvalidModel(self._path, tie.name, message)
             ends.append((first, first.pose.inverse() @ frame))
         sid = self._add(f"sm_lib/Joints/{kind}", tie.name, self._targets(tie, kind, base.inverse() @ follower))
         for (first, pose), side, name in zip(ends, ("lconn", "rconn"), ("base", "follower"), strict=True):
@@ -163,16 +163,16 @@ class _Writer:
         for name in primitives:
             target = f"{name if len(primitives) > 1 else ''}PositionTarget"
             matrix = {"RotationMethod": "RotationMatrix", "RotationMatrix": _matrix(pose.rotation().matrix())}
-            told = matrix if name == "S" else {"Value": repr(float(values[name]))}
-            targets |= {f"{target}{key}": value for key, value in {"Specify": "on", **told}.items()}
+            values_of = matrix if name == "S" else {"Value": repr(float(values[name]))}
+            targets |= {f"{target}{key}": value for key, value in {"Specify": "on", **values_of}.items()}
         return targets
 
     def _free_the_others(self, joined: Iterable[frozenset[Instance]]) -> None:
         """Let bodies that no chain of joints leads to from the world move freely, each group as one."""
-        root, reached, beside = self._assembly.root, set[Instance](), dict[Instance, set[Instance]]()
+        root, reached, neighbours = self._assembly.root, set[Instance](), dict[Instance, set[Instance]]()
         for pair in joined:
             for body in pair:
-                beside.setdefault(body, set()).update(pair)
+                neighbours.setdefault(body, set()).update(pair)
         for body, first in self._first.items():
             if body in reached:
                 continue
@@ -185,7 +185,7 @@ class _Writer:
             while waiting:
                 here = waiting.pop()
                 reached.add(here)
-                waiting += beside.get(here, set()) - reached
+                waiting += neighbours.get(here, set()) - reached
 
     def _port(self, instance: Instance) -> Port:
         return Port(self._sids[instance], "rconn", 1)
@@ -200,7 +200,7 @@ class _Writer:
 
     def _add(self, kind: str, name: str, parameters: dict[str, str]) -> str:
         sid = str(len(self._system.blocks) + 1)
-        self._system.blocks[sid] = Block(sid, name, kind, linked=True, parameters=parameters)
+        self._system.blocks[sid] = SimulinkBlock(sid, name, kind, linked=True, parameters=parameters)
         return sid
 
 

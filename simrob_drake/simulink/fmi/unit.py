@@ -77,16 +77,16 @@ class SteppedStation:
         robots = ports.plant.robots.values()
         axes = {robot.prefix: list(zip(robot.axes, robot.model.units, strict=True)) for robot in robots}
         begun = State.at_start_of(self.config)
-        asked = {robot.name: robot.initial for robot in robots} | (begun.references if begun else {})
-        starts = {f"{robot.prefix}reference": np.array(asked[robot.name], dtype=float) for robot in robots}
+        references = {robot.name: robot.initial for robot in robots} | (begun.references if begun else {})
+        starts = {f"{robot.prefix}reference": np.array(references[robot.name], dtype=float) for robot in robots}
         self.inputs = [element for name, port in ports.inputs.items() for element in _elements(name, port.size(), axes)]
         self.outputs = [
             element for name, output in ports.outputs.items() for element in _elements(name, output.size(), axes)
         ]
-        self._given = {name: starts.get(name, np.zeros(port.size())) for name, port in ports.inputs.items()}
+        self._inputs = {name: starts.get(name, np.zeros(port.size())) for name, port in ports.inputs.items()}
         self._fixed = {
             name: self._diagram.GetInputPort(name).FixValue(self._context, values)
-            for name, values in self._given.items()
+            for name, values in self._inputs.items()
         }
         if begun is not None:
             begun.put(self._diagram, ports, self._context)
@@ -98,7 +98,7 @@ class SteppedStation:
     def get(self, element: Element) -> float:
         """Return an element of an input or output now."""
         if element.port in self._fixed:
-            return float(self._given[element.port][element.index])
+            return float(self._inputs[element.port][element.index])
         if element.port not in self._values:
             self._values[element.port] = self._outputs[element.port].Eval(self._context)
         return float(self._values[element.port][element.index])
@@ -111,7 +111,7 @@ class SteppedStation:
         """
         if not np.isfinite(value):
             raise InvalidParameter(element.name, value, f"a finite number [{element.unit}]")
-        self._given[element.port][element.index] = value
+        self._inputs[element.port][element.index] = value
         self._fixed[element.port].GetMutableData().get_mutable_value().SetAtIndex(element.index, value)
         self._values.clear()
 
@@ -142,7 +142,7 @@ class SteppedStation:
             "time": context.get_time(),
             "continuous": context.get_continuous_state_vector().CopyToVector().tolist(),
             "discrete": [groups.value(index).tolist() for index in range(groups.num_groups())],
-            "inputs": {name: values.tolist() for name, values in self._given.items()},
+            "inputs": {name: values.tolist() for name, values in self._inputs.items()},
             "stopped": self.stopped,
         }
 
@@ -154,8 +154,8 @@ class SteppedStation:
         for index, values in enumerate(state["discrete"]):
             context.SetDiscreteState(index, np.array(values))
         for name, values in state["inputs"].items():
-            self._given[name] = np.array(values)
-            self._fixed[name].GetMutableData().get_mutable_value().SetFromVector(self._given[name])
+            self._inputs[name] = np.array(values)
+            self._fixed[name].GetMutableData().get_mutable_value().SetFromVector(self._inputs[name])
         self.stopped = state["stopped"]
         self._values.clear()
         self._simulator.Initialize()

@@ -5,11 +5,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.folders import replaced_at_once, writing
-from simrob_drake.given import as_path
 from simrob_drake.simulink.fmi.unit import SteppedStation
 from simrob_drake.simulink.writing.names import plain
+from simrob_drake.stations.carried import FILES, carried
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
 from simrob_drake.stations.solver_config import ContinuousSolver
@@ -60,8 +61,8 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
 def write_fmu(config: StationConfig, target: Path | str, *, force: bool = False) -> Path:
     """Write a station as an FMI 2.0 co-simulation unit.
 
-    Where the unit runs, this package must be importable by the Python it finds there, and robots and pieces that the
-    station names by path must lie where they lie now.
+    Where the unit runs, this package must be importable by the Python it finds there. The files that the station
+    names, such as those of robots and pieces, are in the unit.
 
     Args:
         config: the station.
@@ -87,7 +88,7 @@ def write_fmu(config: StationConfig, target: Path | str, *, force: bool = False)
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         script, station = work / f"{name}.py", work / "station.yaml"
-        station.write_text(station_yaml(config), encoding="utf-8")
+        station.write_text(station_yaml(carried(config, work)), encoding="utf-8")
         SteppedStation(station)  # what cannot be stepped is told here, in our words
         script.write_text(_SCRIPT.format(name=name), encoding="utf-8")
         before = list(sys.path)
@@ -95,7 +96,7 @@ def write_fmu(config: StationConfig, target: Path | str, *, force: bool = False)
             made = FmuBuilder.build_FMU(
                 script,
                 dest=work / "made",
-                project_files=[station],
+                project_files=[station, *work.glob(FILES)],
                 canGetAndSetFMUstate="true",
                 canSerializeFMUstate="true",
             )

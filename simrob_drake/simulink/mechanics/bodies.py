@@ -7,12 +7,12 @@ from xml.etree.ElementTree import Element
 from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.mechanics.joints import JOINTS, REFUSED_JOINTS, Joint, read_joint
+from simrob_drake.simulink.mechanics.joints import JOINTS, Joint, read_joint
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
 from simrob_drake.simulink.mechanics.solid_ports import REFERENCE, frame_pose, solid_ports
 from simrob_drake.simulink.mechanics.solids import SOLIDS, SolidBody, read_solid
 from simrob_drake.simulink.mechanics.transforms import rigid_transform
-from simrob_drake.simulink.model.network import Network, Place
+from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
 
 _SAME = 1e-6
@@ -20,7 +20,7 @@ _SAME = 1e-6
 
 
 @dataclass(eq=False)
-class Body:
+class RigidPart:
     """A rigid body: frames, and what hangs on them.
 
     Attributes:
@@ -46,8 +46,8 @@ class Link:
     """
 
     joint: Joint
-    base: Body
-    follower: Body
+    base: RigidPart
+    follower: RigidPart
     in_base: RigidTransform
     in_follower: RigidTransform
 
@@ -63,9 +63,9 @@ class Bodies:
         roots: physical nodes that no transform or joint leads to.
     """
 
-    bodies: list[Body]
+    bodies: list[RigidPart]
     links: list[Link]
-    by_place: dict[Place, Body]
+    by_place: dict[Place, RigidPart]
     roots: set[Place]
 
 
@@ -75,7 +75,7 @@ _GEOMETRY_ONLY = {"Infinite Plane", "Disk", "Point", "Point Cloud", "Grid Surfac
 """Curves and surfaces: their frame is the left port."""
 
 
-def frame_place(network: Network, node: Node) -> Place:
+def frame_place(network: Connections, node: Node) -> Place:
     """Return the physical node of a solid's reference frame, or of a surface's; one of its own where it is hidden."""
     if node.kind in _GEOMETRY_ONLY:
         return network.net(node, "lconn")
@@ -87,23 +87,26 @@ def frame_place(network: Network, node: Node) -> Place:
     return (id(node), REFERENCE, 0)
 
 
-def read_bodies(network: Network, meshes: MeshFiles) -> Bodies:
+def read_bodies(network: Connections, meshes: MeshFiles) -> Bodies:
     """Return the bodies and joints of a model.
 
     Raises:
         InvalidModel: a block's figures cannot be, or frames contradict each other.
     """
-    frames = _Frames(network)
+    frames = _Frames(network, meshes)
     for node in network.expanded.nodes:
         if node.block.commented == "off":
-            frames.take(node)
+            try:
+                frames.take(node)
+            except InvalidModel as problem:
+                node.lose(problem)
     bodies = Bodies([], [], {}, set())
     worlds = {place for node, place in frames.attached if node.kind == "World Frame"}
     _gather(frames.edges, worlds, bodies)
     for _, place in frames.attached:
         if place not in bodies.by_place:
             _gather({**frames.edges, place: []}, {place}, bodies, grounded=False)
-    _attach(frames.attached, bodies, meshes)
+    _attach(frames, bodies)
     for joint, base, follower in frames.joints:
         one, other = bodies.by_place[base], bodies.by_place[follower]
         bodies.links.append(Link(joint, one, other, one.frames[base], other.frames[follower]))
@@ -118,8 +121,9 @@ Edges = dict[Place, list[tuple[Place, RigidTransform, Node]]]
 class _Frames:
     """What is on which physical node, and how these are joined."""
 
-    def __init__(self, network: Network) -> None:
-        self._network = network
+    def __init__(self, network: Connections, meshes: MeshFiles) -> None:
+        self._network, self._meshes = network, meshes
+        self.solids: dict[Node, SolidBody] = {}
         self.edges: Edges = {}
         self.entered: set[Place] = set()
         self.joints: list[tuple[Joint, Place, Place]] = []
@@ -127,8 +131,6 @@ class _Frames:
 
     def take(self, node: Node) -> None:
         """Note what a block is."""
-        if node.kind in REFUSED_JOINTS:
-            raise node.refusal(f"a {node.kind} {REFUSED_JOINTS[node.kind]}, which no URDF can")
         if node.kind == "Rigid Transform":
             self._join(*self._ends(node), rigid_transform(node), node)
         elif node.kind == "Weld Joint":
@@ -156,25 +158,33 @@ class _Frames:
     def _take_solid(self, node: Node) -> None:
         place = frame_place(self._network, node)
         self.attached.append((node, place))
+        try:
+            self.solids[node] = read_solid(node, self._meshes)
+        except InvalidModel as problem:
+            node.lose(problem)
         for port in solid_ports(node):
             if isinstance(port.what, Element):
-                self._join(place, self._network.net(node, port.side, port.number), frame_pose(node, port.what), node)
+                there = self._network.net(node, port.side, port.number)
+                self._join(place, there, self._pose_on(node, port.what), node)
+
+    def _pose_on(self, node: Node, frame: Element) -> RigidTransform:
+        """Return where a frame of a solid is; where that is not known it is lost, and in the solid's own frame."""
+        solid = self.solids.get(node)
+        try:
+            return frame_pose(node, frame, None if solid is None else solid.weight)
+        except InvalidModel as problem:
+            node.lose(problem, "; taken at its reference frame")
+            return RigidTransform()
 
 
-def _gather(
-    edges: Edges,
-    worlds: set[Place],
-    bodies: Bodies,
-    *,
-    grounded: bool = True,
-) -> None:
+def _gather(edges: Edges, worlds: set[Place], bodies: Bodies, *, grounded: bool = True) -> None:
     """Walk along rigid connections from every frame not yet reached, the world's first."""
     starts = [*worlds, *(edges if grounded else ())]
-    world: Body | None = None
+    world: RigidPart | None = None
     for start in starts:
         if start in bodies.by_place:
             continue
-        body = world if start in worlds and world is not None else Body(grounded=grounded and start in worlds)
+        body = world if start in worlds and world is not None else RigidPart(grounded=grounded and start in worlds)
         if start in worlds and grounded:
             world = body
         if body not in bodies.bodies:
@@ -190,17 +200,14 @@ def _gather(
                     body.frames[place], bodies.by_place[place] = there, body
                     queue.append(place)
                 elif not body.frames[place].IsNearlyEqualTo(there, _SAME):
-                    raise node.refusal("closes a loop of rigid frames that does not fit: two ways put one frame apart")
+                    message = "closes a loop of rigid frames that does not fit: ways to one frame differ; one is taken"
+                    node.findings.report.add("lost", node.path, message)
 
 
-def _attach(attached: list[tuple[Node, Place]], bodies: Bodies, meshes: MeshFiles) -> None:
-    for node, place in attached:
+def _attach(frames: _Frames, bodies: Bodies) -> None:
+    for node, place in frames.attached:
         body = bodies.by_place[place]
-        pose = body.frames[place]
-        if node.kind in SOLIDS:
-            try:
-                body.solids.append(replace(read_solid(node, meshes), pose=pose))
-            except InvalidModel as problem:
-                node.findings.report.add("refused", node.path, str(problem).rpartition(f"{node.path}: ")[2])
+        if node in frames.solids:
+            body.solids.append(replace(frames.solids[node], pose=body.frames[place]))
         elif node.kind in _MARKS:
-            body.marks.append((node, pose))
+            body.marks.append((node, body.frames[place]))

@@ -10,13 +10,13 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.mechanics.bodies import Body, Link
+from simrob_drake.simulink.mechanics.bodies import Link, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.trees import Tree
 
 _APART = 0.05  # m: of the two points on an axis
 _CLOSED = 1e-6  # m
-_TOLD = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
+_NOTED = 1e-3  # rad or m, and of a second: what a target is missed by that is worth telling
 _POINTS = {
     "Revolute Joint": ((0.0, 0.0, -_APART / 2), (0.0, 0.0, _APART / 2)),
     "Spherical Joint": ((0.0, 0.0, 0.0),),
@@ -45,7 +45,7 @@ def can_close(link: Link) -> str:
     return ""
 
 
-def body_poses(tree: Tree, positions: Vector) -> dict[Body, RigidTransform]:
+def body_poses(tree: Tree, positions: Vector) -> dict[RigidPart, RigidTransform]:
     """Return the pose of each body's first frame in the root body's, at positions (n,) of the tree's freedoms."""
     poses = {tree.root: RigidTransform()}
     values = iter(positions)
@@ -66,7 +66,7 @@ def close(tree: Tree, closures: Sequence[Link]) -> None:
     from scipy.optimize import least_squares
 
     freedoms = tree.freedoms
-    wanted = np.array([freedom.start or 0.0 for freedom in freedoms])
+    desired = np.array([freedom.start or 0.0 for freedom in freedoms])
     held = np.array([freedom.start_counts for freedom in freedoms])
 
     def gaps(positions: Vector) -> Vector:
@@ -75,9 +75,9 @@ def close(tree: Tree, closures: Sequence[Link]) -> None:
         return np.concatenate([poses[link.base].multiply(a) - poses[link.follower].multiply(b) for link, a, b in pairs])
 
     def gaps_and_wishes(positions: Vector) -> Vector:
-        return np.concatenate([gaps(positions), held * (positions - wanted)])
+        return np.concatenate([gaps(positions), held * (positions - desired)])
 
-    near = least_squares(gaps_and_wishes, wanted)
+    near = least_squares(gaps_and_wishes, desired)
     closed = least_squares(gaps, near.x, xtol=1e-15, ftol=1e-15, gtol=1e-15)
     found, gap = closed.x, float(np.abs(gaps(closed.x)).max())
     node = closures[0].joint.node
@@ -85,20 +85,20 @@ def close(tree: Tree, closures: Sequence[Link]) -> None:
         raise node.refusal(f"closes a loop that does not close: {1e3 * gap:.3g} mm are left; give starts")
     speeds = _closed_speeds(freedoms, np.asarray(closed.jac))
     for freedom, position, speed in zip(freedoms, found, speeds, strict=True):
-        for what, asked, taken in (("", freedom.start, position), (" speed", freedom.start_speed, speed)):
-            if asked is not None and abs(asked - taken) > _TOLD:
-                told = f"starts at the{what or ' position'} {taken:.4g}, not {asked:.4g}: so its loop closes"
-                node.findings.report.add("repaired", freedom.name, told)
+        for what, target, taken in (("", freedom.start, position), (" speed", freedom.start_speed, speed)):
+            if target is not None and abs(target - taken) > _NOTED:
+                message = f"starts at the{what or ' position'} {taken:.4g}, not {target:.4g}: so its loop closes"
+                node.findings.report.add("repaired", freedom.name, message)
         freedom.start, freedom.start_speed = float(position), float(speed)
     node.findings.report.add("repaired", node.path, "closes a loop: constraints on its axis, which need the solver sap")
 
 
 def _closed_speeds(freedoms: Sequence[Freedom], jacobian: Vector) -> Vector:
     """Return the speeds (n,) at which gaps of a Jacobian (g, n) stay closed, as near as can be to what is asked."""
-    wanted = np.array([freedom.start_speed or 0.0 for freedom in freedoms])
+    desired = np.array([freedom.start_speed or 0.0 for freedom in freedoms])
     counts = np.array([freedom.speed_counts for freedom in freedoms])
     gives = counts.min() / counts
-    return np.asarray(wanted - gives * (np.linalg.pinv(jacobian * gives, rcond=1e-6) @ (jacobian @ wanted)))
+    return np.asarray(desired - gives * (np.linalg.pinv(jacobian * gives, rcond=1e-6) @ (jacobian @ desired)))
 
 
 def _moved(freedom: Freedom, position: float) -> RigidTransform:

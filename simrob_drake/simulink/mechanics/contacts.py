@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 from simrob_drake.simulink.mechanics.solid_ports import GEOMETRY, solid_ports
 from simrob_drake.simulink.mechanics.solids import SOLIDS
-from simrob_drake.simulink.model.network import Network, Place
+from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
 
 
 @dataclass(frozen=True)
-class Surface:
+class ContactParameters:
     """Figures of a contact.
 
     Attributes:
@@ -28,7 +28,7 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class ContactPair:
     """A pair that may touch.
 
     Attributes:
@@ -40,14 +40,14 @@ class Contact:
 
     node: Node
     pair: tuple[Node, Node]
-    surface: Surface
+    surface: ContactParameters
     senses_distance: int = 0
 
 
 _DISTANCE_AFTER = 2  # it is the first of the sensed signals
 
 
-def read_contacts(network: Network) -> list[Contact]:
+def read_contacts(network: Connections) -> list[ContactPair]:
     """Return the contacts of a model.
 
     Raises:
@@ -67,7 +67,7 @@ def read_contacts(network: Network) -> list[Contact]:
             node.findings.report.add("dropped", node.path, "the contact: one of its ends is no solid or plane")
             continue
         sensed = _DISTANCE_AFTER if node.is_on("SenseSeparationDistance") else 0
-        contacts.append(Contact(node, (ends[0], ends[1]), _surface(node), sensed))
+        contacts.append(ContactPair(node, (ends[0], ends[1]), _surface(node), sensed))
     return contacts
 
 
@@ -79,7 +79,7 @@ def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
         yield from ((port.side, port.number) for port in solid_ports(node) if port.what == GEOMETRY)
 
 
-def _surface(node: Node) -> Surface:
+def _surface(node: Node) -> ContactParameters:
     report = node.findings.report
     if node.text("NormalForceType", "SmoothSpringDamper") != "SmoothSpringDamper":
         report.add("dropped", node.path, "its normal force comes from a signal: the figures of the block are taken")
@@ -96,12 +96,12 @@ def _surface(node: Node) -> Surface:
     if dynamic > static:
         report.add("repaired", node.path, f"dynamic friction {dynamic:g} above static {static:g}: both {dynamic:g}")
         static = dynamic
-    return Surface(
+    return ContactParameters(
         stiffness, damping, static, dynamic, node.number("FrictionalCriticalVelocity", "1e-3", unit="m/s") or 1e-3
     )
 
 
-def dissipation(surface: Surface, weight_carried: float) -> float:
+def dissipation(surface: ContactParameters, weight_carried: float) -> float:
     """Return Hunt and Crossley's d [s/m] for a contact with a damper beside its spring.
 
     Simscape adds k x and b dx/dt; Drake multiplies, k x (1 + d dx/dt). They are equal at the depth b / (k d), which is

@@ -29,11 +29,6 @@ PRIMITIVES = {
 }
 """What each joint block lets free, in order: slides, turns, a sphere."""
 JOINTS = set(PRIMITIVES)
-REFUSED_JOINTS = {
-    "Lead Screw Joint": "couples a turn with a slide",
-    "Constant Velocity Joint": "couples two turns",
-}
-"""Joints that have no likeness in a URDF, and why."""
 
 _COUNTS = {"High": 1e-2, "Low": 3e-4}
 """How much a target counts that a joint asks for, by its priority; what nobody asks for counts 1e-5."""
@@ -131,11 +126,11 @@ def read_joint(node: Node) -> Joint:
             right += sum(node.is_on(f"{prefix}{sensed}") for sensed in _SPHERE_SENSED)
             continue
         (freedom,) = freedoms
-        for parameter, wanted, how in (
+        for parameter, setting, how in (
             ("TorqueActuationMode", "InputTorque", "torque"),
             ("MotionActuationMode", "InputMotion", "motion"),
         ):
-            if node.text(f"{prefix}{parameter}") == wanted:
+            if node.text(f"{prefix}{parameter}") == setting:
                 joint.inputs[left] = (freedom, how)
                 freedom.driven = how
                 left += 1

@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from simrob_drake.importer.meshes.checks import UnreadableMesh
-from simrob_drake.importer.meshes.mending import mend
+from simrob_drake.importer.meshes.parts import mend
 from simrob_drake.importer.meshes.reading import read_mesh
-from simrob_drake.simulink.mechanics.shapes import Mesh, Weight
+from simrob_drake.simulink.mechanics.shapes import Triangles, Weight
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.values.units import UnknownUnit, factor
 
@@ -96,7 +96,7 @@ def _without_case(folder: Path, parts: list[str]) -> Path | None:
     return folder if folder.is_file() else None
 
 
-def load_mesh(file: Path) -> Mesh:
+def load_mesh(file: Path) -> Triangles:
     """Return the triangles of a mesh; no file is read but this one.
 
     Raises:
@@ -109,11 +109,11 @@ def load_mesh(file: Path) -> Mesh:
         raise UnreadableMesh("holds no triangle with an area")
     before = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     faces = [part.faces + count for part, count in zip(parts, before, strict=True)]
-    return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+    return Triangles(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
 
 
 @lru_cache(maxsize=8)  # a part is weighed, and then written
-def _from_step(file: Path, _changed: int) -> Mesh:
+def _from_step(file: Path, _changed: int) -> Triangles:
     """Return the faces of a STEP file [m], made by a process of its own, which a damaged file may end."""
     if find_spec("cascadio") is None:
         raise UnreadableMesh("is STEP, which needs: pip install 'simrob-drake[step]'")
@@ -125,10 +125,10 @@ def _from_step(file: Path, _changed: int) -> Mesh:
             mesh = load_mesh(target)
         except (OSError, SubprocessError, UnreadableMesh) as problem:
             raise UnreadableMesh("holds no solid that can be read from STEP") from problem
-    return Mesh(mesh.corners @ _UPRIGHT.T, mesh.faces)
+    return Triangles(mesh.corners @ _UPRIGHT.T, mesh.faces)
 
 
-def write_obj(mesh: Mesh, target: Path) -> None:
+def write_obj(mesh: Triangles, target: Path) -> None:
     """Write triangles as OBJ."""
     lines = ["v {:.9g} {:.9g} {:.9g}".format(*corner) for corner in mesh.corners]
     lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]

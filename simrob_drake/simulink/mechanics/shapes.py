@@ -15,7 +15,7 @@ _SEGMENTS = 48  # of a full turn in pictures
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Triangles:
     """Triangles of a shape that is no primitive: corners, shape (n, 3) [m], and their indices, shape (m, 3)."""
 
     corners: Vector
@@ -53,7 +53,7 @@ class Shape:
 
     kind: str
     size: tuple[float, ...] = ()
-    mesh: Mesh | None = None
+    mesh: Triangles | None = None
 
 
 NOTHING = Weight(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -124,9 +124,7 @@ def extrusion_outline(node: Node) -> Vector:
 
 def revolution(node: Node) -> tuple[Shape, Weight]:
     """Return an outline in the xz plane turned about z, with the weight of 1 kg/m³; a part turn is about that plane."""
-    outline = _outline(node, "RevolutionCrossSection")
-    custom = node.text("RevolutionExtent", "Full") == "Custom"
-    angle = node.number("RevolutionAngle", "360", unit="rad") if custom else 2 * np.pi
+    outline, angle = revolution_outline(node)
     if not 0 < angle <= 2 * np.pi + 1e-9 or outline[:, 0].min() < -1e-9:
         raise node.refusal("turns an outline that crosses the axis, or by more than one turn")
     mass = angle * integral(outline, lambda r, _: r)
@@ -142,6 +140,13 @@ def revolution(node: Node) -> tuple[Shape, Weight]:
     com = np.array([x, 0.0, z])
     inertia = about_origin - mass * (com @ com * np.eye(3) - np.outer(com, com))
     return Shape("mesh", mesh=_turned(outline, angle, np.ones(3))), Weight(mass, com, inertia)
+
+
+def revolution_outline(node: Node) -> tuple[Vector, float]:
+    """Return the corners of what is turned, counterclockwise, shape (n, 2) [m], and by how much it is [rad]."""
+    custom = node.text("RevolutionExtent", "Full") == "Custom"
+    angle = node.number("RevolutionAngle", "360", unit="rad") if custom else 2 * np.pi
+    return _outline(node, "RevolutionCrossSection"), angle
 
 
 def positive(node: Node, name: str, default: str, size: int) -> Vector:
@@ -164,7 +169,7 @@ def _outline(node: Node, name: str) -> Vector:
     return outline if area(outline) > 0 else outline[::-1]
 
 
-def _drawn_out(outline: Vector, length: float) -> Mesh:
+def _drawn_out(outline: Vector, length: float) -> Triangles:
     count, half = len(outline), length / 2
     corners = np.vstack([np.column_stack([outline, np.full(count, z)]) for z in (-half, half)])
     here = np.arange(count)
@@ -176,10 +181,10 @@ def _drawn_out(outline: Vector, length: float) -> Mesh:
         ]
     )
     caps = triangles(outline)
-    return Mesh(corners, np.vstack([sides, caps[:, ::-1], caps + count]))
+    return Triangles(corners, np.vstack([sides, caps[:, ::-1], caps + count]))
 
 
-def _turned(outline: Vector, angle: float, scale: Vector) -> Mesh:
+def _turned(outline: Vector, angle: float, scale: Vector) -> Triangles:
     full = angle > 2 * np.pi - 1e-6
     steps = max(3, int(np.ceil(_SEGMENTS * angle / (2 * np.pi))))
     turns = np.linspace(-angle / 2, angle / 2, steps + 1)
@@ -197,4 +202,4 @@ def _turned(outline: Vector, angle: float, scale: Vector) -> Mesh:
     if not full:
         caps = triangles(outline)
         faces += [caps, caps[:, ::-1] + steps * count]
-    return Mesh(np.vstack(rings) * scale, np.vstack(faces))
+    return Triangles(np.vstack(rings) * scale, np.vstack(faces))

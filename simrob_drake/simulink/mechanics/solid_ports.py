@@ -12,7 +12,9 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.mechanics.shapes import extrusion, extrusion_outline
+from simrob_drake.simulink.mechanics.cross_sections import area, integral
+from simrob_drake.simulink.mechanics.shapes import Weight, extrusion, extrusion_outline, revolution_outline
+from simrob_drake.simulink.mechanics.solids import solid_kind
 from simrob_drake.simulink.mechanics.transforms import AXES
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.reading.xml_part import Unreadable, parse_part
@@ -51,21 +53,20 @@ def _frames(node: Node) -> list[Element]:
         raise node.refusal(f"its SerializedFrames {problem}") from problem
 
 
-def frame_pose(node: Node, frame: Element) -> RigidTransform:
-    """Return the pose of one of a solid's frames in its reference frame.
+def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> RigidTransform:
+    """Return the pose of one of a solid's frames in its reference frame, of the solid's weight if that is known.
 
     Raises:
         InvalidModel: a feature whose place is not known here.
     """
-    place = _origin(node, frame)
+    place = _origin(node, frame, weight)
     axes = []
     directions = []
     for name in ("PrimaryAxis", "SecondaryAxis"):
         source = frame.findtext(f"Value/{name}/Source") or "ReferenceFrame"
-        if source == "GeometricFeature":
-            raise node.refusal(
-                f"a frame follows {frame.findtext(f'Value/{name}/FeatureName')}, which is not known here"
-            )
+        if source not in ("ReferenceFrame", ""):
+            feature = frame.findtext(f"Value/{name}/FeatureName") or source
+            raise node.refusal(f"a frame follows '{feature}', which is not known here")
         default = "+Z" if name == "PrimaryAxis" else "+X"
         axes.append(AXES.get(frame.findtext(f"Value/{name}/DefinedDirection") or default, AXES[default]))
         directions.append(AXES.get(frame.findtext(f"Value/{name}/SourceDirection") or default, AXES[default]))
@@ -76,14 +77,17 @@ def frame_pose(node: Node, frame: Element) -> RigidTransform:
     return RigidTransform(RotationMatrix(there @ own.T), place)
 
 
-def _origin(node: Node, frame: Element) -> Vector:
+def _origin(node: Node, frame: Element, weight: Weight | None) -> Vector:
     source = frame.findtext("Value/Origin/Source") or "ReferenceFrame"
     feature = " ".join((frame.findtext("Value/Origin/FeatureName") or "").split())
+    kind = solid_kind(node)
     place: Vector | None = None
-    if source == "ReferenceFrame" or (source == "CenterOfMassFrame" and node.kind in _CENTRED):
+    if source == "ReferenceFrame":
         place = np.zeros(3)
-    elif source == "GeometricFeature" and node.kind in _FEATURES:
-        place = _FEATURES[node.kind](node, feature)
+    elif source == "CenterOfMassFrame":
+        place = np.zeros(3) if kind in _CENTRED else None if weight is None else weight.com
+    elif source == "GeometricFeature" and kind in _FEATURES:
+        place = _FEATURES[kind](node, feature)
     if place is None:
         raise node.refusal(f"a frame is on '{feature or source}', whose place is not known here")
     return place
@@ -113,8 +117,27 @@ def _on_extrusion(node: Node, feature: str) -> Vector | None:
     corners = extrusion_outline(node)
     if not side.isdecimal() or not 1 <= int(side) <= len(corners):
         return None
-    node.findings.report.add("read", node.path, f"a frame on '{feature}': in the middle of side {side}")
+    message = f"a frame on '{feature}': in the middle of side {side}, counted as its corners are"
+    node.findings.report.add("approximated", node.path, message)
     return np.append((corners[int(side) - 1] + corners[int(side) % len(corners)]) / 2, 0.0)
+
+
+def _on_revolution(node: Node, feature: str) -> Vector | None:
+    """Return the middle of an end of a part turn, or where a turned side stands on the axis."""
+    outline, angle = revolution_outline(node)
+    where, _, number = feature.partition(" ")
+    if where in ("front", "back"):
+        x, z = (integral(outline, axis) / area(outline) for axis in (lambda x, _: x, lambda _, z: z))
+        turn = angle / 2 if where == "front" else -angle / 2
+        node.findings.report.add("approximated", node.path, f"a frame on '{feature}': on the side of the larger angle")
+        return np.array([x * np.cos(turn), x * np.sin(turn), z])
+    side = number.rpartition(" ")[2]
+    if where != "side" or not side.isdecimal() or not 1 <= int(side) <= len(outline):
+        return None
+    ends = outline[[int(side) - 1, int(side) % len(outline)]]
+    message = f"a frame on '{feature}': on the axis, counted as its corners are"
+    node.findings.report.add("approximated", node.path, message)
+    return np.array([0.0, 0.0, ends[:, 1].mean()])
 
 
 _CENTRED = "Brick Solid", "Cylindrical Solid", "Spherical Solid", "Ellipsoidal Solid"
@@ -122,4 +145,6 @@ _FEATURES: dict[str, Callable[[Node, str], Vector | None]] = {
     "Brick Solid": _on_brick,
     "Cylindrical Solid": _on_cylinder,
     "Extruded Solid": _on_extrusion,
+    "Revolved Solid": _on_revolution,
+    "Spherical Solid": lambda *_: np.zeros(3),
 }

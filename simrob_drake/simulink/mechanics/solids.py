@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportReport
 from simrob_drake.simulink.mechanics import shapes
 from simrob_drake.simulink.mechanics.mesh_files import MeshFiles
 from simrob_drake.simulink.mechanics.shapes import NOTHING, Shape, Weight
@@ -72,7 +72,7 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
     Raises:
         InvalidModel: figures that cannot be, or a weight that only a missing mesh could tell.
     """
-    kind = _kind(node)
+    kind = solid_kind(node)
     shape: Shape | None = None
     even: Weight | None = None  # of 1 kg/m³
     file, scale = None, 1.0
@@ -82,8 +82,8 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
         except InvalidModel as problem:
             if _weighs_by_shape(node, kind) and not node.findings.undefined:
                 raise
-            told = str(problem).rpartition(f"{node.path}: ")[2]
-            node.findings.report.add("dropped", node.path, f"its shape: it {told}")
+            message = str(problem).rpartition(f"{node.path}: ")[2]
+            node.findings.report.add("dropped", node.path, f"its shape: it {message}")
             even = NOTHING
     elif kind == "File Solid":
         file, scale = meshes.of(node)
@@ -92,7 +92,12 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
     return SolidBody(node, weight, shape, _colour(node), visible=seen, file=file, scale=scale)
 
 
-def _kind(node: Node) -> str:
+def solid_kind(node: Node) -> str:
+    """Return the block that a solid is today: older models have one for all shapes.
+
+    Raises:
+        InvalidModel: an unknown shape.
+    """
     if node.kind != "Solid":
         return node.kind
     shape = node.text("GeometryShape", "Brick")
@@ -177,6 +182,6 @@ def possible_moments(name: str, weight: Weight, report: ImportReport) -> Vector:
         allowed[:2] += max(excess, 0.0) / 2 + 1e-9 * allowed[2]
     if np.allclose(allowed, moments, rtol=1e-7, atol=0.0):
         return weight.inertia
-    told = ", ".join(f"{moment:.3g}" for moment in moments)
-    report.add("repaired", name, f"no body has the principal moments {told} kg m²: made possible")
+    shown = ", ".join(f"{moment:.3g}" for moment in moments)
+    report.add("repaired", name, f"no body has the principal moments {shown} kg m²: made possible")
     return np.asarray(axes @ np.diag(allowed) @ axes.T)

@@ -8,12 +8,14 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
-from simrob_drake.simulink.mechanics.bodies import Bodies, Body, Link
+from simrob_drake.simulink.mechanics.bodies import Bodies, Link, RigidPart
 from simrob_drake.simulink.mechanics.joints import Freedom
+
+Holding = dict[RigidPart, list[Link]]
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class BodyOnJoint:
     """A body on its joint.
 
     Attributes:
@@ -25,8 +27,8 @@ class Branch:
         in_body: pose of the joint's frame on the body, in the body's first frame.
     """
 
-    body: Body
-    parent: Body
+    body: RigidPart
+    parent: RigidPart
     link: Link
     reversed: bool
 
@@ -64,15 +66,15 @@ class Tree:
         closures: joints between its bodies that close loops.
     """
 
-    root: Body
+    root: RigidPart
     frame: RigidTransform = field(default_factory=RigidTransform)
     base: RigidTransform = field(default_factory=RigidTransform)
     speed: Vector = field(default_factory=lambda: np.zeros(6))
-    branches: list[Branch] = field(default_factory=list)
+    branches: list[BodyOnJoint] = field(default_factory=list)
     closures: list[Link] = field(default_factory=list)
 
     @property
-    def bodies(self) -> set[Body]:
+    def bodies(self) -> set[RigidPart]:
         """The root, and all that hangs on it."""
         return {self.root, *(branch.body for branch in self.branches)}
 
@@ -82,7 +84,7 @@ class Tree:
         return [freedom for branch in self.branches for freedom in branch.freedoms]
 
 
-def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[Body | None, list[Tree]]:
+def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[RigidPart | None, list[Tree]]:
     """Return the world, and the trees of a model: one for each joint on the world, one for each free group.
 
     Loops are cut far from the world, but where that would be at a joint that is not ``cuttable``.
@@ -93,16 +95,16 @@ def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[Body | None,
         trees = _grown(bodies, world, _spanning(bodies.links, cuttable))
     for link in bodies.links:
         if link.joint.floating and link.base is not world:
-            told = "starts from the world: its base is no part of it"
-            link.joint.node.findings.report.add("repaired", link.joint.node.path, told)
+            message = "starts from the world: its base is no part of it"
+            link.joint.node.findings.report.add("repaired", link.joint.node.path, message)
     return world, trees
 
 
 def _spanning(links: list[Link], cuttable: Callable[[Link], bool]) -> list[Link]:
     """Return joints that reach every body once, those that cannot be cut first."""
-    group: dict[Body, Body] = {}
+    group: dict[RigidPart, RigidPart] = {}
 
-    def found(body: Body) -> Body:
+    def found(body: RigidPart) -> RigidPart:
         while body in group:
             body = group[body]
         return body
@@ -117,13 +119,13 @@ def _spanning(links: list[Link], cuttable: Callable[[Link], bool]) -> list[Link]
     return kept
 
 
-def _grown(bodies: Bodies, world: Body | None, links: list[Link]) -> list[Tree]:
-    holding: dict[Body, list[Link]] = {}
+def _grown(bodies: Bodies, world: RigidPart | None, links: list[Link]) -> list[Tree]:
+    holding: Holding = {}
     for link in sorted(links, key=lambda link: not (link.joint.inputs or link.joint.outputs)):
         if not link.joint.floating:
             holding.setdefault(link.base, []).append(link)
             holding.setdefault(link.follower, []).append(link)
-    seen: set[Body] = set() if world is None else {world}
+    seen: set[RigidPart] = set() if world is None else {world}
     trees: list[Tree] = []
     for link in holding.get(world, []) if world is not None else []:
         tree = Tree(link.base if link.base is world else link.follower)
@@ -131,7 +133,7 @@ def _grown(bodies: Bodies, world: Body | None, links: list[Link]) -> list[Tree]:
         if outer in seen:
             continue  # the loop is told below
         seen.add(outer)
-        tree.branches.append(Branch(outer, tree.root, link, link.follower is world))
+        tree.branches.append(BodyOnJoint(outer, tree.root, link, link.follower is world))
         _grow(tree, outer, link, holding, seen)
         trees.append(tree)
     for body in _free_roots(bodies, seen):
@@ -145,8 +147,8 @@ def _grown(bodies: Bodies, world: Body | None, links: list[Link]) -> list[Tree]:
     return trees
 
 
-def _grow(tree: Tree, start: Body, entry: Link | None, holding: dict[Body, list[Link]], seen: set[Body]) -> None:
-    queue: deque[tuple[Body, Link | None]] = deque([(start, entry)])
+def _grow(tree: Tree, start: RigidPart, entry: Link | None, holding: Holding, seen: set[RigidPart]) -> None:
+    queue: deque[tuple[RigidPart, Link | None]] = deque([(start, entry)])
     while queue:
         here, came = queue.popleft()
         for link in holding.get(here, []):
@@ -154,11 +156,11 @@ def _grow(tree: Tree, start: Body, entry: Link | None, holding: dict[Body, list[
             if link is came or outer in seen or outer.grounded:
                 continue
             seen.add(outer)
-            tree.branches.append(Branch(outer, here, link, link.follower is here))
+            tree.branches.append(BodyOnJoint(outer, here, link, link.follower is here))
             queue.append((outer, link))
 
 
-def _free_roots(bodies: Bodies, seen: set[Body]) -> list[Body]:
+def _free_roots(bodies: Bodies, seen: set[RigidPart]) -> list[RigidPart]:
     """Return bodies that may be roots: first those that floating joints hold, then those no joint leads to."""
     floating = [link.follower for link in bodies.links if link.joint.floating and not link.follower.grounded]
     led_to = {link.follower for link in bodies.links}
@@ -166,7 +168,7 @@ def _free_roots(bodies: Bodies, seen: set[Body]) -> list[Body]:
     return [body for body in (*floating, *first, *bodies.bodies) if body not in seen and not body.grounded]
 
 
-def _free_tree(body: Body, bodies: Bodies) -> Tree:
+def _free_tree(body: RigidPart, bodies: Bodies) -> Tree:
     """Return the tree of a free root, where it begins."""
     for link in bodies.links:
         if link.joint.floating and link.follower is body:
@@ -180,7 +182,7 @@ def _free_tree(body: Body, bodies: Bodies) -> Tree:
     return _seen_from_its_middle(body, body.frames[place].inverse())
 
 
-def _seen_from_its_middle(body: Body, first: RigidTransform) -> Tree:
+def _seen_from_its_middle(body: RigidPart, first: RigidTransform) -> Tree:
     """Return the tree of a free root, its link's frame that of the heaviest solid; ``first`` is the body's pose."""
     frame = max(body.solids, key=lambda solid: solid.weight.mass).pose if body.solids else RigidTransform()
     return Tree(body, frame, first @ frame)

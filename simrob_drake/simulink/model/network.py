@@ -9,10 +9,11 @@ from simrob_drake.simulink.reading.graph import Port
 Place = tuple[int, str, int]
 """A port of a node: the node's identity, side and number."""
 
+_CONDITIONS = ("enable", "ifaction")
 _LONGEST_WAY = 1000  # through subsystems and tags
 
 
-class Network:
+class Connections:
     """The connections of an expanded model."""
 
     def __init__(self, expanded: Expanded) -> None:
@@ -21,6 +22,8 @@ class Network:
         self._parents: dict[Place, Place] = {}
         self._feeds: dict[Place, tuple[Node, int]] = {}
         self._gotos: dict[str, list[Node]] = {}
+        self._read: set[Place] = set()
+        self._wired: dict[Node, set[Place]] = {}
         for node in (expanded.root, *expanded.nodes):
             if node.system is not None:
                 self._join_level(node)
@@ -28,8 +31,16 @@ class Network:
                 self._gotos.setdefault(node.text("GotoTag", "A"), []).append(node)
 
     def net(self, node: Node, side: str, number: int = 1) -> Place:
-        """Return the physical node that a port is part of; the same value for all ports on it."""
+        """Return the physical node that a port is part of; the same value for all ports on it.
+
+        The port counts as read.
+        """
+        self._read.add((id(node), side, number))
         return self._find((id(node), side, number))
+
+    def unread(self, node: Node) -> list[Place]:
+        """Return the physical ports of a block that lines lead to and that nothing has asked for."""
+        return sorted(self._wired.get(node, set()) - self._read)
 
     def leads_outside(self, node: Node, side: str, number: int) -> bool:
         """Tell whether a physical port is joined with a port of the model itself, as in a file that others use."""
@@ -37,9 +48,32 @@ class Network:
         ports = [child for child in self.expanded.root.children.values() if child.kind == "PMIOPort"]
         return any(self._find((id(port), "conn", 1)) == here for port in ports)
 
-    def source(self, node: Node, number: int = 1) -> tuple[Node, int] | None:
-        """Return the block and output that feed an input, through subsystems and tags; None where nothing does."""
-        here: tuple[Node, int] | None = self._feeds.get((id(node), "in", number))
+    def source(self, node: Node, number: int = 1, side: str = "in") -> tuple[Node, int] | None:
+        """Return the block and output that feed an input, through subsystems and tags; None where nothing does.
+
+        Subsystems that run under a condition, whose ``side`` is ``enable`` or ``ifaction``, are not gone through.
+        """
+        return self._origin(node, self._feeds.get((id(node), side, number)))
+
+    def inside(self, node: Node, output: int) -> tuple[Node, int] | None:
+        """Return the block and output that feed an output of a subsystem from within."""
+        port = self.outport(node, output)
+        return None if port is None else self.source(port)
+
+    def outport(self, node: Node, output: int) -> Node | None:
+        """Return the block in a subsystem that is one of its outputs; of a variant's, the one of that name inside."""
+        port = next((port for port in _ports(node, "Outport") if _number(port) == output), None)
+        if not node.is_on("Variant"):
+            return port
+        inner = _ports(chosen_variant(node), "Outport")
+        same = [own for own in inner if port is not None and own.block.name == port.block.name]
+        return next((own for own in (*same, *inner) if own in same or _number(own) == output), None)
+
+    def is_conditional(self, node: Node) -> bool:
+        """Tell whether a subsystem runs while a signal lets it."""
+        return any((id(node), side, 1) in self._feeds for side in _CONDITIONS)
+
+    def _origin(self, node: Node, here: tuple[Node, int] | None) -> tuple[Node, int] | None:
         for _ in range(_LONGEST_WAY):
             if here is None:
                 return None
@@ -62,17 +96,17 @@ class Network:
         if node.block.commented == "through":
             return self._feeds.get((id(node), "in", output))
         if node.kind in ("Inport", "InportShadow") and node.parent is not None and node.parent.parent is not None:
+            outer = node.parent.parent
+            if outer.is_on("Variant"):  # whose own inputs go to those of the same name in the choice
+                same = [port for port in _ports(outer, "Inport") if port.block.name == node.block.name]
+                return self._feeds.get((id(outer), "in", _number(same[0] if same else node)))
             return self._feeds.get((id(node.parent), "in", _number(node)))
         if node.kind == "From":
             goto = self._goto(node)
             return None if goto is None else self._feeds.get((id(goto), "in", 1))
         if node.children:
-            inside = chosen_variant(node) if node.is_on("Variant") else node
-            ports = [] if inside is None else [child for child in inside.children.values() if child.kind == "Outport"]
-            for port in ports:
-                if _number(port) == output:
-                    return self._feeds.get((id(port), "in", 1))
-            return None if ports else (node, output)
+            port = None if self.is_conditional(node) else self.outport(node, output)
+            return (node, output) if port is None else self._feeds.get((id(port), "in", 1))
         return node, output
 
     def _goto(self, node: Node) -> Node | None:
@@ -90,14 +124,17 @@ class Network:
         system = owner.system
         assert system is not None
         for net in system.nets:
-            places = [_place(node, port) for node, port in _present(owner, net)]
+            present = list(_present(owner, net))
+            places = [_place(node, port) for node, port in present]
+            for (node, _), place in zip(present, places, strict=True):
+                self._wired.setdefault(node, set()).add(place)
             for place in places[1:]:
                 self._join(places[0], place)
         for start, ends in system.wires:
             for node, end in _present(owner, ends):
                 source = owner.children.get(start.block)
-                if source is not None and end.side == "in":
-                    self._feeds[id(node), "in", end.number] = (source, start.number)
+                if source is not None and end.side in ("in", *_CONDITIONS):
+                    self._feeds[id(node), end.side, end.number] = (source, start.number)
         self._join_ports(owner)
         labels: dict[str, Place] = {}
         for node in owner.children.values():
@@ -145,6 +182,10 @@ def _present(owner: Node, ports: list[Port]) -> Iterator[tuple[Node, Port]]:
 def _place(node: Node, port: Port) -> Place:
     """Return a port; a port block has one only, whichever side it is drawn on."""
     return (id(node), "conn", 1) if node.kind == "PMIOPort" else (id(node), port.side, port.number)
+
+
+def _ports(owner: Node | None, kind: str) -> list[Node]:
+    return [] if owner is None else [child for child in owner.children.values() if child.kind == kind]
 
 
 def _number(node: Node) -> int:

@@ -9,14 +9,13 @@ import numpy as np
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.frames import Vector
-from simrob_drake.importer.report import ImportReport
-from simrob_drake.simulink.reading.graph import Block, System
-from simrob_drake.simulink.reading.libraries import BUILT_IN
+from simrob_drake.importer.options import ImportReport
+from simrob_drake.simulink.reading.graph import SimulinkBlock, System
 from simrob_drake.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.simulink.values.functions import matrix
 from simrob_drake.simulink.values.syntax import NotUnderstood
 from simrob_drake.simulink.values.units import UnknownUnit, factor
-from simrob_drake.simulink.values.workspace import Workspace
+from simrob_drake.simulink.values.workspace import Variables
 
 
 @dataclass
@@ -57,8 +56,8 @@ class Node:
     """
 
     path: str
-    block: Block
-    workspace: Workspace
+    block: SimulinkBlock
+    workspace: Variables
     findings: Findings
     parent: Node | None = None
     children: dict[str, Node] = field(default_factory=dict)
@@ -67,9 +66,8 @@ class Node:
 
     @property
     def kind(self) -> str:
-        """What it is: its ``BlockType``, or the last part of its place in a library of MATLAB."""
-        library, _, place = self.block.kind.partition("/")
-        return place.rpartition("/")[2] if self.block.linked and library in BUILT_IN else self.block.kind
+        """What it is: its ``BlockType``, or the last part of its place in a library that is not at hand."""
+        return self.block.kind.rpartition("/")[2] if self.block.linked else self.block.kind
 
     def text(self, name: str, default: str = "") -> str:
         """Return a parameter as it is written."""
@@ -143,6 +141,11 @@ class Node:
             return factor(written, like) if written else 1.0
         except UnknownUnit as problem:
             raise self.refusal(f"{name}: {problem}") from problem
+
+    def lose(self, problem: InvalidModel, instead: str = "") -> None:
+        """Note that what the block does to the motion is lost, and why."""
+        message = str(problem).rpartition(f"{self.path}: ")[2]
+        self.findings.report.add("lost", self.path, message + instead)
 
     def refusal(self, problem: str) -> InvalidModel:
         """Return the error for what this block cannot be."""

@@ -1,34 +1,34 @@
 """From the XML elements of a model to its graph."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from xml.etree.ElementTree import Element
 
-from simrob_drake.simulink.reading.graph import Block, Mask, MaskParameter, Port, System
+from simrob_drake.simulink.reading.graph import Mask, MaskParameter, Port, SimulinkBlock, System
 
 MOST_BLOCKS = 200_000
 DEEPEST = 100  # subsystems in subsystems
 
 
-class TooLarge(ValueError):
+class TooManyElements(ValueError):
     """A model that refers to its own parts so often that it grows without end."""
 
 
 class SystemReader:
     """Reads systems, following references to those that lie in parts of their own."""
 
-    def __init__(self, part: Callable[[str], Element]) -> None:
-        """Take how the part of a referred system is found by its name."""
-        self._part = part
+    def __init__(self, part: Callable[[str], Element], defaults: Mapping[str, dict[str, str]]) -> None:
+        """Take how the part of a referred system is found by its name, and what blocks of a type leave unsaid."""
+        self._part, self._defaults = part, defaults
         self._blocks = 0
 
     def system(self, element: Element, depth: int = 0) -> System:
         """Return a system.
 
         Raises:
-            TooLarge: it has no end.
+            TooManyElements: it has no end.
         """
         if depth > DEEPEST:
-            raise TooLarge(f"nests subsystems more than {DEEPEST} deep")
+            raise TooManyElements(f"nests subsystems more than {DEEPEST} deep")
         reference = element.get("Ref")
         if reference:
             return self.system(self._part(reference), depth + 1)
@@ -41,10 +41,10 @@ class SystemReader:
                 _add_line(system, child)
         return system
 
-    def _block(self, element: Element, depth: int) -> Block:
+    def _block(self, element: Element, depth: int) -> SimulinkBlock:
         self._blocks += 1
         if self._blocks > MOST_BLOCKS:
-            raise TooLarge(f"has more than {MOST_BLOCKS} blocks")
+            raise TooManyElements(f"has more than {MOST_BLOCKS} blocks")
         parameters = _parameters(element)
         instance = element.find("InstanceData")
         if instance is not None:
@@ -53,15 +53,21 @@ class SystemReader:
         linked = kind == "Reference"
         inner = element.find("System")
         mask = element.find("Mask")
-        return Block(
+        return SimulinkBlock(
             sid=element.get("SID") or parameters.get("SID") or element.get("Name") or "",
             name=one_line(element.get("Name", "")),
             kind=one_line(source) if linked else kind,
             linked=linked,
-            parameters=parameters,
+            parameters={**self._defaults.get(kind, {}), **parameters},
             mask=None if mask is None else read_mask(mask),
             system=None if inner is None else self.system(inner, depth + 1),
         )
+
+
+def read_defaults(element: Element | None) -> dict[str, dict[str, str]]:
+    """Return the parameters that blocks of a type have where they do not say them, by type."""
+    found = element.iter("Block") if element is not None else ()
+    return {block.get("BlockType", ""): _parameters(block) for block in found if block.get("BlockType") != "SubSystem"}
 
 
 def read_mask(element: Element) -> Mask:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from simrob_drake.importer.report import Deed
+from simrob_drake.importer.options import EntryKind
 
 
 class Port(NamedTuple):
@@ -49,7 +49,7 @@ class Mask:
 
 
 @dataclass
-class Block:
+class SimulinkBlock:
     """A block.
 
     Attributes:
@@ -86,7 +86,7 @@ class System:
         nets: physical lines: ports that are one node.
     """
 
-    blocks: dict[str, Block] = field(default_factory=dict)
+    blocks: dict[str, SimulinkBlock] = field(default_factory=dict)
     wires: list[tuple[Port, list[Port]]] = field(default_factory=list)
     signals: dict[Port, str] = field(default_factory=dict)
     nets: list[list[Port]] = field(default_factory=list)
@@ -114,7 +114,7 @@ class Model:
     code: str = ""
     callbacks: dict[str, str] = field(default_factory=dict)
     stop_time: str = "10"
-    notes: list[tuple[Deed, str, str]] = field(default_factory=list)
+    notes: list[tuple[EntryKind, str, str]] = field(default_factory=list)
 
     @property
     def name(self) -> str:

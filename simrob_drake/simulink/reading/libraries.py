@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from simrob_drake.simulink.reading.graph import Block, Model, System
+from simrob_drake.simulink.reading.graph import Model, SimulinkBlock, System
 from simrob_drake.simulink.reading.model_file import read_model
 
 BUILT_IN = {
@@ -43,7 +43,7 @@ class Libraries:
             self.missing.add(name)
         return self._models[name]
 
-    def block(self, place: str) -> Block | None:
+    def block(self, place: str) -> SimulinkBlock | None:
         """Return the block of a library at ``file/system/block``, or None where there is none.
 
         Raises:
@@ -52,7 +52,7 @@ class Libraries:
         name, *way = (part.replace("\0", "/") for part in place.replace("//", "\0").split("/"))
         model = self.model(name)
         system: System | None = model.system if model else None
-        found: Block | None = None
+        found: SimulinkBlock | None = None
         for step in way:
             found = next((block for block in system.blocks.values() if block.name == step), None) if system else None
             system = found.system if found else None

@@ -5,15 +5,17 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.reading.elements import SystemReader, TooLarge, read_mask
-from simrob_drake.simulink.reading.graph import Mask, Model
+from simrob_drake.simulink.reading.elements import SystemReader, TooManyElements, one_line, read_defaults, read_mask
+from simrob_drake.simulink.reading.graph import Mask, Model, System
 from simrob_drake.simulink.reading.mdl_text import parse_mdl
 from simrob_drake.simulink.reading.package import Package
 from simrob_drake.simulink.reading.xml_part import Unreadable, parse_part
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
 
-_DIAGRAM, _MASK = "simulink/blockdiagram.xml", "simulink/modelMask.xml"
+_DIAGRAM, _MASK, _DEFAULTS = "simulink/blockdiagram.xml", "simulink/modelMask.xml", "simulink/bddefaults.xml"
+SCRIPT = "MATLAB code"
+"""The parameter of a block that holds the code of a MATLAB Function, which stands in a part of its own."""
 _KINDS = ("Model", "Library", "Subsystem")
 _STOP_TIME = re.compile(rb'Name="StopTime"[^>]*>([^<]{1,200})<')
 _CALLBACK = re.compile(r"(PreLoad|PostLoad|Init|Start)Fcn")
@@ -33,11 +35,14 @@ def read_model(path: Path) -> Model:
         raise InvalidModel(
             path, _DIAGRAM, "holds no model, library or subsystem; a newer format than this reader knows?"
         )
-    reader = SystemReader(lambda name: _element(package, f"simulink/systems/{name}.xml"))
+    written = _element(package, _DEFAULTS) if _DEFAULTS in package.parts else top
+    defaults = read_defaults(written.find("BlockParameterDefaults"))
+    reader = SystemReader(lambda name: _element(package, f"simulink/systems/{name}.xml"), defaults)
     try:
         system = reader.system(inner)
-    except TooLarge as problem:
+    except TooManyElements as problem:
         raise InvalidModel(path, "", str(problem)) from problem
+    _add_scripts(package, system)
     workspace = top.find("ModelWorkspace")
     texts = {parameter.get("Name", ""): parameter.text or "" for parameter in top.iterfind("P")}
     return Model(
@@ -53,6 +58,22 @@ def read_model(path: Path) -> Model:
         stop_time=_stop_time(package, texts),
         callbacks={name: text for name, text in texts.items() if _CALLBACK.fullmatch(name) and text.strip()},
     )
+
+
+def _add_scripts(package: Package, system: System) -> None:
+    """Give the MATLAB Functions of a model their code, as a parameter."""
+    for name in package.parts:
+        for chart in _element(package, name).iter("chart") if name.startswith("simulink/stateflow") else ():
+            parts = (parameter for parameter in chart.iter("P") if parameter.get("Name") == "script")
+            code = next((part.text for part in parts if part.text), "")
+            here: System | None = system
+            block = None
+            for step in (chart.findtext("P[@Name='name']") or "").replace("//", "\0").split("/"):
+                called = one_line(step.replace("\0", "/"))
+                block = next((one for one in here.blocks.values() if one.name == called), None) if here else None
+                here = block.system if block else None
+            if block is not None and code:
+                block.parameters[SCRIPT] = code
 
 
 def _stop_time(package: Package, texts: dict[str, str]) -> str:

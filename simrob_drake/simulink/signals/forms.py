@@ -1,18 +1,22 @@
-"""What a signal is made of: a sum of joint positions and speeds, inputs, sources and constants, each with a factor.
+"""What signals are made of: sums of measured and computed terms, which add and multiply as numbers do.
 
-Linear blocks keep such sums exact through any number of levels, so a control law is recognised by what it computes and
-not by how it is drawn. What no sum can tell (a saturation, an integral, a MATLAB Function) becomes a term of its own.
+Linear blocks keep such sums exact through any number of levels, so a law is what it computes, and not how it is drawn.
+What no sum can tell (a saturation, an integral, a product of two signals) is a block of a signal flow.
 """
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol, TypeAlias
+
+import numpy as np
 
 from simrob_drake.simulink.mechanics.joints import Freedom
+from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 
-TermKind = Literal[
-    "one", "q", "w", "a", "t", "input", "source", "sat", "integral", "block", "distance", "sensed", "open"
-]
+TermKind = Literal["one", "time", "q", "w", "a", "t", "distance", "sensed", "input", "open", "block"]
 
 
 @dataclass(frozen=True)
@@ -20,80 +24,227 @@ class Term:
     """One thing that a signal depends on.
 
     Attributes:
-        kind: ``one`` (a constant), ``q``, ``w``, ``a``, ``t`` (position, speed, acceleration, effort of a joint),
-            ``input`` (of the model), ``source`` (a function of time), ``sat``, ``integral``, ``block`` (what
-            else is computed), ``distance``, ``sensed`` (a part of what a Transform Sensor tells), or ``open``.
-        of: the degree of freedom, or the block.
-        index: which element of the block's output.
+        kind: ``one`` (a constant), ``time``, ``q``, ``w``, ``a``, ``t`` (position, speed, acceleration, effort of a
+            joint), ``distance``, ``sensed`` (a part of what a Transform Sensor measures), ``input`` (of the model),
+            ``open`` (what a block that is not understood gives), or ``block`` (what is computed).
+        of: the degree of freedom, the block of the model, or the block of the flow.
+        index: which element of its output.
     """
 
     kind: TermKind
-    of: Freedom | Node | None = None
+    of: Freedom | Node | Primitive | None = None
     index: int = 0
 
 
-Form = dict[Term, float]
-"""A sum of terms with their factors."""
+@dataclass(eq=False)
+class Primitive:
+    """One block of a signal flow.
 
-Signal = list[Form]
-"""A vector signal, a form for each element."""
+    Attributes:
+        kind, parameters: as in a station's file.
+        inputs: gives its inputs, once all is traced: loops go through blocks with states.
+        node: the block of the model that it is, or is a part of.
+        size: elements of its output.
+        place: which element of the block's signal it is; None where there is one only.
+    """
 
+    kind: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+    inputs: Callable[[], Iterable[Value]] = tuple
+    node: Node | None = None
+    size: int = 1
+    place: int | None = None
+
+    @property
+    def outputs(self) -> list[Value]:
+        """Its output, by element."""
+        return [Form({Term("block", self, index): 1.0}) for index in range(self.size)]
+
+
+class Form:
+    """A sum of terms with their factors; a sum that is constant is a plain number instead."""
+
+    __slots__ = ("terms",)
+
+    def __init__(self, terms: Mapping[Term, float]) -> None:
+        """Take the factors of the terms."""
+        self.terms = dict(terms)
+
+    def __add__(self, other: Value) -> Value:
+        """Return the sum."""
+        return added((1.0, self), (1.0, other))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Value:
+        """Return the negative."""
+        return added((-1.0, self))
+
+    def __sub__(self, other: Value) -> Value:
+        """Return the difference."""
+        return added((1.0, self), (-1.0, other))
+
+    def __rsub__(self, other: Value) -> Value:
+        """Return the difference from it."""
+        return added((1.0, other), (-1.0, self))
+
+    def __mul__(self, other: Value) -> Value:
+        """Return the product: a sum where the other is a number, else a block."""
+        return computed("product", self, other) if isinstance(other, Form) else added((float(other), self))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Value) -> Value:
+        """Return the quotient."""
+        if isinstance(other, Form) or not other:
+            return computed("product", self, other, divides=[1])
+        return added((1.0 / float(other), self))
+
+    def __rtruediv__(self, other: Value) -> Value:
+        """Return the quotient by it."""
+        return computed("product", other, self, divides=[1])
+
+
+Value: TypeAlias = Form | float
+"""An element of a signal."""
+Signal: TypeAlias = np.ndarray[Any, np.dtype[np.object_]]
+"""Values in an array of shape (n,), or (r, c) of a matrix."""
+
+MOST_ELEMENTS = 10_000
+"""Of a signal."""
 ONE = Term("one")
+TIME = Form({Term("time"): 1.0})
 
 
-def constant(value: float) -> Form:
-    """Return a form that is a number."""
-    return {ONE: value} if value else {}
+def terms_of(value: Value) -> dict[Term, float]:
+    """Return the terms of a value with their factors."""
+    if isinstance(value, Form):
+        return value.terms
+    return {ONE: float(value)} if value else {}
 
 
-def added(*parts: tuple[float, Form]) -> Form:
-    """Return a sum of forms, each with a factor."""
-    total: Form = {}
-    for factor, form in parts:
-        for term, value in form.items():
-            total[term] = total.get(term, 0.0) + factor * value
-    return {term: value for term, value in total.items() if value != 0.0}
+def added(*parts: tuple[float, Value]) -> Value:
+    """Return a sum of values, each with a factor."""
+    total: dict[Term, float] = {}
+    for factor, value in parts:
+        for term, own in terms_of(value).items():
+            total[term] = total.get(term, 0.0) + factor * own
+    terms = {term: own for term, own in total.items() if own != 0.0}
+    return Form(terms) if terms.keys() - {ONE} else terms.get(ONE, 0.0)
 
 
-def as_constant(form: Form) -> float | None:
-    """Return the value of a form that depends on nothing, else None."""
-    return form.get(ONE, 0.0) if all(term == ONE for term in form) else None
+def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
+    """Return what a block of one output makes of its inputs."""
+    return Primitive(kind, parameters, lambda: inputs).outputs[0]
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Of a saturation, by element."""
+def signal(values: Iterable[Value]) -> Signal:
+    """Return a vector of values."""
+    listed = list(values)
+    found = np.empty(len(listed), dtype=object)
+    found[:] = listed
+    return found
 
-    lower: float
-    upper: float
-    inner: Any
+
+def flat(values: Signal) -> list[Value]:
+    """Return the elements of a signal, column by column."""
+    return list(values.ravel(order="F"))
 
 
-def scaled(signal: Signal, factor_: float) -> Signal:
+def mapped(function: Callable[..., Value], *signals: Signal) -> Signal:
+    """Apply a function of values element by element; scalars are spread."""
+    made = np.frompyfunc(function, len(signals), 1)(*signals)
+    return np.asarray(made, dtype=object)
+
+
+def scaled(values: Signal, factor: float) -> Signal:
     """Return a signal times a number."""
-    return [added((factor_, form)) for form in signal]
+    return mapped(lambda value: factor * value, values)
 
 
-def same_size(node: Node, signals: list[Signal]) -> list[Signal]:
-    """Spread scalars over vectors.
+def blocks_in(values: Iterable[Value]) -> Iterator[Primitive]:
+    """Return the blocks that values depend on at once."""
+    for value in values:
+        yield from (term.of for term in terms_of(value) if isinstance(term.of, Primitive))
+
+
+def name_after(node: Node, values: Iterable[Value]) -> None:
+    """Let blocks without a node, and those that they take, be parts of a block of the model."""
+    waiting = [block for block in blocks_in(values) if block.node is None]
+    while waiting:
+        block = waiting.pop()
+        if block.node is None:
+            block.node = node
+            waiting += blocks_in(block.inputs())
+
+
+def closure(values: Iterable[Value]) -> Iterator[dict[Term, float]]:
+    """Return the terms of values, and of all that the blocks in them take."""
+    waiting, known = list(values), set[Primitive]()
+    while waiting:
+        value = waiting.pop()
+        yield terms_of(value)
+        for block in blocks_in([value]):
+            if block not in known:
+                known.add(block)
+                waiting += block.inputs()
+
+
+class SignalReader(Protocol):
+    """What rules ask for the signals that their blocks take."""
+
+    network: Connections
+    fixed_step: float | None
+
+    def input(self, node: Node, number: int = 1) -> Signal:
+        """Return the signal at an input."""
+
+    def output(self, node: Node, number: int = 1) -> Signal:
+        """Return the signal at an output."""
+
+    def physical(self, node: Node, side: str, number: int) -> Signal | None:
+        """Return the physical signal at a port, in SI; None where nothing drives it."""
+
+    def shape(self, node: Node, number: int = 1) -> tuple[int, ...]:
+        """Return the shape of what an input takes, of a block through which loops go."""
+
+    def once(self, node: Node, make: Callable[[], list[Signal]]) -> list[Signal]:
+        """Return all outputs of a block, which are made at the first of them."""
+
+
+Rule: TypeAlias = Callable[[SignalReader, Node, int], Signal | None]
+"""What a block gives at an output; None where it is not understood."""
+
+
+def fitted(node: Node, *signals: Signal) -> list[Signal]:
+    """Spread scalars over the shape of the others.
 
     Raises:
-        InvalidModel: vectors of different lengths.
+        InvalidModel: shapes that do not fit.
     """
-    size = max(len(signal) for signal in signals)
-    if any(len(signal) not in (1, size) for signal in signals):
-        lengths = ", ".join(str(len(signal)) for signal in signals)
+    largest = max(signals, key=lambda one: (one.size, one.ndim))
+    if any(one.size not in (1, largest.size) for one in signals):
+        lengths = ", ".join(str(one.size) for one in signals)
         raise node.refusal(f"its inputs have {lengths} elements; they must be equally long, or scalars")
-    return [spread(signal, size) for signal in signals]
+    return [
+        one.reshape(largest.shape, order="F") if one.size == largest.size else widened(one, largest.size, largest.shape)
+        for one in signals
+    ]
 
 
-def spread(signal: Signal, size: int) -> Signal:
-    """Let a scalar stand for all elements; one of the model's inputs of unknown width grows to the width asked for."""
-    if len(signal) == size or len(signal) != 1:
-        return signal
-    terms = list(signal[0].items())
-    if len(terms) == 1 and terms[0][0].kind == "input" and isinstance(terms[0][0].of, Node):
-        inport = terms[0][0].of
-        if inport.text("PortDimensions", "-1") in ("-1", ""):
-            return [{Term("input", inport, index): terms[0][1]} for index in range(size)]
-    return signal * size
+def widened(values: Signal, size: int, shape: tuple[int, ...] | None = None) -> Signal:
+    """Let a scalar stand for all elements; an input of unknown width grows to the width that is asked for."""
+    if values.size != 1 or size == 1:
+        return values
+    (value,) = values.ravel()
+    ((term, factor), *others) = terms_of(value).items() or [(ONE, 0.0)]
+    node = term.of
+    if not others and isinstance(node, Node) and _has_no_width(term.kind, node):
+        made = signal(Form({Term(term.kind, node, term.index + index): factor}) for index in range(size))
+    else:
+        made = signal([value] * size)
+    return made.reshape(shape or (size,), order="F")
+
+
+def _has_no_width(kind: TermKind, node: Node) -> bool:
+    return kind == "open" or (kind == "input" and node.text("PortDimensions", "-1") in ("-1", ""))

@@ -1,12 +1,11 @@
-"""Recognise servos: the law of each driven joint, from the sum that its torque is."""
+"""What drives each joint: the sum that its torque is, or its motion over time; servos where the user asks for them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf
 
+from simrob_drake.importer.options import EntryKind
 from simrob_drake.simulink.mechanics.joints import Freedom, Joint
-from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import ONE, Form, Term
-from simrob_drake.simulink.signals.primitives import commanded
+from simrob_drake.simulink.signals.forms import Form, Primitive, Signal, Term, Value, added, closure, terms_of
 from simrob_drake.simulink.signals.tracing import Tracer
 
 _ROUNDING = 1e-9
@@ -14,142 +13,148 @@ _ROUNDING = 1e-9
 
 @dataclass
 class Law:
-    """A servo: sat(kp (wanted - q) + ki ∫ (wanted - q) - kd w), or for a motion input what is wanted itself.
+    """What drives a joint.
 
     Attributes:
-        kp, ki, kd: gains.
-        limit: of the effort; infinite without.
-        wanted: the position as a sum of inputs, sources and constants.
-        effort: what of the effort depends on no position: constants, inputs and open blocks.
-        net: the whole effort where it is no servo, as a sum of what blocks compute; empty of a servo.
+        net: its torque as a sum; 0 of a servo, and of a joint that a motion drives.
+        reference: the position over time of a motion, or of the joint's reference where an input of the model says it;
+            None where nothing does.
+        kp, ki, kd, limit: of a servo, sat(kp (reference - q) + ki ∫ (reference - q) - kd w).
     """
 
+    net: Value = 0.0
+    reference: Value | None = None
     kp: float = 0.0
     ki: float = 0.0
     kd: float = 0.0
     limit: float = inf
-    wanted: Form = field(default_factory=dict)
-    effort: Form = field(default_factory=dict)
-    net: Form = field(default_factory=dict)
 
     @property
     def is_idle(self) -> bool:
         """Whether nothing drives the joint."""
-        return not (self.kp or self.ki or self.kd or self.net or self.effort)
+        return not (self.kp or self.ki or self.kd or terms_of(self.net))
 
 
-def read_laws(tracer: Tracer, joints: list[Joint]) -> dict[Freedom, Law]:
-    """Return the law of every driven degree of freedom.
+def read_laws(tracer: Tracer, joints: list[Joint], *, servos: bool = False) -> dict[Freedom, Law]:
+    """Return the law of every driven degree of freedom; with ``servos`` those that come to one are servos.
 
     Raises:
-        InvalidModel: an algebraic loop, or vectors that do not fit.
+        InvalidModel: vectors that do not fit.
     """
     laws: dict[Freedom, Law] = {}
     for joint in joints:
         for number, (freedom, how) in joint.inputs.items():
-            signal = tracer.physical(joint.node, "lconn", number)
-            if signal is None:
-                outside = tracer.network.leads_outside(joint.node, "lconn", number)
-                told = (
-                    f"its {how} input comes from a port of the model: nothing drives it"
-                    if outside
-                    else (f"its {how} input is not connected; connect it, or choose another actuation")
-                )
-                joint.node.findings.report.add("defaulted" if outside else "refused", joint.node.path, told)
-                laws[freedom] = Law()
-            elif not signal:
-                raise joint.node.refusal(f"its {how} input has no elements")
-            elif how == "motion":
-                laws[freedom] = Law(wanted=signal[0])
+            effort = tracer.physical(joint.node, "lconn", number)
+            value = _first(tracer, joint, number, how, effort)
+            if how == "motion":
+                laws[freedom] = Law(reference=value)
             else:
-                laws[freedom] = _Reading(tracer, joint.node, freedom).law(signal[0])
-    nets = [law.net for law in laws.values() if law.net]
-    for term, (freedom, factor) in commanded(tracer, nets).items():
+                laws[freedom] = (servos and _servo(value, freedom)) or Law(net=value)
+    for term, (freedom, factor) in commanded([law.net for law in laws.values()]).items():
         if freedom in laws:
-            laws[freedom].wanted = {term: factor}
+            laws[freedom].reference = Form({term: factor})
     return laws
 
 
-class _Reading:
-    """One joint's law."""
-
-    def __init__(self, tracer: Tracer, node: Node, freedom: Freedom) -> None:
-        self._tracer, self._freedom = tracer, freedom
-        self._report, self._path = node.findings.report, freedom.name
-        self._is_servo = True
-
-    def law(self, form: Form) -> Law:
-        """Return what an effort is: a servo, or else the net of blocks that it is."""
-        law = self._servo(form)
-        return law if self._is_servo else Law(net=form)
-
-    def _servo(self, form: Form) -> Law:
-        limit, form = self._unlimited(form)
-        law = Law(limit=limit)
-        own = {"q": form.get(Term("q", self._freedom), 0.0), "w": form.get(Term("w", self._freedom), 0.0)}
-        rest = {term: value for term, value in form.items() if term.of is not self._freedom or term.kind not in own}
-        law.kp, law.kd = max(0.0, -own["q"]), max(0.0, -own["w"])
-        if max(own.values()) > _ROUNDING:
-            self._is_servo = False
-        for term, value in rest.items():
-            self._take(law, term, value)
-        if any(term.kind in ("one", "source") for term in law.effort):
-            self._is_servo = False
-        return law
-
-    def _unlimited(self, form: Form) -> tuple[float, Form]:
-        """Take off saturations that the whole effort goes through."""
-        limit = inf
-        while len(form) == 1:
-            ((term, value),) = form.items()
-            if term not in self._tracer.limits:
-                break
-            bounds = self._tracer.limits[term]
-            if abs(bounds.lower + bounds.upper) > _ROUNDING * max(1.0, abs(bounds.upper)):
-                self._is_servo = False
-            limit = min(limit, abs(value) * max(abs(bounds.upper), abs(bounds.lower)))
-            form = {inner: value * factor for inner, factor in bounds.inner.items()}
-        return limit, form
-
-    def _take(self, law: Law, term: Term, value: float) -> None:
-        if term.kind == "integral":
-            self._integral(law, term, value)
-        elif term.kind in ("input", "source", "one") and law.kp > 0:
-            law.wanted[term] = value / law.kp
-            if term.kind == "input" and abs(law.wanted[term] - 1) > 1e-6:
-                ratio = f"reference times {value:.6g}, position times {law.kp:.6g}"
-                self._report.add("read", self._path, f"its reference is scaled by {law.wanted[term]:.6g} ({ratio})")
-        elif term.kind in ("input", "source", "one"):
-            law.effort[term] = value
-        elif term.kind in ("q", "w", "sat", "block", "distance", "sensed"):
-            self._is_servo = False
-        elif isinstance(term.of, Freedom):
-            self._drop(f"coupling with {term.kind} of {term.of.name} ({value:.6g})")
-        else:
-            where = term.of.path if isinstance(term.of, Node) else term.kind
-            self._drop(f"what comes from {where}; give it to the port feedforward")
-            law.effort[term] = value
-
-    def _integral(self, law: Law, term: Term, value: float) -> None:
-        inner = self._tracer.integrands[term]()
-        gain = -value * inner.get(Term("q", self._freedom), 0.0)
-        others = [
-            part for part in inner if part.of is not self._freedom and part.kind not in ("input", "source", "one")
-        ]
-        if gain <= 0 or others:
-            self._is_servo = False
-        else:
-            law.ki += gain
-
-    def _drop(self, what: str) -> None:
-        self._report.add("dropped", self._path, f"of its control law: {what}")
+def _first(tracer: Tracer, joint: Joint, number: int, how: str, effort: Signal | None) -> Value:
+    """Return the first element of what drives a joint; what nothing drives is message, and is 0."""
+    if effort is not None and effort.size:
+        first: Value = effort.ravel()[0]
+        return first
+    outside = tracer.network.leads_outside(joint.node, "lconn", number)
+    message = (
+        "comes from a port of the model" if outside else "has no elements" if effort is not None else "is not connected"
+    )
+    deed: EntryKind = "defaulted" if outside else "lost"
+    joint.node.findings.report.add(deed, joint.node.path, f"its {how} input {message}: nothing drives it")
+    return 0.0
 
 
-def is_zero(form: Form) -> bool:
-    """Tell whether a form is nothing."""
-    return all(abs(value) < _ROUNDING for value in form.values())
+def commanded(values: list[Value]) -> dict[Term, tuple[Freedom, float]]:
+    """Return which joint's position follows which input of the model, and the factor: `k (factor input - q)`."""
+    found: dict[Term, tuple[Freedom, float]] = {}
+    taken: set[Freedom] = set()
+    for terms in closure(values):
+        for term, value in terms.items():
+            for other, gain in terms.items() if term.kind == "input" and term not in found else ():
+                if other.kind == "q" and isinstance(other.of, Freedom) and other.of not in taken and gain * value < 0:
+                    found[term] = other.of, -value / gain
+                    taken.add(other.of)
+                    break
+    return found
 
 
-def constant_part(form: Form) -> float:
-    """Return the number in a form."""
-    return form.get(ONE, 0.0)
+def _servo(value: Value, freedom: Freedom) -> Law | None:
+    """Return the servo that a torque comes to, or None."""
+    law, factor = Law(), 1.0
+    while isinstance(value, Form) and len(value.terms) == 1:
+        ((term, own),) = value.terms.items()
+        block = term.of
+        if not isinstance(block, Primitive) or block.kind != "saturation":
+            break
+        lower, upper = block.parameters.get("lower", -inf), block.parameters.get("upper", inf)
+        if abs(lower + upper) > _ROUNDING * max(1.0, abs(upper)):
+            return None
+        factor *= own
+        law.limit = min(law.limit, abs(factor) * upper)
+        (value,) = block.inputs()
+    terms = {term: factor * own for term, own in terms_of(value).items()}
+    return law if _take(law, terms, freedom) else None
+
+
+def _take(law: Law, terms: dict[Term, float], freedom: Freedom) -> bool:
+    """Fill a servo in, and tell whether that is all there is to it."""
+    terms = _without_pid(law, terms)
+    q, w = Term("q", freedom), Term("w", freedom)
+    law.kp, law.kd = -terms.pop(q, 0.0), law.kd - terms.pop(w, 0.0)
+    integrals = [term for term in terms if isinstance(term.of, Primitive) and term.of.kind == "integrator"]
+    for term in integrals:
+        assert isinstance(term.of, Primitive)
+        (value,) = term.of.inputs()
+        inner = terms_of(value)
+        law.ki += -terms.pop(term) * inner.get(q, 0.0)
+        if any(not _asks(one) for one in inner.keys() - {q}) or term.of.parameters.get("period") or _bounded(term.of):
+            return False
+    if min(law.kp, law.ki, law.kd) < 0 or not all(map(_asks, terms)) or (terms and not law.kp):
+        return False
+    if law.kp:
+        law.reference = added((1.0 / law.kp, Form(terms)))
+    return True
+
+
+def _without_pid(law: Law, terms: dict[Term, float]) -> dict[Term, float]:
+    """Return terms with PID controllers as what they come to without their filter: message as an approximation."""
+    total: dict[Term, float] = {}
+    for term, own in terms.items():
+        block = term.of
+        if not isinstance(block, Primitive) or block.kind != "pid" or block.parameters.get("period"):
+            total[term] = total.get(term, 0.0) + own
+            continue
+        (error, *_) = block.inputs()
+        parameters, node = block.parameters, block.node
+        law.limit = min(law.limit, abs(own) * parameters.get("upper", inf))
+        for inner, factor in terms_of(error).items():
+            total[inner] = total.get(inner, 0.0) + own * factor * parameters.get("p", 0.0)
+            if inner.kind == "q":
+                law.ki -= own * factor * parameters.get("i", 0.0)
+                law.kd -= own * factor * parameters.get("d", 0.0)
+        if node is not None and parameters.get("d"):
+            message = "its derivative acts on measured speed alone, unfiltered"
+            node.findings.report.add("approximated", node.path, message)
+    return total
+
+
+def _bounded(block: Primitive) -> bool:
+    return bool({"lower", "upper"} & block.parameters.keys())
+
+
+def _asks(term: Term) -> bool:
+    """Tell whether a term can be part of what is reference: a constant, an input, or of time alone."""
+    if term.kind in ("one", "input", "time"):
+        return True
+    return isinstance(term.of, Primitive) and of_time(Form({term: 1.0}))
+
+
+def of_time(value: Value) -> bool:
+    """Tell whether a value depends on time alone."""
+    return all(term.kind in ("one", "time", "block") for terms in closure([value]) for term in terms)

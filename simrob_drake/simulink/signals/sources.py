@@ -1,76 +1,174 @@
-"""The sources of a model as functions of time."""
+"""Blocks that give signals of time alone."""
 
+from __future__ import annotations
+
+import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from simrob_drake.frames import Vector
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form
+from simrob_drake.simulink.signals.arithmetic import applied, chosen, compared, joined, limited, table_of
+from simrob_drake.simulink.signals.forms import TIME, Rule, Signal, SignalReader, Value, computed, signal
+from simrob_drake.simulink.values.functions import matrix
+
+_HOLD = "Holding final value"
 
 
-def value_over_time(form: Form, times: Vector) -> Vector:
-    """Return a sum of sources and constants at times, shape (t,); the model's inputs count as 0.
-
-    Raises:
-        InvalidModel: a source whose figures cannot be.
-    """
-    total = np.zeros_like(times)
-    for term, factor in form.items():
-        if term.kind == "one":
-            total += factor
-        elif term.kind == "source" and isinstance(term.of, Node):
-            total += factor * _SOURCES[term.of.kind](term.of, times)
-    return total
+def _constant(_: SignalReader, node: Node, __: int) -> Signal:
+    value = node.matrix("Value" if "constant" not in node.block.parameters else "constant", "1").astype(object)
+    return value.reshape(-1) if 1 in value.shape and node.text("VectorParams1D", "on") == "on" else value
 
 
-def step_times(form: Form) -> list[float]:
-    """Return when the Step blocks of a form step [s]."""
-    return [term.of.number("Time", "1") for term in form if isinstance(term.of, Node) and term.of.kind == "Step"]
+def _by_element(node: Node, make: Callable[..., Value], *names: tuple[str, str]) -> Signal:
+    """Return a value for each element of a block's parameters, of which scalars are spread."""
+    columns = np.broadcast_arrays(*(node.numbers(*name) for name in names))
+    return signal(make(*(float(one) for one in row)) for row in zip(*columns, strict=True))
 
 
-def _step(node: Node, times: Vector) -> Vector:
-    before, after = node.number("Before", "0"), node.number("After", "1")
-    return np.where(times < node.number("Time", "1"), before, after)
+def _step(_: SignalReader, node: Node, __: int) -> Signal:
+    parameters = ("Time", "1"), ("Before", "0"), ("After", "1")
+    return _by_element(node, lambda t, before, after: computed("step", time=t, before=before, after=after), *parameters)
 
 
-def _ramp(node: Node, times: Vector) -> Vector:
-    late = np.maximum(times - node.number("start", "0"), 0.0)
-    return (
-        node.number("InitialOutput" if "InitialOutput" in node.block.parameters else "X0", "0")
-        + node.number("slope", "1") * late
-    )
+def _ramp(_: SignalReader, node: Node, __: int) -> Signal:
+    start = "InitialOutput" if "InitialOutput" in node.block.parameters else "X0"
+    return _by_element(
+        node, lambda slope, begin, at: slope * limited(TIME - begin, 0.0, math.inf) + at,
+        ("slope", "1"), ("start", "0"), (start, "0"),
+    )  # fmt: skip
 
 
-def _sine(node: Node, times: Vector) -> Vector:
-    angle = node.number("Frequency", "1") * times + node.number("Phase", "0")
-    return node.number("Amplitude", "1") * np.sin(angle) + node.number("Bias", "0")
+def _sine(reader: SignalReader, node: Node, _: int) -> Signal:
+    external = node.text("TimeSource", "Use simulation time").startswith("Use external")
+    time: Value = reader.input(node).ravel()[0] if external else TIME
+    return _by_element(
+        node, lambda size, rate, phase, bias: size * applied("sin", rate * time + phase) + bias,
+        ("Amplitude", "1"), ("Frequency", "1"), ("Phase", "0"), ("Bias", "0"),
+    )  # fmt: skip
 
 
-def _pulses(node: Node, times: Vector) -> Vector:
-    period, width = node.number("Period", "10"), node.number("PulseWidth", "5") / 100
-    phase = ((times - node.number("PhaseDelay", "0")) / period) % 1.0
-    return np.where((phase < width) & (times >= node.number("PhaseDelay", "0")), node.number("Amplitude", "1"), 0.0)
+def _pulses(_: SignalReader, node: Node, __: int) -> Signal:
+    unit = 1.0
+    if node.text("PulseType", "Time based") == "Sample based":
+        unit = node.number("SampleTime", "1")
+
+    def made(size: float, period: float, width: float, delay: float) -> Value:
+        if period <= 0:
+            raise node.refusal(f"Period is {period:g}; it must be positive")
+        share = width / period if node.text("PulseType", "Time based") == "Sample based" else width / 100
+        phase = (TIME - delay * unit) / (period * unit)
+        high = compared("<", phase - applied("floor", phase), share)
+        return size * joined("and", high, compared(">=", TIME, delay * unit))
+
+    return _by_element(node, made, ("Amplitude", "1"), ("Period", "10"), ("PulseWidth", "5"), ("PhaseDelay", "0"))
 
 
-def _workspace(node: Node, times: Vector) -> Vector:
-    table = node.matrix("VariableName", "[0 0]")
-    if table.shape[1] < 2:
-        raise node.refusal("needs a matrix of times and values")
-    return np.interp(times, table[:, 0], table[:, 1])
+def _generator(_: SignalReader, node: Node, __: int) -> Signal:
+    rate = node.number("Frequency", "1") * (2 * math.pi if node.text("Units", "Hertz") == "Hertz" else 1.0)
+    turns = TIME * (rate / (2 * math.pi))
+    phase = turns - applied("floor", turns)
+    wave = node.text("WaveForm", "sine")
+    made: dict[str, Value] = {
+        "sine": applied("sin", TIME * rate),
+        "square": chosen(compared("<", phase, 0.5), 1.0, -1.0),
+        "sawtooth": 2.0 * phase - 1.0,
+    }
+    if wave not in made:
+        node.findings.report.add("approximated", node.path, f"its {wave} noise is 0, its mean")
+    return signal([node.number("Amplitude", "1") * made.get(wave, 0.0)])
 
 
-def _clock(_: Node, times: Vector) -> Vector:
-    return times
+def _chirp(_: SignalReader, node: Node, __: int) -> Signal:
+    first, last, at = node.number("f1", "0.1"), node.number("f2", "1"), node.number("T", "100")
+    return signal([applied("sin", 2 * math.pi * TIME * (first + (last - first) / (2 * at) * TIME))])
 
 
-_SOURCES: dict[str, Callable[[Node, Vector], Vector]] = {
+def repeated(times: Any, values: Any, time: Value = TIME, *, stairs: bool = False) -> Value:
+    """Return a table over time that begins anew at its end."""
+    begin, period = float(times[0]), float(times[-1] - times[0])
+    turns = (time - begin) / period
+    phase = begin + period * (turns - applied("floor", turns))
+    return _stairs(times, values, phase) if stairs else computed("lookup", phase, **table_of(times, values, clip=True))
+
+
+def _stairs(times: Any, values: Any, time: Value) -> Value:
+    """Return a table that holds each value until the next."""
+    instants, steps = np.asarray(times, dtype=float), np.diff(np.asarray(times, dtype=float))
+    points = np.concatenate([instants[:1], np.column_stack([instants[1:] - 1e-9 * steps, instants[1:]]).reshape(-1)])
+    held = np.repeat(np.asarray(values, dtype=float), 2)[:-1]
+    return computed("lookup", time, **table_of(points, held, clip=True))
+
+
+def _repeating(_: SignalReader, node: Node, __: int) -> Signal:
+    if node.kind == "Repeating Sequence":
+        times, values = node.numbers("rep_seq_t", "[0 2]"), node.numbers("rep_seq_y", "[0 2]")
+    elif node.kind == "Repeating Sequence Interpolated":
+        times, values = node.numbers("TimeValues", "[0 0.1 0.5 0.6 1]"), node.numbers("OutValues", "[3 1 4 2 1]")
+    else:
+        values = node.numbers("OutValues", "[3 1 4 2 1]")
+        times = np.asarray(node.number("tsamp", "1") * np.arange(values.size + 1), dtype=float)
+        values = np.append(values, values[0])
+    if times.size != values.size or times.size < 2 or np.any(np.diff(times) < 0) or times[-1] <= times[0]:
+        raise node.refusal(f"has {times.size} times for {values.size} values; the times must rise, with as many values")
+    jumps = np.flatnonzero(np.diff(times) == 0)
+    times[jumps] -= 1e-9 * (times[-1] - times[0])  # two values at one time are a jump
+    return signal([repeated(times, values, stairs=node.kind == "Repeating Sequence Stair")])
+
+
+def _workspace(_: SignalReader, node: Node, __: int) -> Signal:
+    value = node.value("VariableName", "[0 0]")
+    if isinstance(value, dict) and "time" in value and isinstance(value.get("signals"), dict):
+        times, values = matrix(value["time"]).reshape(-1), matrix(value["signals"]["values"])
+        table = np.column_stack([times, values.reshape(times.size, -1)])
+    else:
+        table = node.matrix("VariableName", "[0 0]")
+    if table.shape[1] < 2 or not np.all(np.isfinite(table)) or np.any(np.diff(table[:, 0]) < 0):
+        raise node.refusal("needs a matrix of times that rise, and values")
+    if len(table) < 2:
+        return table[0, 1:].astype(object)
+    times, after = table[:, 0].copy(), node.text("OutputAfterFinalValue", "Extrapolation")
+    same = np.flatnonzero(np.diff(times) == 0)
+    times[same] -= 1e-9 * max(times[-1] - times[0], 1e-9)
+    stairs = node.text("Interpolate", "on") == "off"
+    found = []
+    for column in table[:, 1:].T:
+        if after == "Cyclic repetition":
+            value = repeated(times, column, stairs=stairs)
+        elif stairs:
+            value = _stairs(times, column, TIME)
+        else:
+            value = computed("lookup", TIME, **table_of(times, column, clip=after != "Extrapolation"))
+        zero_after = after == "Setting to zero"
+        found.append(chosen(compared("<=", TIME, float(times[-1])), value, 0.0) if zero_after else value)
+    return signal(found)
+
+
+def _noise(_: SignalReader, node: Node, __: int) -> Signal:
+    mean = 0.5 * sum(node.number(name, value) for name, value in (("Minimum", "-1"), ("Maximum", "1")))
+    mean = {"UniformRandomNumber": mean, "RandomNumber": node.number("Mean", "0")}.get(node.kind, 0.0)
+    node.findings.report.add("approximated", node.path, f"its noise is left out: it is {mean:g}, its mean")
+    return signal([mean])
+
+
+def _digital_clock(_: SignalReader, node: Node, __: int) -> Signal:
+    period = node.number("SampleTime", "1")
+    return signal([period * applied("floor", TIME / period + 1e-9) if period > 0 else TIME])
+
+
+SOURCES: dict[str, Rule] = {
+    "Constant": _constant,
+    "Ground": lambda *_: signal([0.0]),
     "Step": _step,
     "Ramp": _ramp,
-    "Sin": _sine,
-    "Sine Wave": _sine,
+    **dict.fromkeys(("Sin", "Sine Wave"), _sine),
     "DiscretePulseGenerator": _pulses,
+    "SignalGenerator": _generator,
+    "Chirp Signal": _chirp,
+    **dict.fromkeys(("Repeating Sequence", "Repeating Sequence Interpolated", "Repeating Sequence Stair"), _repeating),
     "FromWorkspace": _workspace,
-    "Clock": _clock,
-    "DigitalClock": _clock,
+    **dict.fromkeys(("Band-Limited White Noise", "UniformRandomNumber", "RandomNumber"), _noise),
+    "Clock": lambda *_: signal([TIME]),
+    "DigitalClock": _digital_clock,
 }

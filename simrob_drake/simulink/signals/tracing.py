@@ -1,173 +1,213 @@
-"""Follow signals from where they are used to where they come from, as sums of terms."""
+"""Follow signals from where they are used to where they come from."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 
 from simrob_drake.errors import InvalidModel
-from simrob_drake.simulink.mechanics.contacts import Contact
+from simrob_drake.simulink.mechanics.contacts import ContactPair
 from simrob_drake.simulink.mechanics.joints import Joint
-from simrob_drake.simulink.model.network import Network, Place
+from simrob_drake.simulink.model.network import Connections, Place
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Limits, Signal, Term, TermKind, added, constant, same_size, scaled
+from simrob_drake.simulink.signals.arithmetic import ARITHMETIC
+from simrob_drake.simulink.signals.conditional import CONDITIONAL, conditional
+from simrob_drake.simulink.signals.dynamics import DYNAMICS, LAG
+from simrob_drake.simulink.signals.forms import (
+    MOST_ELEMENTS,
+    Form,
+    Primitive,
+    Rule,
+    Signal,
+    Term,
+    TermKind,
+    Value,
+    flat,
+    name_after,
+    signal,
+)
 from simrob_drake.simulink.signals.frame_sensing import SENSOR, sensed
-from simrob_drake.simulink.signals.primitives import PRIMITIVES, Primitive
-from simrob_drake.simulink.signals.rules import RULES
-from simrob_drake.simulink.values.units import UnknownUnit, factor, parse_unit
+from simrob_drake.simulink.signals.matlab import MATLAB
+from simrob_drake.simulink.signals.physical import PHYSICAL, out_of_physics
+from simrob_drake.simulink.signals.routing import ROUTING
+from simrob_drake.simulink.signals.sources import SOURCES
 
-SOURCES = {"Step", "Ramp", "Sin", "Sine Wave", "FromWorkspace", "Clock", "DigitalClock", "DiscretePulseGenerator"}
-"""Blocks whose output is a function of time."""
-_PASSING = {
-    "SignalConversion", "SignalSpecification", "DataTypeConversion", "RateTransition", "Reshape", "UnitConversion",
-    "ZeroOrderHold", "Memory", "UnitDelay", "Delay", "BusToVector",
+RULES: dict[str, Rule] = {
+    **ROUTING, **ARITHMETIC, **SOURCES, **DYNAMICS, **MATLAB, **CONDITIONAL, **PHYSICAL,
+    "PS-Simulink Converter": out_of_physics,
 }  # fmt: skip
-_PHYSICAL = {"PS Gain", "PS Constant", "PS Add", "PS Subtract"}
-_DELAYING = {"ZeroOrderHold", "Memory", "UnitDelay", "Delay"}
+"""What each type of block gives."""
 _SENSED: dict[str, TermKind] = {"q": "q", "w": "w", "a": "a", "t": "t"}
-_MOST_ELEMENTS = 10_000
+_MOST_GUESSES = 5
 
 
 class Tracer:
     """Knows what each output of a model is made of.
 
     Attributes:
-        limits: of saturations, by their terms.
-        integrands: what integrals add up, by their terms.
-        primitives: what other blocks compute, by their terms.
-        opened: blocks that are left open, in the order they were met.
-        under_way: blocks whose outputs are being computed; one of them again is an algebraic loop.
+        network: the connections.
+        fixed_step: of the model's solver [s]; None where it is of a variable step.
+        opened: blocks that are left open, in the order they were met, and what is wrong with their parameters.
     """
 
-    def __init__(self, network: Network, joints: list[Joint], contacts: list[Contact]) -> None:
+    def __init__(self, network: Connections, joints: list[Joint], contacts: list[ContactPair]) -> None:
         """Note which physical signals come from where."""
         self.network = network
-        self.limits: dict[Term, Limits] = {}
-        self.integrands: dict[Term, Callable[[], Form]] = {}
-        self.primitives: dict[Term, Primitive] = {}
-        self.opened: list[Node] = []
-        self._known: dict[tuple[int, int], Signal] = {}
-        self.under_way: list[Node] = []
+        self.fixed_step: float | None = None
+        self.opened: dict[Node, str] = {}
+        self._known: dict[tuple[Node, int], Signal] = {}
+        self._made: dict[Node, list[Signal]] = {}
+        self._under_way: list[tuple[Node, int]] = []
+        self._shapes: dict[tuple[Node, int], tuple[int, ...]] = {}
+        self._guesses: dict[tuple[Node, int], tuple[int, ...]] | None = None
         self._physical: dict[Place, Callable[[], Signal]] = {}
         for joint in joints:
             for number, (freedom, what) in joint.outputs.items():
-                term = Term(_SENSED[what], freedom) if what in _SENSED else Term("open", joint.node, number)
-                self._offer(joint.node, number, [{term: 1.0}])
+                term = (
+                    Term(_SENSED[what], freedom)
+                    if what in _SENSED
+                    else Term("open", joint.node, (number - 1) * MOST_ELEMENTS)
+                )
+                self._offer(joint.node, number, partial(_one, term))
         for contact in contacts:
             if contact.senses_distance:
-                self._offer(contact.node, contact.senses_distance, [{Term("distance", contact.node): 1.0}])
+                self._offer(contact.node, contact.senses_distance, partial(_one, Term("distance", contact.node)))
         for node in network.expanded.nodes:
             if node.kind == SENSOR:
-                for number, signal in sensed(self, node).items():
-                    self._offer(node, number, signal)
-            elif node.kind == "Simulink-PS Converter":
-                self._physical[network.net(node, "rconn")] = partial(self._into_physics, node)
-            elif node.kind in _PHYSICAL:
-                self._physical[network.net(node, "rconn")] = partial(self._physical_block, node)
+                for number, give in sensed(node).items():
+                    self._offer(node, number, give)
+            elif node.kind in PHYSICAL:
+                self._offer(node, 1, partial(self.output, node))
 
-    def _offer(self, node: Node, number: int, signal: Signal) -> None:
-        self._physical[self.network.net(node, "rconn", number)] = lambda: signal
+    def _offer(self, node: Node, number: int, give: Callable[[], Signal]) -> None:
+        self._physical[self.network.net(node, "rconn", number)] = give
 
     def physical(self, node: Node, side: str, number: int) -> Signal | None:
         """Return the physical signal at a port, in SI; None where nothing drives it."""
         source = self._physical.get(self.network.net(node, side, number))
         return None if source is None else source()
 
-    def input(self, node: Node, number: int = 1) -> Signal:
-        """Return the signal at an input; an unconnected one is 0, as in Simulink, and is noted.
+    def followed(self, node: Node) -> bool:
+        """Tell whether anything that moves, or ends a run, depends on a block's output."""
+        return any(known is node for known, _ in self._known)
 
-        Raises:
-            InvalidModel: an algebraic loop.
-        """
-        found = self.network.source(node, number)
+    def input(self, node: Node, number: int = 1) -> Signal:
+        """Return the signal at an input; an unconnected one is 0, as in Simulink, and is noted."""
+        if node.kind in PHYSICAL and node.kind != "Simulink-PS Converter":
+            found = self.physical(node, "lconn", number)
+        else:
+            source = self.network.source(node, number)
+            found = None if source is None else self.output(*source)
         if found is None:
             node.findings.report.add("defaulted", node.path, f"input {number} is not connected: it is 0")
-            return [{}]
-        return self.output(*found)
+            return signal([0.0])
+        return found
 
-    def width(self, node: Node) -> int:
-        """Return how many elements feed a block that breaks loops; one where the loop goes through it."""
-        under_way = list(self.under_way)
-        try:
-            return len(self.input(node))
-        except InvalidModel:
-            self.under_way[:] = under_way
-            return 1
+    def inputs(self, node: Node) -> list[Signal]:
+        """Return the signals at the inputs of a block that is left open."""
+        found: list[Signal] = []
+        while (source := self.network.source(node, len(found) + 1)) is not None:
+            found.append(self.output(*source))
+        return found
+
+    def once(self, node: Node, make: Callable[[], list[Signal]]) -> list[Signal]:
+        """Return all outputs of a block, which are made at the first of them."""
+        if self._guesses is not None:
+            return make()
+        if node not in self._made:
+            self._made[node] = make()
+        return self._made[node]
+
+    def shape(self, node: Node, number: int = 1) -> tuple[int, ...]:
+        """Return the shape of what an input takes, of a block through which loops go.
+
+        The loop is followed with a guess of the shape until it comes round to the same; what is found on the way is
+        forgotten.
+        """
+        key = node, number
+        if key in self._shapes:
+            return self._shapes[key]
+        if self._guesses is not None:  # within another search
+            if key not in self._guesses:
+                self._guesses[key] = (1,)
+                self._guesses[key] = self.input(node, number).shape
+            return self._guesses[key]
+        kept, self._under_way, way = dict(self._known), [], self._under_way
+        opened, entries = dict(self.opened), list(node.findings.report.entries)
+        guesses = {key: (1,)}
+        for _ in range(_MOST_GUESSES):
+            self._guesses = dict(guesses)
+            found = {one: self.input(*one).shape for one in list(guesses)}
+            found |= {one: shape for one, shape in self._guesses.items() if one not in found}
+            self._known = dict(kept)
+            if found == guesses:
+                break
+            guesses = found
+        self._guesses, self._under_way, self.opened = None, way, opened
+        node.findings.report.entries[:] = entries
+        self._shapes |= guesses
+        return self._shapes[key]
 
     def output(self, node: Node, number: int = 1) -> Signal:
-        """Return the signal at an output.
-
-        Raises:
-            InvalidModel: an algebraic loop.
-        """
-        key = (id(node), number)
+        """Return the signal at an output."""
+        key = node, number
         if key in self._known:
             return self._known[key]
-        if node in self.under_way:
-            loop = [other.path for other in self.under_way[self.under_way.index(node) :]]
-            raise node.refusal(f"is in an algebraic loop: {' → '.join([*loop, node.path])}")
-        self.under_way.append(node)
-        signal = self._computed(node, number)
-        self.under_way.pop()
-        if len(signal) > _MOST_ELEMENTS:
-            raise node.refusal(f"has a signal of more than {_MOST_ELEMENTS} elements")
-        self._known[key] = signal
-        return signal
+        if key in self._under_way:
+            return self._broken(node, number)
+        self._under_way.append(key)
+        found = self._computed(node, number)
+        self._under_way.remove(key)
+        if found.size > MOST_ELEMENTS:
+            raise node.refusal(f"has a signal of more than {MOST_ELEMENTS} elements")
+        name_after(node, flat(found))
+        self._known[key] = found
+        return found
 
     def _computed(self, node: Node, number: int) -> Signal:
-        if node.kind == "PS-Simulink Converter":
-            return self._out_of_physics(node)
-        if node.kind in _PASSING:
-            if node.kind in _DELAYING:
-                node.findings.report.add("repaired", node.path, "its delay is left out")
-            return self.input(node)
-        rule = RULES.get(node.kind) or PRIMITIVES.get(node.kind)
-        if rule is not None:
-            signal = rule(self, node, number)
-            if signal is not None:
-                return signal
-        if node.kind in SOURCES:
-            return [{Term("source", node): 1.0}]
-        return self._open(node, number)
-
-    def _open(self, node: Node, number: int) -> Signal:
-        if node not in self.opened:
-            self.opened.append(node)
-        return [{Term("open", node, number): 1.0}]
-
-    def _out_of_physics(self, node: Node) -> Signal:
-        signal = self.physical(node, "lconn", 1)
-        if signal is None:
-            return self._open(node, 1)
-        return scaled(signal, 1.0 / self._converter_unit(node, signal))
-
-    def _into_physics(self, node: Node) -> Signal:
-        if node.text("FilteringAndDerivatives", "provide") == "filter":
-            node.findings.report.add("repaired", node.path, "its input filter is left out")
-        signal = self.input(node)
-        return scaled(signal, self._converter_unit(node, signal))
-
-    def _converter_unit(self, node: Node, signal: Signal) -> float:
-        """Return what the converter's unit is in SI, after checking that it fits a joint's signal."""
-        text = node.text("Unit", "1")
-        if text in ("1", "inherit", ""):
-            return 1.0
-        kinds = {term.kind for form in signal for term in form}
+        rule = conditional if node.children and self.network.is_conditional(node) else RULES.get(node.kind)
+        why = ""
         try:
-            if kinds == {"q"} and node.kind == "PS-Simulink Converter":
-                freedom = next(term.of for form in signal for term in form)
-                return factor(text, "rad" if getattr(freedom, "turns", True) else "m")
-            return parse_unit(text).factor
-        except UnknownUnit as problem:
-            raise node.refusal(f"Unit: {problem}") from problem
+            found = rule(self, node, number) if rule is not None else None
+        except InvalidModel as problem:
+            found, why = None, problem.problem
+        return self._open(node, number, why) if found is None else found
 
-    def _physical_block(self, node: Node) -> Signal:
-        """Return what a block of physical signals hands out: a constant, a multiple, a sum or a difference."""
-        if node.kind == "PS Constant":
-            return [constant(float(value)) for value in node.numbers("constant", "1")]
-        parts = [self.physical(node, "lconn", number) for number in (1, 2)[: 1 if node.kind == "PS Gain" else 2]]
-        known = [part for part in parts if part is not None]
-        if len(known) < len(parts):
-            return self._open(node, 1)
-        if node.kind == "PS Gain":
-            return scaled(known[0], node.number("gain", "1"))
-        factors = (1.0, -1.0 if node.kind == "PS Subtract" else 1.0)
-        return [added(*zip(factors, forms, strict=True)) for forms in zip(*same_size(node, known), strict=True)]
+    def _open(self, node: Node, number: int, why: str = "") -> Signal:
+        """Leave an output open: a block that is not understood, or parameters that cannot be."""
+        if node not in self.opened:
+            self.opened[node] = why
+        return _one(Term("open", node, (number - 1) * MOST_ELEMENTS))
+
+    def _broken(self, node: Node, number: int) -> Signal:
+        """Return an output that depends on itself at once: late by a filter, for no net of blocks solves for it."""
+        if self._guesses is not None:
+            return _one(Term("open", node))
+        way = [one.path for one, _ in self._under_way]
+        loop = " → ".join([*way[way.index(node.path) :], node.path])
+        node.findings.report.add("approximated", node.path, f"an algebraic loop, late by {LAG:g} s: {loop}")
+        shape = self._shape_of(node, number)
+
+        def late(index: int) -> Primitive:
+            parameters = {"numerator": [1.0], "denominator": [LAG, 1.0]}
+            return Primitive(
+                "transfer_function", parameters, lambda: [self._element(node, number, index)], node, place=index
+            )
+
+        found = signal(late(index).outputs[0] for index in range(math.prod(shape)))
+        return found.reshape(shape, order="F")
+
+    def _element(self, node: Node, number: int, index: int) -> Value:
+        values = flat(self.output(node, number))
+        return values[min(index, len(values) - 1)]
+
+    def _shape_of(self, node: Node, number: int) -> tuple[int, ...]:
+        """Return the shape of an output that is being computed, by computing it with a guess."""
+        kept, way = dict(self._known), self._under_way
+        self._under_way, self._guesses = [], {}
+        shape: tuple[int, ...] = self.output(node, number).shape
+        self._known, self._under_way, self._guesses = kept, way, None
+        return shape
+
+
+def _one(term: Term) -> Signal:
+    return signal([Form({term: 1.0})])

@@ -5,6 +5,7 @@ What is outside the subset is passed over, and the names that it would have set 
 
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ _NAME = re.compile(r"(?<!\.)\b[A-Za-z]\w*")
 _OPENS = "if", "for", "while", "switch", "try", "function"
 
 
-class Run:
+class CodeRun:
     """One run of a piece of code.
 
     Attributes:
@@ -40,7 +41,7 @@ class Run:
 
     def run(self, code: str) -> None:
         """Run code."""
-        self._block(_statements(code))
+        self._block(statements(code))
 
     def _lookup(self, name: str) -> Any:
         if name in self.unknown:
@@ -53,19 +54,21 @@ class Run:
     def _block(self, lines: list[str]) -> None:
         place = 0
         while place < len(lines):
-            self._steps += 1
-            if self._steps > MOST_STEPS:
-                raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
-            keyword = _KEYWORD.match(lines[place])
-            stop = place + 1
-            if keyword and keyword[1] in _OPENS:
-                stop = _closing(lines, place)
-            part = lines[place:stop]
-            try:
-                self._statement(keyword[1] if keyword else "", part)
-            except (NotUnderstood, UndefinedVariable, KeyError, IndexError, TypeError, ValueError):
-                self._pass_over(part)
-            place = stop
+            place = self._next(lines, place)
+
+    def _next(self, lines: list[str], place: int) -> int:
+        """Run the statement or section that begins at a line, and return the line behind it."""
+        self._steps += 1
+        if self._steps > MOST_STEPS:
+            raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
+        keyword = _KEYWORD.match(lines[place])
+        stop = _closing(lines, place) if keyword and keyword[1] in _OPENS else place + 1
+        part = lines[place:stop]
+        try:
+            self._statement(keyword[1] if keyword else "", part)
+        except (NotUnderstood, UndefinedVariable, KeyError, IndexError, TypeError, ValueError) as problem:
+            self._pass_over(part, problem)
+        return stop
 
     def _statement(self, keyword: str, part: list[str]) -> None:
         if keyword == "if":
@@ -116,13 +119,15 @@ class Run:
             np.arange(size) if word.strip() == ":" else self._places(word, size) for word, size in _paired(words, array)
         ]
         if len(places) == 1:
-            flat = array.reshape(-1)
-            grown = np.zeros(max(flat.size, int(places[0].max()) + 1))
+            flat = array.reshape(-1, order="F")
+            grown = np.zeros(max(flat.size, int(places[0].max()) + 1), dtype=_both(array, value))
             grown[: flat.size] = flat
-            grown[places[0]] = matrix(value).reshape(-1)
+            grown[places[0]] = matrix(value).reshape(-1, order="F")
+            if grown.size == array.size:
+                return grown.reshape(array.shape, order="F")
             return grown.reshape(-1, 1) if array.shape[1:] == (1,) and array.shape[0] > 1 else grown.reshape(1, -1)
         rows, columns = (max(size, int(place.max()) + 1) for size, place in zip(array.shape, places, strict=True))
-        grown = np.zeros((rows, columns))
+        grown = np.zeros((rows, columns), dtype=_both(array, value))
         grown[: array.shape[0], : array.shape[1]] = array
         grown[np.ix_(places[0], places[1])] = matrix(value)
         return grown
@@ -134,26 +139,37 @@ class Run:
         return places
 
     def _if(self, part: list[str]) -> None:
-        for condition, body in _branches(part[:-1], ("if", "elseif", "else")):
-            test = condition.removeprefix("elseif").removeprefix("if").strip()
-            if (condition.startswith("else") and not condition.startswith("elseif")) or np.all(self._value(test)):
-                self._block(body)
-                return
+        self._choose(branches(part[:-1], ("if", "elseif", "else")))
 
     def _switch(self, part: list[str]) -> None:
-        head, *branches = _branches(part[:-1], ("switch", "case", "otherwise"))
-        wanted = self._value(head[0].removeprefix("switch"))
-        for condition, body in branches:
-            if condition.startswith("otherwise"):
-                self._block(body)
-                return
-            choices = condition.removeprefix("case").strip().removeprefix("{").removesuffix("}")
-            for choice in choices.split(","):
-                value = self._value(choice)
-                same = value == wanted if isinstance(value, str) or isinstance(wanted, str) else np.all(value == wanted)
-                if same:
-                    self._block(body)
-                    return
+        head, *ways = branches(part[:-1], ("switch", "case", "otherwise"))
+        subject = head[0].removeprefix("switch").strip()
+        tests: list[tuple[str, list[str]]] = []
+        for words, body in ways:
+            if words.startswith("otherwise"):
+                tests.append(("else", body))
+                continue
+            choices = words.removeprefix("case").strip().removeprefix("{").removesuffix("}").split(",")
+            tests.append(("if " + " || ".join(f"(({subject}) == ({choice}))" for choice in choices), body))
+        self._choose(tests)
+
+    def _choose(self, ways: list[tuple[str, list[str]]]) -> None:
+        """Run the first way whose condition holds."""
+        if not ways:
+            return
+        (words, body), *rest = ways
+        if words.startswith("else") and not words.startswith("elseif"):
+            self._block(body)
+            return
+        condition = self._condition(words.removeprefix("elseif").removeprefix("if").strip())
+        self._split_by(condition, partial(self._block, body), partial(self._choose, rest))
+
+    def _condition(self, text: str) -> Any:
+        return bool(np.all(self._value(text)))
+
+    def _split_by(self, condition: Any, yes: Callable[[], None], no: Callable[[], None]) -> None:
+        """Run one of two ways."""
+        (yes if condition else no)()
 
     def _for(self, part: list[str]) -> None:
         name, _, values = part[0].removeprefix("for").strip().partition("=")
@@ -161,12 +177,18 @@ class Run:
             self.variables[name.strip(" (")] = matrix(column).T
             self._block(part[1:-1])
 
-    def _pass_over(self, part: list[str]) -> None:
+    def _pass_over(self, part: list[str], _: Exception) -> None:
+        """Go on behind a statement outside the subset."""
         for match in filter(None, map(_TARGETS.match, part)):
             names = {name for name in _NAME.findall(match[1]) if not _KEYWORD.fullmatch(name)}
             self.unknown |= names
             for name in names if match[0][len(match[1])] != "." else ():  # other fields stay as they are
                 self.variables.pop(name, None)
+
+
+def _both(array: Any, value: Any) -> Any:
+    """Return the type of elements that an array and a value have together."""
+    return np.result_type(array, matrix(value))
 
 
 def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:
@@ -176,20 +198,20 @@ def _paired(words: list[str], array: Any) -> list[tuple[str, int]]:
     return list(zip(words, sizes, strict=True))
 
 
-def _branches(lines: list[str], keywords: tuple[str, ...]) -> list[tuple[str, list[str]]]:
+def branches(lines: list[str], keywords: tuple[str, ...]) -> list[tuple[str, list[str]]]:
     """Split a section at its own keywords, not at those of sections within."""
-    branches: list[tuple[str, list[str]]] = []
+    ways: list[tuple[str, list[str]]] = []
     place = 0
     while place < len(lines):
         match = _KEYWORD.match(lines[place])
-        if match and match[1] in keywords and (not branches or match[1] != keywords[0]):
-            branches.append((lines[place], []))
+        if match and match[1] in keywords and (not ways or match[1] != keywords[0]):
+            ways.append((lines[place], []))
             place += 1
             continue
         stop = _closing(lines, place) if match and match[1] in _OPENS else place + 1
-        branches[-1][1].extend(lines[place:stop])
+        ways[-1][1].extend(lines[place:stop])
         place = stop
-    return branches
+    return ways
 
 
 def _closing(lines: list[str], start: int) -> int:
@@ -206,7 +228,7 @@ def _closing(lines: list[str], start: int) -> int:
     return len(lines)
 
 
-def _statements(code: str) -> list[str]:
+def statements(code: str) -> list[str]:
     """Split code into statements: at line ends, ``;`` and ``,`` outside brackets and texts; comments go."""
     code = re.sub(r"\.\.\.[^\n]*\n", " ", code.replace("\r", ""))
     code = re.sub(r"^[ \t]*%\{[ \t]*\n.*?^[ \t]*%\}[ \t]*$", "", code, flags=re.DOTALL | re.MULTILINE)

@@ -1,6 +1,7 @@
 """The value of an expression: a matrix of shape (r, c), a text, or a structure (dict). Nothing is executed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,20 @@ Lookup = Callable[[str], Any]
 """Returns the value of a variable, or raises `UndefinedVariable`."""
 
 
-_Composed = syntax.Call | syntax.Field | syntax.Unary | syntax.Binary | syntax.Range | syntax.Matrix
+@dataclass(frozen=True)
+class Algebra:
+    """What an expression is computed with.
+
+    Attributes:
+        operators: elementwise, on two matrices.
+        functions: by name, on matrices.
+    """
+
+    operators: Mapping[str, Callable[[Vector, Vector], Any]]
+    functions: Mapping[str, Callable[..., Any]]
+
+
+_Composed = syntax.Call | syntax.FieldOf | syntax.Unary | syntax.Binary | syntax.RangeOf | syntax.Matrix
 
 
 class UndefinedVariable(LookupError):
@@ -31,15 +45,15 @@ class UndefinedVariable(LookupError):
         self.name, self.why = name, why
 
 
-def evaluate(node: syntax.Node, lookup: Lookup) -> Any:
-    """Return the value of an expression's tree.
+def evaluate(node: syntax.Node, lookup: Lookup, algebra: Algebra | None = None) -> Any:
+    """Return the value of an expression's tree, of numbers unless another algebra is given.
 
     Raises:
         UndefinedVariable: a name that is no variable, and no function here.
         NotUnderstood: what cannot be computed.
     """
     try:
-        return _Evaluation(lookup).value(node)
+        return _Evaluation(lookup, algebra or NUMBERS).value(node)
     except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
         raise (
             problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
@@ -49,8 +63,8 @@ def evaluate(node: syntax.Node, lookup: Lookup) -> Any:
 class _Evaluation:
     """One walk over a tree."""
 
-    def __init__(self, lookup: Lookup) -> None:
-        self._lookup = lookup
+    def __init__(self, lookup: Lookup, algebra: Algebra) -> None:
+        self._lookup, self._algebra = lookup, algebra
         self._ends: list[int] = []  # what `end` is in the indices around
 
     def value(self, node: syntax.Node) -> Any:
@@ -64,7 +78,7 @@ class _Evaluation:
                 return text
             case syntax.Name(name):
                 return self._named(name, ())
-            case syntax.End() if self._ends:
+            case syntax.EndIndex() if self._ends:
                 return matrix(self._ends[-1])
         raise NotUnderstood("has an 'end' or a ':' outside an index")
 
@@ -72,13 +86,13 @@ class _Evaluation:
         match node:
             case syntax.Call(target, arguments):
                 found = self._called(target, arguments)
-            case syntax.Field(target, name):
+            case syntax.FieldOf(target, name):
                 found = self._field(target, name)
             case syntax.Unary(operator, operand):
-                found = _unary(operator, matrix(self.value(operand)))
+                found = self._unary(operator, matrix(self.value(operand)))
             case syntax.Binary(operator, left, right):
-                found = _binary(operator, self.value(left), self.value(right))
-            case syntax.Range(start, step, stop):
+                found = self._binary(operator, self.value(left), self.value(right))
+            case syntax.RangeOf(start, step, stop):
                 found = self._range(start, step, stop)
             case syntax.Matrix(rows):
                 found = self._matrix(rows)
@@ -88,9 +102,9 @@ class _Evaluation:
         try:
             return self._lookup(name)
         except UndefinedVariable:
-            if name not in FUNCTIONS:
+            if name not in self._algebra.functions:
                 raise
-        found = FUNCTIONS[name](*(self.value(argument) for argument in arguments))
+        found = self._algebra.functions[name](*(self.value(argument) for argument in arguments))
         return found if isinstance(found, str | dict) else matrix(found)
 
     def _called(self, target: syntax.Node, arguments: tuple[syntax.Node, ...]) -> Any:
@@ -157,20 +171,41 @@ class _Evaluation:
         lines = [np.concatenate(row, axis=1) for row in parts if row]
         return np.concatenate(lines, axis=0) if lines else np.zeros((0, 0))
 
+    def _unary(self, operator: str, value: Vector) -> Vector:
+        if operator == "-":
+            return -value
+        if operator == "~":
+            return matrix(self._algebra.operators["=="](value, np.zeros((1, 1))))
+        return value.T if operator == "'" else value
+
+    def _binary(self, operator: str, left: Any, right: Any) -> Vector:
+        if operator in ("==", "~=") and (isinstance(left, str) or isinstance(right, str)):
+            return matrix((left == right) == (operator == "=="))
+        first, second, each = matrix(left), matrix(right), self._algebra.operators
+        lone = first.size == 1 or second.size == 1
+        with np.errstate(all="ignore"):
+            if operator in each:
+                return matrix(each[operator](first, second))
+            if operator == "*":
+                return matrix(each[".*"](first, second) if lone else first @ second)
+            if operator == "^":
+                return matrix(each[".^"](first, second) if lone else np.linalg.matrix_power(first, int(second[0, 0])))
+            if operator == "\\":
+                first, second = second.T, first.T  # A \\ B is (B' / A')'
+            if second.size == 1:
+                quotient = matrix(each["./"](first, second))
+            elif first.dtype == object:
+                quotient = matrix(first @ np.linalg.inv(second))
+            else:
+                quotient = matrix(np.linalg.solve(second.T, first.T).T)
+        return quotient.T if operator == "\\" else quotient
+
 
 def _written(node: syntax.Node) -> str:
     """Return a name with its fields as it is written."""
-    if isinstance(node, syntax.Field):
+    if isinstance(node, syntax.FieldOf):
         return f"{_written(node.target)}.{node.name}"
     return node.name if isinstance(node, syntax.Name) else "(…)"
-
-
-def _unary(operator: str, value: Vector) -> Vector:
-    if operator == "-":
-        return -value
-    if operator == "~":
-        return matrix(value == 0)
-    return value.T if operator == "'" else value
 
 
 _EACH: dict[str, Callable[[Vector, Vector], Any]] = {
@@ -187,23 +222,7 @@ _EACH: dict[str, Callable[[Vector, Vector], Any]] = {
     "|": np.logical_or,
     "&&": np.logical_and,
     "||": np.logical_or,
+    "==": np.equal,
+    "~=": np.not_equal,
 }
-
-
-def _binary(operator: str, left: Any, right: Any) -> Vector:
-    if operator in ("==", "~="):
-        same = left == right if isinstance(left, str) or isinstance(right, str) else matrix(left) == matrix(right)
-        return matrix(same) if operator == "==" else matrix(matrix(same) == 0)
-    first, second = matrix(left), matrix(right)
-    lone = first.size == 1 or second.size == 1
-    with np.errstate(all="ignore"):
-        if operator in _EACH:
-            return matrix(_EACH[operator](first, second))
-        if operator == "*":
-            return matrix(first * second if lone else first @ second)
-        if operator == "^":
-            return matrix(first**second if lone else np.linalg.matrix_power(first, int(second[0, 0])))
-        if operator == "\\":
-            first, second = second.T, first.T  # A \\ B is (B' / A')'
-        quotient = first / second if second.size == 1 else np.linalg.solve(second.T, first.T).T
-    return matrix(quotient.T if operator == "\\" else quotient)
+NUMBERS = Algebra(_EACH, FUNCTIONS)

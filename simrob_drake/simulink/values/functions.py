@@ -23,10 +23,16 @@ def matrix(value: Any) -> Vector:
         raise NotUnderstood(f"uses the text '{value[:20]}' as a number")
     if isinstance(value, dict):
         raise NotUnderstood("uses a structure as a number")
-    array = np.atleast_2d(np.asarray(value, dtype=float))
+    symbolic = isinstance(value, np.ndarray) and value.dtype == object and all(map(_is_value, value.flat))
+    array = np.atleast_2d(value if symbolic else np.asarray(value, dtype=float))
     if array.size > LARGEST:
         raise NotUnderstood(f"makes a matrix of more than {LARGEST} elements")
     return array
+
+
+def _is_value(element: Any) -> bool:
+    """Tell whether an element is a number, or stands for one that only a run of the model has."""
+    return isinstance(element, int | float) or hasattr(element, "terms")
 
 
 def count(value: Any) -> int:
@@ -58,7 +64,7 @@ def _along(reduce: Callable[..., Vector]) -> Callable[..., Vector]:
     def reduced(value: Any, axis: Any = None) -> Vector:
         array = matrix(value)
         chosen = count(axis) - 1 if axis is not None else (1 if array.shape[0] == 1 else 0)
-        return np.asarray(reduce(array, axis=chosen, keepdims=True), dtype=float)
+        return matrix(reduce(array, axis=chosen, keepdims=True))
 
     return reduced
 

@@ -9,9 +9,8 @@ import numpy as np
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
 from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.mat_bounds import LARGEST, check_bounds
 from simrob_drake.simulink.values.syntax import NotUnderstood
-
-_LARGEST = 200_000_000  # bytes
 
 
 def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
@@ -23,7 +22,9 @@ def variables_of_mat(file: Path, option: str = "--variables") -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        source: Any = io.BytesIO(content_of(file, _LARGEST))  # which older stubs of scipy do not know of
+        data = content_of(file, LARGEST)
+        check_bounds(data)
+        source: Any = io.BytesIO(data)  # which older stubs of scipy do not know of
         content = loadmat(source, squeeze_me=False, struct_as_record=True)
     except Exception as problem:  # readers of damaged files raise whatever they like
         reason = (

@@ -42,12 +42,12 @@ def find_octave() -> Octave:
 
     def run(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
         with TemporaryDirectory() as folder:
-            return _run(program, code, _asked(code, lookup), Path(folder))
+            return _run(program, code, _names_needed(code, lookup), Path(folder))
 
     return run
 
 
-def _asked(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
+def _names_needed(code: str, lookup: Callable[[str], Any]) -> dict[str, Any]:
     """Return the variables that are known of those that code names."""
     known = {}
     for name in dict.fromkeys(_NAME.findall(code)):
@@ -71,7 +71,7 @@ def _run(program: str, code: str, variables: dict[str, Any], folder: Path) -> di
             command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE, check=False
         )
     except subprocess.TimeoutExpired as problem:
-        told = f"quicker: code of a mask has not ended after {_PATIENCE:g} s"
-        raise InvalidParameter("--octave", code[:60], told) from problem
+        expected = f"quicker: code of a mask has not ended after {_PATIENCE:g} s"
+        raise InvalidParameter("--octave", code[:60], expected) from problem
     found = folder / "found.mat"
     return variables_of_mat(found, "--octave") if found.is_file() else {}

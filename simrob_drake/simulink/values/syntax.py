@@ -44,7 +44,7 @@ class Call:
 
 
 @dataclass(frozen=True)
-class Field:
+class FieldOf:
     """``target.name``."""
 
     target: Node
@@ -69,7 +69,7 @@ class Binary:
 
 
 @dataclass(frozen=True)
-class Range:
+class RangeOf:
     """``start:stop`` or ``start:step:stop``."""
 
     start: Node
@@ -90,11 +90,11 @@ class Colon:
 
 
 @dataclass(frozen=True)
-class End:
+class EndIndex:
     """``end`` in an index."""
 
 
-Node = Number | Text | Name | Call | Field | Unary | Binary | Range | Matrix | Colon | End
+Node = Number | Text | Name | Call | FieldOf | Unary | Binary | RangeOf | Matrix | Colon | EndIndex
 
 
 class Token(NamedTuple):
@@ -194,10 +194,10 @@ class Parser:
             right = self.expression(level + 1)
             if token != ":":
                 left = Binary(token, left, right)
-            elif isinstance(left, Range) and left.step is None:
-                left = Range(left.start, left.stop, right)
+            elif isinstance(left, RangeOf) and left.step is None:
+                left = RangeOf(left.start, left.stop, right)
             else:
-                left = Range(left, None, right)
+                left = RangeOf(left, None, right)
         return left
 
     def _operator(self, operators: tuple[str, ...]) -> str | None:
@@ -256,7 +256,7 @@ class Parser:
                 node = Unary("'", node)
             elif token.text == "." and token.kind == "operator":
                 self.place += 1
-                node = Field(node, self._take("name"))
+                node = FieldOf(node, self._take("name"))
             else:
                 break
         return node
@@ -271,7 +271,7 @@ class Parser:
         if token.kind == "text":
             return Text(token.text)
         if token.kind == "name":
-            return End() if token.text == "end" else Name(token.text)
+            return EndIndex() if token.text == "end" else Name(token.text)
         if token.text == "(":
             self._deeper()
             outside, self._in_matrix = self._in_matrix, False

@@ -140,7 +140,7 @@ def factor(text: str, like: str) -> float:
     Raises:
         UnknownUnit: it is no unit, or one of another dimension.
     """
-    unit, wanted = parse_unit(text), parse_unit(like)
-    if unit.dimension != wanted.dimension:
+    unit, target = parse_unit(text), parse_unit(like)
+    if unit.dimension != target.dimension:
         raise UnknownUnit(f"the unit {text} does not fit; it must be one like {like}")
     return unit.factor

@@ -9,7 +9,7 @@ from typing import Any
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.files import content_of
-from simrob_drake.simulink.values.code import Run
+from simrob_drake.simulink.values.code import CodeRun
 from simrob_drake.simulink.values.evaluate import UndefinedVariable, evaluate
 from simrob_drake.simulink.values.mat_files import variables_of_mat
 from simrob_drake.simulink.values.octave import Octave
@@ -17,7 +17,7 @@ from simrob_drake.simulink.values.syntax import NotUnderstood, parse
 
 
 @dataclass
-class Workspace:
+class Variables:
     """Variables of one level.
 
     Attributes:
@@ -32,7 +32,7 @@ class Workspace:
 
     name: str = ""
     variables: dict[str, Any] = field(default_factory=dict)
-    outer: Workspace | None = None
+    outer: Variables | None = None
     pending: dict[str, Callable[[], Any]] = field(default_factory=dict)
     unknown: set[str] = field(default_factory=set)
     code: str = ""
@@ -68,7 +68,7 @@ class Workspace:
 
     def _run(self) -> None:
         code, self.code = self.code, ""
-        run = Run(self.variables, self.lookup)
+        run = CodeRun(self.variables, self.lookup)
         run.run(code)
         self.unknown |= run.unknown
         octave = self._octave() if self.unknown else None
@@ -87,7 +87,7 @@ class Workspace:
         return self.lookup(name)
 
 
-def given_variables(settings: Mapping[str, str], files: list[Path]) -> dict[str, Any]:
+def variables_of(settings: Mapping[str, str], files: list[Path]) -> dict[str, Any]:
     """Return the variables that a user gives.
 
     Args:
@@ -97,7 +97,7 @@ def given_variables(settings: Mapping[str, str], files: list[Path]) -> dict[str,
     Raises:
         InvalidParameter: a file or an expression that cannot be read.
     """
-    run = Run({}, _undefined)
+    run = CodeRun({}, _undefined)
     for file in files:
         if file.suffix == ".mat":
             run.variables.update(variables_of_mat(file))

@@ -6,11 +6,11 @@ from typing import Any
 from pydrake.math import RigidTransform
 
 from simrob_drake.parts.site import WORLD
-from simrob_drake.simulink.mechanics.bodies import Body
+from simrob_drake.simulink.mechanics.bodies import RigidPart
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.simulink_model import SimulinkModel
-from simrob_drake.simulink.writing.names import Names
+from simrob_drake.simulink.writing.names import UniqueNames
 from simrob_drake.simulink.writing.touching import Touching, bounded_dissipation
 from simrob_drake.simulink.writing.urdf import RobotFile
 
@@ -33,7 +33,7 @@ class StationFiles:
     free: dict[Tree, str] = field(default_factory=dict)
     content: dict[str, Any] = field(default_factory=dict)
 
-    def named(self, body: Body, turn: RigidTransform) -> tuple[str, RigidTransform] | None:
+    def named(self, body: RigidPart, turn: RigidTransform) -> tuple[str, RigidTransform] | None:
         """Return what a body is called in the station, and the pose of its first frame there; None if it is not in it.
 
         ``turn`` places the model's world in ours.
@@ -48,7 +48,7 @@ class StationFiles:
 
 
 def contact_sections(
-    touching: Touching, files: StationFiles, model: SimulinkModel, gravity: float, names: Names
+    touching: Touching, files: StationFiles, model: SimulinkModel, gravity: float, names: UniqueNames
 ) -> dict[str, Any]:
     """Return the sections `contact`, `sensors` and `monitors`.
 
@@ -67,7 +67,7 @@ class _Sections:
     """One station's."""
 
     def __init__(
-        self, touching: Touching, files: StationFiles, model: SimulinkModel, gravity: float, names: Names
+        self, touching: Touching, files: StationFiles, model: SimulinkModel, gravity: float, names: UniqueNames
     ) -> None:
         self.touching, self.files, self.model = touching, files, model
         self.gravity, self.names, self.report = gravity, names, model.report
@@ -116,7 +116,7 @@ class _Sections:
                 monitors[f"{name}_stop"] = {"kind": "contact", "sensor": name}
         return ({"sensors": sensors} if sensors else {}) | ({"monitors": monitors} if monitors else {})
 
-    def _end_name(self, body: Body, node: Node) -> str | None:
+    def _end_name(self, body: RigidPart, node: Node) -> str | None:
         if any(body in robot.links and not body.grounded for robot in self.files.robots.values()):
             named = self.files.named(body, RigidTransform())
             return named[0] if named and node in self.touching.standing else None

@@ -1,195 +1,180 @@
-"""Control laws that are no servos, as a signal flow of a station: the same blocks by the same names."""
+"""Control laws as a signal flow of a station: the same blocks by the same names."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
+from pydrake.math import RigidTransform
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.controllers.flow_block import FlowBlock
 from simrob_drake.parts.controllers.signal_flow import FlowBlockConfig
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import Form, Term, added, constant
+from simrob_drake.simulink.signals.dynamics import LAG
+from simrob_drake.simulink.signals.forms import Form, Primitive, Term, Value, flat, signal, terms_of
 from simrob_drake.simulink.signals.laws import Law
-from simrob_drake.simulink.signals.tracing import Tracer
+from simrob_drake.simulink.signals.pushes import ExternalForce
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.contact_sections import StationFiles
-from simrob_drake.simulink.writing.names import Names, plain
+from simrob_drake.simulink.writing.names import UniqueNames, plain
 
 Sum = dict[str, float]
 _AS_WRITTEN: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
+_MOST_SIGNALS = 60
+"""Blocks of a law that are signals of its station."""
+
+
+@dataclass
+class OpenBlock:
+    """A block of the model that a station leaves open.
+
+    Attributes:
+        outputs: the inputs of the station that it would drive, by the element of its outputs.
+        inputs: the outputs of the station that hold what it takes, each with its size.
+    """
+
+    outputs: dict[int, str] = field(default_factory=dict)
+    inputs: dict[str, int] = field(default_factory=dict)
 
 
 class FlowWriter:
-    """Writes one station's signal flow, for one robot."""
+    """Writes one signal flow.
 
-    def __init__(self, tracer: Tracer, measured: Mapping[Term, Sum], report: ImportReport) -> None:
+    Attributes:
+        name: of the flow in its station.
+        blocks: as they stand in a station's file, by name.
+        shown: names of those that are blocks of the model as they are.
+        opened: what is left open in it, by the block of the model.
+    """
+
+    def __init__(
+        self, name: str, measured: Mapping[Term, Sum], laws: Mapping[Freedom, Law], report: ImportReport
+    ) -> None:
         """Take what the blocks are made of.
 
         Args:
-            tracer: that has followed them.
+            name: of the flow in its station.
             measured: what no block computes, as sums of the station's signals.
+            laws: what drives each joint, for those that read the torque of others.
             report: of the import.
         """
-        self._tracer, self._measured, self._report = tracer, measured, report
-        families = {name.partition(".")[0] for given in measured.values() for name in given}
-        self._names = Names(("one", "time", "torque", *families))
-        self._known: dict[Term, Sum] = {}
+        self.name, self._measured, self._laws, self._report = name, dict(measured), laws, report
+        families = {one.partition(".")[0] for names in measured.values() for one in names}
+        self._names = UniqueNames(("one", "time", "torque", *families))
+        self._known: dict[Primitive, list[str]] = {}
         self.blocks: dict[str, dict[str, Any]] = {}
+        self.shown: list[str] = []
+        self.opened: dict[Node, OpenBlock] = {}
 
-    def sum(self, form: Form) -> Sum:
-        """Return a form as a sum of signals, and add the blocks that it takes."""
+    def sum(self, value: Value) -> Sum:
+        """Return a value as a sum of signals, and add the blocks that it takes."""
         total: Sum = {}
-        for term, factor in form.items():
-            for name, value in self._signal(term).items():
-                total[name] = total.get(name, 0.0) + factor * value
-        return {name: float(f"{value:.15g}") for name, value in total.items()}
+        for term, factor in terms_of(value).items():
+            for name, own in self._signal(term).items():
+                total[name] = total.get(name, 0.0) + factor * own
+        return {name: float(f"{own:.15g}") for name, own in total.items()}
 
     def _signal(self, term: Term) -> Sum:
-        if term not in self._known:
-            self._known[term] = self._new(term)
-        return self._known[term]
+        if isinstance(term.of, Primitive):
+            return {self._block(term.of)[term.index]: 1.0}
+        if term.kind in ("one", "time"):
+            return {term.kind: 1.0}
+        if term not in self._measured:
+            self._measured[term] = self._derived(term)
+        return self._measured[term]
 
-    def _new(self, term: Term) -> Sum:
-        if term.kind in ("sat", "integral", "block"):
-            return self._block(term)
-        told = self._told(term)
-        if told is None:
-            where = term.of.path if isinstance(term.of, Node) else f"{term.kind} of {getattr(term.of, 'name', '')}"
-            self._report.add("dropped", where, "in a control law: no signal of a station, so it counts as 0")
-        return told or {}
+    def _derived(self, term: Term) -> Sum:
+        """Return what a station does not measure: by what it does measure, or as an open input."""
+        if term.kind == "a":
+            self._report.add(
+                "approximated", getattr(term.of, "name", ""), f"its acceleration is filtered, by {LAG:g} s"
+            )
+            parameters = {"kind": "transfer_function", "numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
+            return self._add(f"{getattr(term.of, 'name', 'joint')}_a", parameters, [Form({Term("w", term.of): 1.0})])
+        if term.kind == "t" and isinstance(term.of, Freedom) and term.of in self._laws:
+            self._measured[term] = {}  # a torque that reads itself reads 0
+            return self.sum(self._laws[term.of].net)
+        return self._open(term)
 
-    def _told(self, term: Term) -> Sum | None:
-        """Return what no block computes; None where a station has no such signal."""
-        if term.kind == "one":
-            return {"one": 1.0}
-        if term.kind == "source" and isinstance(term.of, Node) and term.of.kind in _SOURCES:
-            return _SOURCES[term.of.kind](self, term.of)
-        return self._measured.get(term)
+    def _open(self, term: Term) -> Sum:
+        node = term.of
+        path = node.path if isinstance(node, Node) else f"{getattr(node, 'name', term.kind)}_{term.kind}"
+        name = self._names.give(path if not term.index else f"{path}_{term.index + 1}")
+        self.blocks[name] = {"kind": "input"}
+        message = f"it is the input {self.name}.{name} of the station, at 0 until something drives it"
+        if isinstance(node, Node) and term.kind == "open":
+            opened = self.opened.setdefault(node, OpenBlock())
+            opened.outputs[term.index] = f"{self.name}.{name}"
+        self._report.add("open", path, message)
+        return {name: 1.0}
 
-    def _block(self, term: Term) -> Sum:
-        tracer, node = self._tracer, term.of
-        assert isinstance(node, Node)
-        if term in tracer.limits:
-            bounds = tracer.limits[term]
-            name = self._given(node, term.index)
-            self._put(name, term, {"kind": "saturation", **_bounds(bounds.lower, bounds.upper)})
-            self.blocks[name]["of"] = self.sum(bounds.inner)
-        elif term in tracer.integrands:
-            name = self._given(node, term.index)
-            self._put(name, term, {"kind": "integrator", **_integrator(node, term.index)})
-            self.blocks[name]["of"] = self.sum(tracer.integrands[term]())
-        else:
-            primitive = tracer.primitives[term]
-            several = primitive.elements > 1
-            name = self._given(node, None if several or primitive.place is None else primitive.place)
-            figures: dict[str, Any] = {"kind": primitive.kind, **primitive.figures}
-            if several:
-                for index in range(primitive.elements):
-                    self._known[Term("block", node, index)] = {f"{name}.{index}": 1.0}
-            self._put(name, term, figures, several=several)
-            sums = [self.sum(form) for form in primitive.inputs()]
-            self.blocks[name]["of"] = sums[0] if len(sums) == 1 else sums
-        self._check(name, node)
-        return self._known[term]
+    def name_of(self, node: Node) -> str:
+        """Return a name that nothing else in the flow has, after a block of the model."""
+        return self._names.give(node.path)
 
-    def _check(self, name: str, node: Node) -> None:
-        """Check a block as a station's file is checked.
+    def take_inputs(self, node: Node, signals: list[list[Value]]) -> None:
+        """Add blocks that hold what an open block takes."""
+        for number, values in enumerate(signals, start=1):
+            name = self._names.give(f"{node.path}_in_{number}")
+            self.blocks[name] = {"kind": "sum"}
+            self.blocks[name]["of"] = [self.sum(value) for value in values]
+            self.opened[node].inputs[f"{self.name}.{name}"] = len(values)
+            self.shown.append(name)
 
-        Raises:
-            InvalidModel: its figures are none that such a block can have.
-        """
-        try:
-            _AS_WRITTEN.validate_python(self.blocks[name]).check(name)
-        except ValidationError as problem:
-            found = problem.errors()[0]
-            raise node.refusal(f"{'.'.join(map(str, found['loc'][1:]))} {found['msg']}".strip()) from problem
-        except InvalidParameter as problem:
-            raise node.refusal(str(problem)) from problem
+    def _block(self, block: Primitive) -> list[str]:
+        """Return the names of a block's outputs, by element."""
+        if block not in self._known:
+            name = self._give(block)
+            outputs = [f"{name}.{index}" for index in range(block.size)] if block.size > 1 else [name]
+            self._known[block] = outputs  # before its inputs, which may lead back to it
+            self.blocks[name] = {"kind": block.kind, **block.parameters}
+            sums = [self.sum(value) for value in block.inputs()]
+            if sums or block.kind != "step":
+                self.blocks[name]["of"] = sums[0] if len(sums) == 1 else sums
+            if (problem := _problem(name, self.blocks[name])) is not None and block.node is not None:
+                self._report.add("open", block.node.path, f"{problem}: it is left open, at 0")
+                self.blocks[name] = {"kind": "input"}
+                outputs[:] = [name] * block.size
+        return self._known[block]
 
-    def _put(self, name: str, term: Term, figures: dict[str, Any], *, several: bool = False) -> None:
-        """Note a block before its inputs are followed: they may lead back to it."""
-        self.blocks[name] = figures
-        if not several:
-            self._known[term] = {name: 1.0}
-
-    def _given(self, node: Node, index: int | None) -> str:
-        return self._names.give(node.path if not index else f"{node.path}_{index + 1}")
-
-    def source(self, node: Node, figures: dict[str, Any]) -> str:
-        """Add a block without inputs, or one of the time, and return its name."""
-        name = self._given(node, None)
-        self.blocks[name] = figures
+    def _give(self, block: Primitive) -> str:
+        node = block.node
+        if node is None:
+            return self._names.give(block.kind)
+        path = f"{node.path}_{block.place + 1}" if block.place else node.path
+        name = self._names.give(path)
+        if name == plain(path.rpartition("/")[2]):
+            self.shown.append(name)
         return name
 
+    def _add(self, path: str, parameters: dict[str, Any], values: list[Value]) -> Sum:
+        name = self._names.give(path)
+        self.blocks[name] = {**parameters, "of": [self.sum(value) for value in values]}
+        return {name: 1.0}
 
-def _bounds(lower: float, upper: float) -> dict[str, float]:
-    return {name: value for name, value in (("lower", lower), ("upper", upper)) if np.isfinite(value)}
-
-
-def _integrator(node: Node, index: int) -> dict[str, float]:
-    start = node.numbers("InitialCondition", node.text("InitialConditionForIntegrator", "0"))
-    figures = {"initial": float(start[min(index, start.size - 1)])}
-    if node.kind == "Integrator" and node.is_on("LimitOutput"):
-        figures |= _bounds(
-            *(float(np.resize(node.matrix(f"{side}SaturationLimit", "inf"), 1)[0]) for side in ("Lower", "Upper"))
-        )
-    return figures
-
-
-def _step(writer: FlowWriter, node: Node) -> Sum:
-    before, after = node.number("Before", "0"), node.number("After", "1")
-    figures = {"kind": "step", "time": node.number("Time", "1"), "before": before, "after": after}
-    return {writer.source(node, figures): 1.0}
+    @property
+    def section(self) -> dict[str, Any]:
+        """What a station's file says of the blocks."""
+        if not self.blocks:
+            return {}
+        several = len(self.blocks) > _MOST_SIGNALS
+        return {"blocks": self.blocks, **({"signals": self.shown[:_MOST_SIGNALS]} if several else {})}
 
 
-def _sine(writer: FlowWriter, node: Node) -> Sum:
-    angle = {"time": node.number("Frequency", "1"), "one": node.number("Phase", "0")}
-    name = writer.source(node, {"kind": "function", "function": "sin", "of": angle})
-    return {name: node.number("Amplitude", "1"), "one": node.number("Bias", "0")}
-
-
-def _ramp(writer: FlowWriter, node: Node) -> Sum:
-    late = {"time": 1.0, "one": -node.number("start", "0")}
-    start = node.number("InitialOutput" if "InitialOutput" in node.block.parameters else "X0", "0")
-    name = writer.source(node, {"kind": "saturation", "lower": 0.0, "of": late})
-    return {name: node.number("slope", "1"), "one": start}
-
-
-def _table(writer: FlowWriter, node: Node) -> Sum:
-    table = node.matrix("VariableName", "[0 0]")
-    if table.shape[1] < 2 or len(table) < 2:
-        raise node.refusal("needs a matrix of times and values")
-    points, values = table[:, 0].tolist(), table[:, 1].tolist()
-    figures = {"kind": "lookup", "points": points, "values": values, "clip": True, "of": "time"}
-    return {writer.source(node, figures): 1.0}
-
-
-def _pulses(writer: FlowWriter, node: Node) -> Sum:
-    period, delay = node.number("Period", "10"), node.number("PhaseDelay", "0")
-    if period <= 0:
-        raise node.refusal(f"Period is {period:g}; it must be positive")
-    phase, width = {"time": 1 / period, "one": -delay / period}, node.number("PulseWidth", "5") / 100
-    begun = writer.source(node, {"kind": "function", "function": "floor", "of": phase})
-    high = {"kind": "compare", "operator": "<", "threshold": width, "of": {**phase, begun: -1.0}}
-    late = {"kind": "compare", "operator": ">=", "threshold": delay, "of": "time"}
-    both = [{writer.source(node, figures): 1.0} for figures in (high, late)]
-    return {writer.source(node, {"kind": "product", "of": both}): node.number("Amplitude", "1")}
-
-
-_SOURCES: dict[str, Callable[[FlowWriter, Node], Sum]] = {
-    "DiscretePulseGenerator": _pulses,
-    "Step": _step,
-    "Sin": _sine,
-    "Sine Wave": _sine,
-    "Ramp": _ramp,
-    "FromWorkspace": _table,
-    "Clock": lambda *_: {"time": 1.0},
-    "DigitalClock": lambda *_: {"time": 1.0},
-}
+def _problem(name: str, block: dict[str, Any]) -> str | None:
+    """Return why a block cannot be as a station's file has it, or None."""
+    try:
+        _AS_WRITTEN.validate_python(block).check(name)
+    except ValidationError as problem:
+        found = problem.errors()[0]
+        return f"{'.'.join(map(str, found['loc'][1:]))} {found['msg']}".strip()
+    except InvalidParameter as problem:
+        return str(problem)
+    return None
 
 
 def _measured(model: SimulinkModel, files: StationFiles, sensors: Collection[str]) -> dict[Term, Sum]:
@@ -201,8 +186,9 @@ def _measured(model: SimulinkModel, files: StationFiles, sensors: Collection[str
         for freedom, axis in robot.axes.items():
             found[Term("q", freedom)] = {f"{prefix}q.{axis}": 1.0}
             found[Term("w", freedom)] = {f"{prefix}v.{axis}": 1.0}
-            wanted = model.laws[freedom].wanted if freedom in model.laws else {}
-            for term, factor in wanted.items() if len(wanted) == 1 else ():
+            law = model.laws.get(freedom)
+            form = terms_of(law.reference or 0.0) if law else {}
+            for term, factor in form.items() if len(form) == 1 else ():
                 if term.kind == "input":
                     found[term] = {f"{prefix}q_ref.{axis}": 1.0 / factor}
     for contact in model.contacts:
@@ -212,36 +198,73 @@ def _measured(model: SimulinkModel, files: StationFiles, sensors: Collection[str
     return found
 
 
-def _net(model: SimulinkModel, freedom: Freedom) -> Form:
+def _net(model: SimulinkModel, freedom: Freedom) -> Value:
     """Return what of a joint's torque no servo is: its law, and its spring where that is not all that drives it."""
     law = model.laws.get(freedom, Law())
     if not freedom.stiffness or law.is_idle or freedom.driven == "motion":
         return law.net
-    spring = {Term("q", freedom): -freedom.stiffness, **constant(freedom.stiffness * freedom.rest)}
-    return added((1.0, law.net), (1.0, spring))
+    return law.net + freedom.stiffness * (freedom.rest - Form({Term("q", freedom): 1.0}))
 
 
 def flows_of(
-    model: SimulinkModel, files: StationFiles, sensors: Collection[str], sensed: Mapping[Term, Sum]
-) -> dict[str, Any]:
-    """Return the controllers of a station: a signal flow for each robot with a law that is no servo.
+    model: SimulinkModel,
+    files: StationFiles,
+    sensors: Collection[str],
+    sensed: Mapping[Term, Sum],
+    turn: RigidTransform,
+) -> tuple[dict[str, Any], dict[Node, OpenBlock]]:
+    """Return the controllers of a station, a signal flow for each robot with a law, and what they leave open.
 
-    Stops that no contact tells are part of the first. Frame sensors are measured as ``sensed`` says.
+    Stops that no contact gives, and forces on bodies, are part of the first. Frame sensors are measured as ``sensed``
+    says; ``turn`` places the model's world in ours.
     """
     several = len(files.robots) > 1
     measured = {**_measured(model, files, sensors), **sensed}
     flows: dict[str, Any] = {}
-    stops = dict(model.stops)
-    for name, robot in files.robots.items():
-        nets = {axis: _net(model, freedom) for freedom, axis in robot.axes.items()}
-        writer = FlowWriter(model.tracer, measured, model.report)
-        torque = {axis: writer.sum(net) for axis, net in nets.items() if net}
-        ends = {f"{plain(node.block.name)}_end": writer.sum(form) for node, form in stops.items()}
-        if not (torque or ends):
+    opened: dict[Node, OpenBlock] = {}
+    stops, pushes = dict(model.stops), list(model.pushes)
+    for name, robot in files.robots.items() or [("", None)]:
+        called = f"law_{name}" if several else "law"
+        writer = FlowWriter(called, measured, model.laws, model.report)
+        axes = robot.axes.items() if robot is not None else ()
+        torque = {axis: made for freedom, axis in axes if (made := writer.sum(_net(model, freedom)))}
+        ends = {f"{plain(node.block.name)}_end": writer.sum(value) for node, value in stops.items()}
+        forces = {writer.name_of(push.node): made for push in pushes if (made := _force(writer, push, files, turn))}
+        if not (torque or ends or forces):
             continue
         stops.clear()
+        pushes.clear()
+        _take_inputs(writer, model)
         section: dict[str, Any] = {"kind": "signal_flow", **({"robot": name} if several else {})}
-        section |= {"blocks": writer.blocks} if writer.blocks else {}
-        section |= {"torque": torque, **({"stops": ends} if ends else {})}
-        flows[f"law_{name}" if several else "law"] = section
-    return flows
+        parts = {"torque": torque, "forces": forces, "stops": ends}
+        flows[called] = section | writer.section | {key: part for key, part in parts.items() if part}
+        for node, block in writer.opened.items():
+            opened.setdefault(node, block)
+            measured |= {Term("open", node, index): {one: 1.0} for index, one in block.outputs.items()}
+    return flows, opened
+
+
+def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles, turn: RigidTransform) -> dict[str, Any]:
+    """Return what a block applies, along the axes of the link or piece that it acts on; nothing of what cannot move."""
+    named = files.named(push.body, turn)
+    if named is None or push.body.grounded:
+        push.node.findings.report.add("dropped", push.node.path, "a force on what stands fixed")
+        return {}
+    place, own = named
+    pose = own @ push.pose
+    section: dict[str, Any] = {"at": place, "point": [float(f"{value:.12g}") for value in pose.translation()]}
+    axes = np.round(pose.rotation().matrix(), 15).astype(object)
+    for what, vector in (("force", push.force), ("torque", push.torque)):
+        if any(vector):
+            section[what] = [writer.sum(part) for part in axes.dot(signal(vector))]
+    push.node.findings.report.add("read", push.node.path, f"it acts on {place}, by {writer.name}")
+    return section
+
+
+def _take_inputs(writer: FlowWriter, model: SimulinkModel) -> None:
+    """Add what open blocks take, and what is open on the way there."""
+    done: set[Node] = set()
+    while waiting := [node for node in writer.opened if node not in done]:
+        for node in waiting:
+            done.add(node)
+            writer.take_inputs(node, [flat(one) for one in model.tracer.inputs(node)])

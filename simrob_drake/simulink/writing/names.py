@@ -4,24 +4,24 @@ import re
 import unicodedata
 
 
-class Names:
+class UniqueNames:
     """Gives names, and never the same twice."""
 
     def __init__(self, taken: tuple[str, ...] = ()) -> None:
         """Take names that are not to be given."""
-        self._given = set(taken)
+        self._taken = set(taken)
 
     def give(self, path: str) -> str:
         """Return a name for a path: its last part, with the parts before it where that is taken."""
         parts = [plain(part) for part in path.split("/")]
         for count in range(1, len(parts) + 1):
             name = "_".join(parts[-count:])
-            if name not in self._given:
+            if name not in self._taken:
                 break
         number, base = 2, name
-        while name in self._given:
+        while name in self._taken:
             name, number = f"{base}_{number}", number + 1
-        self._given.add(name)
+        self._taken.add(name)
         return name
 
 

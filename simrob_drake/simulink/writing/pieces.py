@@ -8,7 +8,7 @@ import yaml
 from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector, pose_from_transform
-from simrob_drake.robots.pieces import PIECE_FILE
+from simrob_drake.paths import PIECE_FILE
 from simrob_drake.simulink.mechanics.shapes import Weight
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
 from simrob_drake.simulink.model.nodes import Node
@@ -37,14 +37,14 @@ def write_piece(
         return False
     content: dict[str, Any] = {"description": f"{name}, of a Simulink model"}
     if weighs and weight.mass > 0:
-        content |= _figures(weight, possible_moments(name, weight, solids[0].node.findings.report))
+        content |= _weight_keys(weight, possible_moments(name, weight, solids[0].node.findings.report))
     content["shapes"] = shapes
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
     (folder / PIECE_FILE).write_text(text, encoding="utf-8")
     return True
 
 
-def _figures(weight: Weight, inertia: Vector) -> dict[str, Any]:
+def _weight_keys(weight: Weight, inertia: Vector) -> dict[str, Any]:
     products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     moments = [*inertia.diagonal(), *(products if np.abs(products).max() > 1e-9 * inertia.max() else [])]
     return {

@@ -1,62 +1,98 @@
-"""What the joints of a station are asked to do: constants, inputs held at the start, or sources sampled in a table."""
+"""What the joints of a station are asked to do: constants, inputs held at the start, or motions sampled in a table."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from simrob_drake.arguments import SHORTEST
 from simrob_drake.frames import Vector
-from simrob_drake.given import SHORTEST
+from simrob_drake.importer.options import ImportReport
+from simrob_drake.parts.controllers.signal_flow import flow_over_time
 from simrob_drake.simulink.mechanics.joints import Freedom
-from simrob_drake.simulink.signals.forms import Form
-from simrob_drake.simulink.signals.sources import step_times, value_over_time
+from simrob_drake.simulink.signals.forms import Form, Value, blocks_in, closure
+from simrob_drake.simulink.signals.laws import of_time
+from simrob_drake.simulink.writing.flow import FlowWriter
 
 _CORNER = 2 * SHORTEST
 """How long a step takes [s]: rows of a table must be a SHORTEST apart."""
 RATE = 200.0
-"""Rows a second of a table of sources."""
+"""Rows a second of a table."""
 
 
 def reference(
-    axes: dict[Freedom, str], wanted: dict[Freedom, Form], start: dict[str, float], duration: float, table: Path
+    axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float], duration: float, table: Path
 ) -> dict[str, Any]:
     """Return the reference section of a robot.
 
     Args:
         axes: names by degree of freedom.
-        wanted: positions as sums of inputs, sources and constants [rad or m].
+        values: positions [rad or m]; None of what nothing drives.
         start: where each axis is at the beginning, by name [rad or m].
         duration: of the run [s].
-        table: the CSV file to write where sources move the joints.
+        table: the CSV file to write where positions change over time.
     """
-    moving = any(term.kind == "source" for form in wanted.values() for term in form)
-    if not moving:
+    if not _moving(axes, values):
         targets = {
-            name: _held(wanted.get(freedom, {}), start[name]) / (np.pi / 180 if freedom.turns else 1.0)
+            name: _held(values.get(freedom), start[name]) / (np.pi / 180 if freedom.turns else 1.0)
             for freedom, name in axes.items()
         }
         resting = {name: start[name] / (np.pi / 180 if freedom.turns else 1.0) for freedom, name in axes.items()}
         if targets == resting:
             return {"kind": "hold"}
         return {"kind": "hold", "target_deg": {name: float(f"{value:.12g}") for name, value in targets.items()}}
-    corners = [corner for form in wanted.values() for corner in step_times(form) if 0 < corner < duration]
-    even = np.linspace(0.0, duration, round(duration * RATE) + 1)
-    times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
-    columns: dict[str, Vector] = {"time": times}
-    for freedom, name in axes.items():
-        form = wanted.get(freedom, {})
-        rest = np.full_like(times, start[name])
-        columns[name] = value_over_time(form, times) if _known(form) and form else rest
-    rows = np.column_stack(list(columns.values()))
-    np.savetxt(table, rows, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
+    _sample(axes, values, start, duration, table)
     return {"kind": "table", "file": table.name, "interpolation": "linear"}
 
 
-def _known(form: Form) -> bool:
-    return not any(term.kind == "input" for term in form)
+def motions(
+    axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float], duration: float, table: Path
+) -> dict[str, dict[str, Any]]:
+    """Return a reference for each joint whose motion is an input, by its axis; arguments as of :func:`reference`."""
+    moving = _moving(axes, values)
+    if moving:
+        _sample({freedom: axes[freedom] for freedom in moving}, values, start, duration, table)
+    follow = {"kind": "table", "file": table.name}  # by a cubic spline, for the sake of its acceleration
+    return {
+        axis: follow if freedom in moving else reference({freedom: axis}, values, start, duration, table)
+        for freedom, axis in axes.items()
+    }
 
 
-def _held(form: Form, start: float) -> float:
+def _moving(axes: dict[Freedom, str], values: dict[Freedom, Value | None]) -> dict[Freedom, Form]:
+    """Return the positions that change over time, and depend on nothing else."""
+    found = {freedom: values.get(freedom) for freedom in axes}
+    return {freedom: value for freedom, value in found.items() if isinstance(value, Form) and of_time(value)}
+
+
+def _sample(
+    axes: dict[Freedom, str], values: dict[Freedom, Value | None], start: dict[str, float], duration: float, table: Path
+) -> None:
+    """Write where joints are over time."""
+    moving = _moving(axes, values)
+    steps = {
+        block.parameters["time"] for terms in closure(moving.values()) for block in blocks_in([Form(terms)])
+        if block.kind == "step"
+    }  # fmt: skip
+    corners = [corner for corner in steps if 0 < corner < duration]
+    even = np.linspace(0.0, duration, round(duration * RATE) + 1)
+    times = np.unique(np.concatenate([even, corners, np.array(corners) - _CORNER]))
+    moved = dict(zip(moving, over_time(list(moving.values()), times), strict=True))
+    columns: dict[str, Vector] = {"time": times}
+    for freedom, name in axes.items():
+        held = np.full_like(times, _held(values.get(freedom), start[name]))
+        columns[name] = moved.get(freedom, held)
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(table, rows, fmt="%.12g", delimiter=",", header=",".join(columns), comments="")
+
+
+def over_time(values: list[Value], times: Vector) -> Vector:
+    """Return values that depend on time alone at times (t,), shape (n, t)."""
+    writer = FlowWriter("law", {}, {}, ImportReport(Path()))
+    sums = [writer.sum(value) for value in values]
+    return flow_over_time(writer.blocks, sums, times)
+
+
+def _held(value: Value | None, start: float) -> float:
     """Return a constant position; an input is taken to hold the start."""
-    constants = [term.kind == "one" for term in form]
-    return float(sum(form.values())) if form and all(constants) else start
+    return start if value is None or isinstance(value, Form) else float(value)

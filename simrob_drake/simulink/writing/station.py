@@ -11,36 +11,33 @@ import yaml
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.importer.report import ImportReport
-from simrob_drake.robots.catalog import ROBOT_FILE
-from simrob_drake.robots.pieces import PIECE_FILE
+from simrob_drake.importer.options import ImportReport
+from simrob_drake.paths import PIECE_FILE, ROBOT_FILE
 from simrob_drake.simulink.mechanics.bodies import PUSH
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody
 from simrob_drake.simulink.mechanics.trees import Tree
 from simrob_drake.simulink.model.nodes import Node
-from simrob_drake.simulink.signals.forms import constant
-from simrob_drake.simulink.signals.laws import Law, is_zero
+from simrob_drake.simulink.signals.forms import closure, terms_of
+from simrob_drake.simulink.signals.laws import Law
 from simrob_drake.simulink.simulink_model import SimulinkModel
 from simrob_drake.simulink.writing.contact_sections import StationFiles, contact_sections
 from simrob_drake.simulink.writing.flow import flows_of
 from simrob_drake.simulink.writing.frame_sensors import FrameSensors, frame_sensors
-from simrob_drake.simulink.writing.names import Names, plain
+from simrob_drake.simulink.writing.names import UniqueNames, plain
 from simrob_drake.simulink.writing.pieces import pose_list, write_piece
-from simrob_drake.simulink.writing.references import reference
+from simrob_drake.simulink.writing.references import motions, reference
 from simrob_drake.simulink.writing.starts import start_state
 from simrob_drake.simulink.writing.touching import feet_of, read_touching
 from simrob_drake.simulink.writing.urdf import RobotFile, UrdfWriter
 from simrob_drake.stations.config import JointStops
 
-_STIFF = 1000.0, 10.0
-"""kp and kd of a joint whose motion is an input, in a station of torques."""
 _INSIDE = 1e-8
 """How far within its limits a joint starts at least [rad or m]: files hold degrees and radians."""
 _SOLVERS: dict[str, dict[str, Any]] = {
     "arm": {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1},
     "feet": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-3, "max_step": 0.02},
-    "loops": {"kind": "discrete", "scheme": "sap", "time_step": 1e-3},
+    "loops": {"kind": "discrete", "scheme": "sap", "time_step": 1e-4},  # 1 ms would lose some % of energy in 10 s
     "pieces": {"kind": "continuous", "scheme": "runge_kutta3", "accuracy": 3e-4, "max_step": 0.02},
 }
 
@@ -52,10 +49,11 @@ class StationWriter:
         """Take the model and where to write."""
         self._model, self._folder = model, folder
         self._report: ImportReport = model.report
-        self._names = Names(("world", "floor", "robot"))
+        self._names = UniqueNames(("world", "floor", "robot"))
         self._turn, self._gravity = _upright(model)
         self._touching = read_touching(model.contacts, model.bodies, model.network, self._turn)
         self._files = StationFiles()
+        self._moved = False
 
     def write(self) -> StationFiles:
         """Write everything, and return what there is."""
@@ -146,7 +144,7 @@ class StationWriter:
 
     def _station(self, name: str, pieces: dict[str, Any]) -> dict[str, Any]:
         model = self._model
-        kinematic = self._kinematic()
+        kinematic = self._moved = self._kinematic()
         duration = model.duration
         for piece, entry in pieces.items() if kinematic else ():
             if entry.pop("free", False):
@@ -158,6 +156,8 @@ class StationWriter:
         }
         robots = {key: self._robot(key, robot, duration, kinematic) for key, robot in self._files.robots.items()}
         content |= _robot_sections(robots)
+        if not kinematic and (prescribed := self._prescribed()):
+            content["prescribed"] = prescribed
         if pieces:
             content["pieces"] = pieces
         if self._touching.floor:
@@ -168,6 +168,10 @@ class StationWriter:
         if seen.sections:
             content["sensors"] = {**content.get("sensors", {}), **seen.sections}
         content["gravity"] = self._gravity
+        for push in self._model.pushes if kinematic else ():
+            self._report.add(
+                "dropped", push.node.path, "a force, in a station without forces: what moves is prescribed"
+            )
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
         content |= {} if kinematic else self._dynamics(robots, content.get("sensors", {}), seen)
@@ -176,17 +180,19 @@ class StationWriter:
 
     def _pushes(self) -> list[str]:
         """Return the ports of what External Force and Torque blocks apply; a force unless they tell."""
-        pushes = [node for node in self._model.expanded.nodes if node.kind == PUSH]
+        driven = {push.node for push in self._model.pushes}
+        pushes = [node for node in self._model.expanded.nodes if node.kind == PUSH and node not in driven]
         turns = any(node.is_on(f"EnableTorque{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
         pulls = any(node.is_on(f"EnableForce{axis}") for node in pushes for axis in ("", "X", "Y", "Z"))
         return [*(["external_force"] if pulls or not turns else []), *(["external_torque"] if turns else [])]
 
     def _dynamics(self, robots: dict[str, Any], sensors: dict[str, Any], seen: FrameSensors) -> dict[str, Any]:
         """Return what only a station of torques has: its solver, laws that are no servos, and speeds at the start."""
-        flows = flows_of(self._model, self._files, sensors, seen.measured)
+        flows, _ = flows_of(self._model, self._files, sensors, seen.measured, self._turn)
         content: dict[str, Any] = {"controllers": flows} if flows else {}
         content["solver"] = self._solver(robots)
-        if flows and "accuracy" in content["solver"]:
+        moved = any(freedom.driven == "motion" for robot in self._files.robots.values() for freedom in robot.axes)
+        if (flows or moved) and "accuracy" in content["solver"]:
             content["solver"] = content["solver"] | {"accuracy": 1e-4, "max_step": 0.02}
         starts = {name: self._starts(robot) for name, robot in self._files.robots.items()}
         state = start_state(self._files, starts, self._turn)
@@ -205,7 +211,7 @@ class StationWriter:
                 "repaired", "station", f"kinematic: these links weigh nothing: {', '.join(weightless[:5])}"
             )
             return True
-        return "motion" in driven and "torque" not in driven
+        return driven == {"motion"} and not self._files.free
 
     def _robot(self, name: str, robot: RobotFile, duration: float, kinematic: bool) -> dict[str, Any]:
         folder = self._folder / name
@@ -243,53 +249,65 @@ class StationWriter:
             stops = _stops(robot)
             if stops:
                 entry["joint_stops"] = stops
-        wanted = {freedom: law.wanted for freedom, law in laws.items()}
-        entry["reference"] = reference(robot.axes, wanted, start, duration, self._folder / f"{name}_reference.csv")
+        forms = {freedom: law.reference for freedom, law in laws.items()}
+        entry["reference"] = reference(robot.axes, forms, start, duration, self._folder / f"{name}_reference.csv")
         if kinematic and any(freedom.start_speed for freedom in robot.axes):
             self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
         return entry
+
+    def _prescribed(self) -> dict[str, Any]:
+        """Return the motions that are inputs of joints, beside which all else moves by forces."""
+        sections: dict[str, Any] = {}
+        for name, robot in self._files.robots.items():
+            axes = {freedom: axis for freedom, axis in robot.axes.items() if freedom.driven == "motion"}
+            forms = {freedom: self._model.laws.get(freedom, Law()).reference for freedom in axes}
+            table = self._folder / f"{name}_prescribed.csv"
+            found = motions(axes, forms, self._starts(robot), self._model.duration, table)
+            prefix = f"{name}." if len(self._files.robots) > 1 else ""
+            sections |= {f"{prefix}{axis}": section for axis, section in found.items()}
+        return sections
 
     def _starts(self, robot: RobotFile) -> dict[str, float]:
         return {axis: self._start(freedom) for freedom, axis in robot.axes.items()}
 
     def _start(self, freedom: Freedom) -> float:
         """Return where a joint begins, within its limits."""
-        wanted = freedom.start or 0.0
-        taken = float(np.clip(wanted, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
-        if abs(taken - wanted) > 2 * _INSIDE:
-            self._report.add("repaired", freedom.name, f"starts at {wanted:.4g}, out of its limits: at {taken:.4g}")
+        desired = freedom.start or 0.0
+        taken = float(np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
+        if abs(taken - desired) > 2 * _INSIDE:
+            self._report.add("repaired", freedom.name, f"starts at {desired:.4g}, out of its limits: at {taken:.4g}")
         return taken
 
     def _law(self, freedom: Freedom) -> Law:
         law = self._model.laws.get(freedom, Law())
         if freedom.driven == "motion":
-            return Law(kp=_STIFF[0], kd=_STIFF[1], wanted=law.wanted)
+            return law if self._moved else Law()
         if freedom.stiffness and law.is_idle:
             self._report.add("read", freedom.name, f"its spring of {freedom.stiffness:g} is its servo's kp")
-            return Law(kp=freedom.stiffness, wanted=constant(freedom.rest))
-        if not is_zero(law.effort):
-            self._report.add(
-                "dropped", freedom.name, "torque that no position commands; give it with inputs: [feedforward]"
-            )
+            return Law(kp=freedom.stiffness, reference=freedom.rest)
         return law
 
     def _tell(self, robot: str, axis: str, freedom: Freedom, law: Law, *, kinematic: bool) -> None:
         """Report what a joint became."""
         gains = {"kp": law.kp, "ki": law.ki, "kd": law.kd, "limit": law.limit if isfinite(law.limit) else 0.0}
-        told = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
-        if law.net:
+        shown = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
+        if terms_of(law.net):
             self._report.add("read", freedom.name, f"axis {axis} of {robot}: driven by the blocks of its law")
             return
-        drive = "moved as its reference" if kinematic else f"servo {told}" if told else "no servo"
+        moved = (
+            "moved as its reference" if kinematic else "its motion is prescribed" if freedom.driven == "motion" else ""
+        )
+        drive = moved or (f"servo {shown}" if shown else "no servo")
         self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
         """Return where a joint stands among the model's inputs; joints without one keep their order behind."""
         law = self._model.laws.get(freedom, Law())
-        for term in (*law.wanted, *law.effort):
-            if term.kind == "input" and isinstance(term.of, Node):
-                port = term.of.text("Port", "1")
-                return int(port) if port.isdecimal() else 1, term.index
+        for terms in closure([law.reference or 0.0, law.net]):
+            for term in terms:
+                if term.kind == "input" and isinstance(term.of, Node):
+                    port = term.of.text("Port", "1")
+                    return int(port) if port.isdecimal() else 1, term.index
         return 10**6, 0
 
     def _solver(self, robots: dict[str, Any]) -> dict[str, Any]:
@@ -339,10 +357,10 @@ def _stops(robot: RobotFile) -> dict[str, Any]:
     usual = tuple(JointStops().model_dump().values())
     if all(np.allclose(stop, usual, rtol=1e-3) for stop in found.values()):
         return {}
-    figures = zip(*found.values(), strict=True)
+    columns = zip(*found.values(), strict=True)
     return {
         key: _at_once({axis: float(f"{value:.12g}") for axis, value in zip(found, values, strict=True)})
-        for key, values in zip(("stiffness", "damping"), figures, strict=True)
+        for key, values in zip(("stiffness", "damping"), columns, strict=True)
     }
 
 

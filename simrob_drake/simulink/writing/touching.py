@@ -8,12 +8,12 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
-from simrob_drake.importer.report import ImportReport
-from simrob_drake.simulink.mechanics.bodies import Bodies, Body, frame_place
-from simrob_drake.simulink.mechanics.contacts import Contact, Surface, dissipation
+from simrob_drake.importer.options import ImportReport
+from simrob_drake.simulink.mechanics.bodies import Bodies, RigidPart, frame_place
+from simrob_drake.simulink.mechanics.contacts import ContactPair, ContactParameters, dissipation
 from simrob_drake.simulink.mechanics.shapes import NOTHING, Shape, positive
 from simrob_drake.simulink.mechanics.solids import SolidBody
-from simrob_drake.simulink.model.network import Network
+from simrob_drake.simulink.model.network import Connections
 from simrob_drake.simulink.model.nodes import Node
 from simrob_drake.simulink.writing.urdf import RobotFile
 
@@ -34,14 +34,14 @@ class Touching:
         standing: those of them that are feet of robots.
     """
 
-    ends: list[tuple[Contact, tuple[Body, Node], tuple[Body, Node]]] = field(default_factory=list)
+    ends: list[tuple[ContactPair, tuple[RigidPart, Node], tuple[RigidPart, Node]]] = field(default_factory=list)
     floor: bool = False
     slabs: dict[Node, SolidBody] = field(default_factory=dict)
     colliding: set[Node] = field(default_factory=set)
     standing: set[Node] = field(default_factory=set)
 
 
-def read_touching(contacts: list[Contact], bodies: Bodies, network: Network, turn: RigidTransform) -> Touching:
+def read_touching(contacts: list[ContactPair], bodies: Bodies, network: Connections, turn: RigidTransform) -> Touching:
     """Sort contacts by what they connect; ``turn`` places the model's world in ours."""
     touching = Touching()
     for contact in contacts:
@@ -82,7 +82,7 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
     """
     points: dict[str, list[list[float]]] = {}
     radii: list[float] = []
-    surfaces: list[Surface] = []
+    surfaces: list[ContactParameters] = []
     seen: set[Node] = set()
     for contact, *ends in touching.ends:
         for body, node in ends:
@@ -91,8 +91,8 @@ def feet_of(robot: RobotFile, touching: Touching, gravity: float, report: Import
             seen.add(node)
             solid = next((solid for solid in body.solids if solid.node is node), None)
             if solid is None or solid.shape is None or solid.shape.kind not in ("sphere", "box"):
-                told = f"contact of {node.path}: only spheres and boxes of robots touch"
-                report.add("dropped", contact.node.path, told)
+                message = f"contact of {node.path}: only spheres and boxes of robots touch"
+                report.add("dropped", contact.node.path, message)
                 continue
             touching.standing.add(node)
             own, radius, share = _spheres(solid.shape)
@@ -128,18 +128,18 @@ def _spheres(shape: Shape) -> tuple[list[Vector], float, int]:
     return [np.array(signs) * (half - radius) for signs in product((-1, 1), repeat=3)], radius, 4
 
 
-def bounded_dissipation(surface: Surface, weight: float, report: ImportReport, where: str) -> float:
+def bounded_dissipation(surface: ContactParameters, weight: float, report: ImportReport, where: str) -> float:
     """Return the dissipation of a contact, and tell how it differs from the model's damper."""
-    wanted = dissipation(surface, weight)
-    taken = float(f"{min(wanted, MOST_DISSIPATION):.6g}")
+    exact = dissipation(surface, weight)
+    taken = float(f"{min(exact, MOST_DISSIPATION):.6g}")
     depth = 2 * weight / surface.stiffness
-    told = (
+    message = (
         f"contact damper {surface.damping:g} N·s/m beside the spring as dissipation {taken:g} s/m: "
         f"equal at a depth of {surface.damping / surface.stiffness / taken:.2g} m"
         if taken
         else "contact without damping"
     )
-    if wanted > MOST_DISSIPATION:
-        told += f" (for {depth:.2g} m it would be {wanted:.3g}: neither bounces)"
-    report.add("repaired", where, told)
+    if exact > MOST_DISSIPATION:
+        message += f" (for {depth:.2g} m it would be {exact:.3g}: neither bounces)"
+    report.add("repaired", where, message)
     return taken

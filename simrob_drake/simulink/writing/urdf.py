@@ -10,17 +10,17 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.frames import Vector
 from simrob_drake.importer.meshes.checks import UnreadableMesh
-from simrob_drake.importer.report import ImportReport
+from simrob_drake.importer.options import ImportReport
 from simrob_drake.robots.urdf import DRAKE
 from simrob_drake.robots.urdf_elements import add_colour, add_joint, add_motor, place, set_inertia, text
-from simrob_drake.simulink.mechanics.bodies import PUSH, Body, Link
+from simrob_drake.simulink.mechanics.bodies import PUSH, Link, RigidPart
 from simrob_drake.simulink.mechanics.closures import common_points
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.mesh_files import load_mesh, write_obj
-from simrob_drake.simulink.mechanics.shapes import Mesh
+from simrob_drake.simulink.mechanics.shapes import Triangles
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
-from simrob_drake.simulink.mechanics.trees import Branch, Tree
-from simrob_drake.simulink.writing.names import Names
+from simrob_drake.simulink.mechanics.trees import BodyOnJoint, Tree
+from simrob_drake.simulink.writing.names import UniqueNames
 
 ROOT = "base"
 AMPLE = 1e6
@@ -48,8 +48,8 @@ class RobotFile:
     tree: Tree
     element: ET.Element
     axes: dict[Freedom, str] = field(default_factory=dict)
-    links: dict[Body, str] = field(default_factory=dict)
-    frames: dict[Body, RigidTransform] = field(default_factory=dict)
+    links: dict[RigidPart, str] = field(default_factory=dict)
+    frames: dict[RigidPart, RigidTransform] = field(default_factory=dict)
     tools: dict[str, str] = field(default_factory=dict)
     pushed: str = ""
     weightless: list[str] = field(default_factory=list)
@@ -59,11 +59,11 @@ class RobotFile:
 class UrdfWriter:
     """Writes what is seen and weighed of one robot or piece, meshes into a folder of its own."""
 
-    def __init__(self, folder: Path, report: ImportReport, names: Names) -> None:
+    def __init__(self, folder: Path, report: ImportReport, names: UniqueNames) -> None:
         """Take where to write; names of joints and links are given once in a model."""
         folder.mkdir(exist_ok=True)
         self._folder, self._report, self._names = folder, report, names
-        self._meshes = Names()
+        self._meshes = UniqueNames()
         self._copied: dict[tuple[Path, float], str | None] = {}
 
     def robot(self, name: str, tree: Tree, base_solids: list[SolidBody]) -> RobotFile:
@@ -88,7 +88,7 @@ class UrdfWriter:
                 _add_constraint(robot, link, points)
         return robot
 
-    def _branch(self, robot: RobotFile, branch: Branch) -> None:
+    def _branch(self, robot: RobotFile, branch: BodyOnJoint) -> None:
         """Add the joints of a branch, each degree of freedom its own, and its link behind the last one."""
         parent = robot.links[branch.parent]
         origin = robot.frames[branch.parent].inverse() @ branch.in_parent
@@ -123,7 +123,7 @@ class UrdfWriter:
             limit.set("upper", text([upper]))
         ET.SubElement(joint, "dynamics", damping=text([freedom.damping]))
 
-    def _link(self, robot: RobotFile, link: ET.Element, body: Body, frame: RigidTransform) -> None:
+    def _link(self, robot: RobotFile, link: ET.Element, body: RigidPart, frame: RigidTransform) -> None:
         inverse = frame.inverse()
         weight = together([moved(solid.weight, inverse @ solid.pose) for solid in body.solids])
         robot.mass += weight.mass
@@ -183,7 +183,7 @@ class UrdfWriter:
             return None
         folder.mkdir(exist_ok=True)
         name = f"meshes/{self._meshes.give(solid.file.stem)}.obj"
-        write_obj(Mesh(mesh.corners * solid.scale, mesh.faces), self._folder / name)
+        write_obj(Triangles(mesh.corners * solid.scale, mesh.faces), self._folder / name)
         return name
 
     def _add_tools(self, robot: RobotFile) -> None:

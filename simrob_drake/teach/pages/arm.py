@@ -5,13 +5,18 @@ from typing import Any
 
 from nicegui import ui
 
-from simrob_drake.teach.pages import branch_list, line_list, target_list
-from simrob_drake.teach.pages.arm_jogging import Jogging
-from simrob_drake.teach.pages.following import follow
+from simrob_drake.programs.moves.kinds import KINDS
+from simrob_drake.programs.moves.move import Move
+from simrob_drake.teach.pages import line_list, target_list
+from simrob_drake.teach.pages.arm_jogging import ArmState, Jogging
+from simrob_drake.teach.pages.elements import follow
+from simrob_drake.teach.pages.move_forms import choices_of, offers
 from simrob_drake.teach.pages.phrases import Phrases
-from simrob_drake.teach.pages.whereabouts import Whereabouts
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
+
+_PIECES, _TOOLS = "pieces", "tools"
+"""What the forms of moves ask for that change what is in the arm's hand."""
 
 
 def build(session: Session, t: Words) -> None:
@@ -26,18 +31,21 @@ def build(session: Session, t: Words) -> None:
             shown[:] = now
             room.clear()
             with room:
-                _build(session, t, robot["axes"])
+                _build(session, t, robot)
 
     follow(session, show, "description")
 
 
-def _build(session: Session, t: Words, axes: list[Mapping[str, Any]]) -> None:
-    phrases, place = Phrases(t, axes), Whereabouts(session)
+def _build(session: Session, t: Words, robot: Mapping[str, Any]) -> None:
+    axes = robot["axes"]
+    phrases, place = Phrases(t, axes), ArmState(session)
+    others = [kind for kind in KINDS.values() if kind.of_arms and not {_PIECES, _TOOLS} & {*kind.form.values()}]
     parts: dict[str, Callable[[], object]] = {
         "hand": lambda: _build_hand(session, t, place),
         "jog": lambda: Jogging(session, phrases, axes, place),
-        "targets": lambda: target_list.build(session, t, place),
-        "postures": lambda: branch_list.build(session, phrases),
+        "targets": lambda: target_list.build_targets(session, t, place),
+        "postures": lambda: target_list.build_branches(session, phrases),
+        "other": lambda: offers(session, phrases, choices_of(session, robot), others),
         "program": lambda: line_list.build(session, phrases),
     }
     for number, (name, part) in enumerate(parts.items(), 1):
@@ -46,26 +54,37 @@ def _build(session: Session, t: Words, axes: list[Mapping[str, Any]]) -> None:
             part()
 
 
-def _build_hand(session: Session, t: Words, place: Whereabouts) -> None:
-    """Build the choice of the tool, and what takes and leaves pieces."""
+def _build_hand(session: Session, t: Words, place: ArmState) -> None:
+    """Build the choice of the tool, and a choice of pieces for each kind of move that takes or leaves one."""
+    pieces: list[tuple[str, ui.select]] = []
     with ui.row().classes("w-full items-center gap-2"):
-        tool, taken, left = (
-            ui.select([], label=t(f"arm.{name}")).props("dense outlined options-dense").classes("grow")
-            for name in ("tool", "piece", "held")
-        )
-        for field in (tool, taken, left):
-            field.style("min-width: 8rem")
-        take = ui.button(t("arm.take_piece"), on_click=lambda: session.attach(taken.value)).props("outline no-caps")
-        leave = ui.button(t("arm.leave_piece"), on_click=lambda: session.release(left.value)).props("outline no-caps")
-    tool.on_value_change(lambda event: event.value not in (None, place.told.get("tool")) and session.tool(event.value))
-    for field, button in ((taken, take), (left, leave)):
-        field.on_value_change(lambda event, button=button: button.set_enabled(bool(event.value)))
-        button.set_enabled(False)
+        tool = _choice(t("arm.tool"))
+        for kind in (kind for kind in KINDS.values() if kind.of_arms and _PIECES in kind.form.values()):
+            takes = _TOOLS in kind.form.values()
+            piece = _choice(t("arm.piece" if takes else "arm.held"))
+            pieces.append(("around" if takes else "carried", piece))
+            _put(session, t("arm.take_piece" if takes else "arm.leave_piece"), kind, piece)
+    tool.on_value_change(lambda event: event.value not in (None, place.values.get("tool")) and session.tool(tool.value))
 
     def show() -> None:
-        told = place.told
-        tool.set_options(told["tools"], value=told["tool"] if told["tool"] in told["tools"] else None)
-        for field, pieces in ((taken, told["around"]), (left, told["carried"])):
-            field.set_options(pieces, value=field.value if field.value in pieces else None)
+        values = place.values
+        tool.set_options(values["tools"], value=values["tool"] if values["tool"] in values["tools"] else None)
+        for where, field in pieces:
+            field.set_options(values[where], value=field.value if field.value in values[where] else None)
 
-    place.heard(show)
+    place.subscribe(show)
+
+
+def _choice(label: str) -> ui.select:
+    field = ui.select([], label=label).props("dense outlined options-dense").classes("grow")
+    return field.style("min-width: 8rem")
+
+
+def _put(session: Session, text: str, kind: type[Move], piece: ui.select) -> None:
+    """Build the button that does a kind of move with the piece that is chosen."""
+    name = next(name for name, asked in kind.form.items() if asked == _PIECES)
+    button = ui.button(text, on_click=lambda: session.try_move({kind.key: {name: piece.value}})).props(
+        "outline no-caps"
+    )
+    piece.on_value_change(lambda event: button.set_enabled(bool(event.value)))
+    button.set_enabled(False)

@@ -1,18 +1,17 @@
 """Jog an arm: its joints between their limits, and its tool around where it is, along the axes of a frame."""
 
+from __future__ import annotations
+
 from asyncio import sleep, wrap_future
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from math import isfinite
 from typing import Any
 
-from nicegui import background_tasks, ui
+from nicegui import background_tasks, context, ui
 
-from simrob_drake.teach.pages.arm_words import frame_words, joint_words, pose_of, pose_text
-from simrob_drake.teach.pages.buttons import KEYS
-from simrob_drake.teach.pages.dial import Dial
-from simrob_drake.teach.pages.phrases import Phrases
-from simrob_drake.teach.pages.whereabouts import Whereabouts
+from simrob_drake.teach.pages.elements import KEYS, Dial, follow
+from simrob_drake.teach.pages.phrases import Phrases, frame_words, joint_words, pose_of, pose_text
 from simrob_drake.teach.session import Session
 
 WAY, TURN = 100.0, 30.0
@@ -30,15 +29,8 @@ _QUIET = 0.4  # s without a jog until the sliders show where the arm is: more ma
 class Jogging:
     """Sliders that move the arm while they are moved; where the arm goes by other means, they follow."""
 
-    def __init__(self, session: Session, phrases: Phrases, axes: list[Mapping[str, Any]], place: Whereabouts) -> None:
-        """Build the sliders.
-
-        Args:
-            session: whose arm is jogged.
-            phrases: what its axes are called.
-            axes: of the arm's description.
-            place: where it is.
-        """
+    def __init__(self, session: Session, phrases: Phrases, axes: list[Mapping[str, Any]], place: ArmState) -> None:
+        """Build the sliders."""
         self._session, self._t, self._place = session, phrases.t, place
         self._awaited, self._by_tool = 0, False
         self._at: list[float] = []  # pose in the base
@@ -51,7 +43,7 @@ class Jogging:
                 self._joints = {axis["name"]: self._joint(phrases, axis) for axis in axes}
             with ui.tab_panel("tool").classes("p-0 pt-2 gap-1"):
                 self._build_tool()
-        place.heard(self._follow)
+        place.subscribe(self._follow)
 
     def _joint(self, phrases: Phrases, axis: Mapping[str, Any]) -> Dial:
         name, far = axis["name"], _FAR[axis["unit"]]
@@ -83,7 +75,9 @@ class Jogging:
             for names, far, unit in ((_WAYS, WAY, "mm"), (_TURNS, TURN, "°"))
             for name in names
         ]
-        self._pose = ui.input(t("arm.pose"), validation=self._wrong_pose).classes("w-full tabular-nums")
+        self._pose = ui.input(
+            t("arm.pose"), validation=lambda text: None if pose_of(text) else t("arm.pose_wrong")
+        ).classes("w-full tabular-nums")
         self._pose.props("dense outlined hide-bottom-space").without_auto_validation().on("keydown.enter", self._go)
 
     def _range(self) -> None:
@@ -108,9 +102,6 @@ class Jogging:
         delta = [dial.value * scale for dial, scale in zip(self._dials, scales, strict=True)]
         self._await(self._session.jog_tool(delta, self._place.frame, start=self._middle))
 
-    def _wrong_pose(self, text: str) -> str | None:
-        return None if pose_of(text) else self._t("arm.pose_wrong")
-
     def _go(self) -> None:
         """Go to the pose that was typed."""
         if self._pose.validate():
@@ -133,14 +124,14 @@ class Jogging:
 
     def _follow(self) -> None:
         """Show where the arm is, unless it is on its way; the tool's sliders count anew where it got otherwise."""
-        told = self._place.told
-        self._frame.set_options(frame_words(self._t, told["frames"]), value=self._place.frame)
-        self._pose.value = pose_text(told["pose"])
+        values = self._place.values
+        self._frame.set_options(frame_words(self._t, values["frames"]), value=self._place.frame)
+        self._pose.value = pose_text(values["pose"])
         if self._awaited > 1:
             return
-        for name, value in told["axes"].items():
+        for name, value in values["axes"].items():
             self._joints[name].show(value)
-        before, self._at = self._at, told["base_pose"]
+        before, self._at = self._at, values["base_pose"]
         stays = before and max(abs(now - then) for now, then in zip(self._at, before, strict=True)) < _SAME
         if not stays and not (self._awaited and self._by_tool):
             self._recentre()
@@ -150,3 +141,47 @@ class Jogging:
         self._middle = self._at
         for dial in self._dials:
             dial.show(0.0)
+
+
+class ArmState:
+    """What :func:`simrob_drake.teach.arm_questions.where` says of the arm that is taught.
+
+    Attributes:
+        frame: in which the page wants its tool's pose.
+        values: the last answer; empty until there is one.
+    """
+
+    def __init__(self, session: Session) -> None:
+        """Ask, now and after each run."""
+        self.frame = "base"
+        self.values: dict[str, Any] = {}
+        self._session, self._client = session, context.client
+        self._callbacks: list[Callable[[], object]] = []
+        self._asking = self._again = False
+        follow(session, self.ask, "phase", "description")
+
+    def subscribe(self, callback: Callable[[], object]) -> None:
+        """Call something after each answer, which may have moved on since."""
+        self._callbacks.append(callback)
+
+    def ask(self) -> None:
+        """Ask, or once more after the answer that is awaited."""
+        self._again = self._asking
+        if not self._asking and self._session.phase == "idle":
+            background_tasks.create(self.asked())
+
+    async def asked(self) -> None:
+        """Ask, and wait until all who are to hear the answer have."""
+        self._asking = True
+        try:
+            values = await wrap_future(self._session.where(self.frame))
+        finally:
+            self._asking = False
+        if self._client.is_deleted:
+            return
+        if values:
+            self.values = values
+            for callback in self._callbacks:
+                callback()
+        if self._again:
+            self.ask()

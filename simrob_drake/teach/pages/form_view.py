@@ -25,10 +25,7 @@ class FormView:
     def __init__(self, t: Words, give: Give, *, under: str = "") -> None:
         """Make an empty column in the present place.
 
-        Args:
-            t: the words.
-            give: takes what the user enters.
-            under: what is left out of the names of the keys.
+        ``give`` takes what the user enters; ``under`` is left out of the names of the keys.
         """
         self._t, self._give, self._under = t, give, under
         self._shape: object = None
@@ -111,8 +108,8 @@ class FormView:
         ends = (("≥", field.low), ("≤", field.high))
         bounds = [f"{sign} {bound:g}" for sign, bound in ends if bound is not None and abs(bound) < _HUGE]
         default = as_text(field.default)
-        told = [*bounds, self._t("station.default", value=default) if default else ""]
-        return " · ".join(filter(None, (field.help, *told)))
+        hints = [*bounds, self._t("station.default", value=default) if default else ""]
+        return " · ".join(filter(None, (field.help, *hints)))
 
     def _entries(self, field: Field) -> Callable[[Field], object]:
         """Draw what puts a new entry into a section of entries: its name, its kind, and its keys as YAML."""
@@ -129,8 +126,8 @@ class FormView:
                 except SimrobError as problem:
                     keys.error = str(problem)
                     return
-                told = {"kind": kind.value} if kind.value else {}
-                whole = {**told, **entry} if isinstance(entry, dict) else entry
+                chosen = {"kind": kind.value} if kind.value else {}
+                whole = {**chosen, **entry} if isinstance(entry, dict) else entry
                 keys.error = await self._give(f"{field.key}.{name.value or ''}", whole) or None
 
             ui.button(self._t("station.entry_add"), icon="add", on_click=add).props("flat dense")
@@ -144,7 +141,7 @@ class _Switch:
         self._give, self._shown, self._help = give, bool(field.value), field.help
         with ui.column().classes("w-full gap-0"):
             self._switch = ui.switch(name, value=self._shown, on_change=self._changed).props("dense").classes("pt-2")
-            self._told = ui.label().classes("text-xs")
+            self._message = ui.label().classes("text-xs")
         self._tell("")
 
     async def _changed(self) -> None:
@@ -155,10 +152,47 @@ class _Switch:
                 self._switch.value = self._shown
 
     def _tell(self, wrong: str) -> None:
-        self._told.text = wrong or self._help
-        self._told.classes(replace=f"text-xs {'text-negative' if wrong else 'opacity-70'}")
+        self._message.text = wrong or self._help
+        self._message.classes(replace=f"text-xs {'text-negative' if wrong else 'opacity-70'}")
 
     def update(self, field: Field) -> None:
         """Show what the station has."""
         self._shown = self._switch.value = bool(field.value)
         self._tell("")
+
+
+_TUNED = ("kp", "ki", "kd", "torque_limit", "gravity", "static", "dynamic")
+"""Last parts of the keys that have a slider where they hold one number."""
+_DECADES = 1.0  # that a slider goes to each side of the present figure
+_DIGITS = 3
+
+
+def tuners(fields: Sequence[Field], give: Give) -> None:
+    """Build a slider for each figure that can be tuned; it acts when it is let go of, or by the arrow keys."""
+    for field in fields:
+        value = field.value
+        if field.key.rpartition(".")[2] in _TUNED and isinstance(value, (int, float)) and value > 0:
+            _Tuner(field, float(value), give)
+
+
+class _Tuner:
+    def __init__(self, field: Field, value: float, give: Give) -> None:
+        self._field, self._value, self._give = field, value, give
+        with ui.row().classes("w-full items-center no-wrap gap-3"):
+            ui.label(field.key).classes("text-sm w-32 shrink-0")
+            self._slider = ui.slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0, on_change=self._show)
+            self._slider.classes("grow").props(f'aria-label="{field.key}"')
+            self._slider.on("change", self._turned, args=[])
+            self._label = ui.label().classes("text-sm w-36 shrink-0")
+        self._wrong = ui.label().classes("text-xs text-negative")
+        self._show()
+
+    @property
+    def _now(self) -> float:
+        return float(f"{self._value * 10 ** (self._slider.value or 0.0):.{_DIGITS}g}")
+
+    def _show(self) -> None:
+        self._label.text = f"{self._now:g} {self._field.unit}"
+
+    async def _turned(self) -> None:
+        self._wrong.text = await self._give(self._field.key, self._now)

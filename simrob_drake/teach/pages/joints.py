@@ -5,8 +5,7 @@ from math import isfinite
 
 from nicegui import ui
 
-from simrob_drake.teach.pages.buttons import icon_button, told
-from simrob_drake.teach.pages.fields import NumberField
+from simrob_drake.teach.pages.elements import NumberField, icon_button, set_label
 from simrob_drake.teach.pages.phrases import Content, Phrases, figure, matches
 
 STEPS = {"deg": 1.0, "m": 0.01}
@@ -25,11 +24,7 @@ class Joints:
     ) -> None:
         """Build the list.
 
-        Args:
-            phrases: what the axes are called.
-            axes: of the robot's description.
-            changed: called after each change of a target.
-            entered: called when the user ends a number with the key Enter.
+        ``changed`` is called after each change of a target, ``entered`` when the user ends a number with the key Enter.
         """
         t = phrases.t
         self._search = ui.input(t("legs.search"), on_change=self._find).props("clearable dense outlined type=search")
@@ -61,6 +56,12 @@ class Joints:
         """Take back all that was set."""
         for row in self._rows:
             row.settle(None)
+
+    def restore(self, targets: Mapping[str, float]) -> None:
+        """Set joints again as they were tested in vain [deg or m], but those that were set anew since."""
+        for row in self._rows:
+            if row.name in targets and not row.is_set:
+                row.set(targets[row.name])
 
     def follow(self, values: Mapping[str, float]) -> None:
         """Show where joints are [deg or m] that are not set."""
@@ -94,11 +95,11 @@ class _Row:
             self.number.field.classes("w-24").on("keydown.enter", entered)
             with ui.column().classes("gap-0 grow").style("flex-basis: 7rem"):
                 self._slider = _slider(axis, unit, self._at)
-                told(self._slider, words)
+                set_label(self._slider, words)
             self._back = icon_button("undo", f"{phrases.t('legs.take_back')}: {words}", self._take_back)
         self._mark()
-        self.number.field.on_value_change(lambda: self._set(self.number.field.value))
-        self._slider.on_value_change(lambda: self._set(self._slider.value))
+        self.number.field.on_value_change(lambda: self.set(self.number.field.value))
+        self._slider.on_value_change(lambda: self.set(self._slider.value))
 
     @property
     def value(self) -> float | None:
@@ -110,6 +111,16 @@ class _Row:
         self._at = self._at if value is None else round(value, _DIGITS)
         self.is_set = False
         self._show(self._at)
+
+    def set(self, value: float | None) -> None:
+        """Take where the joint is to go [deg or m]; None where that is not said any more."""
+        if self._quiet:
+            return
+        self.is_set = value is not None
+        if value is not None and self.number.problem(value) is None:
+            self._show(value)
+        self._mark()
+        self._changed()
 
     def _show(self, value: float) -> None:
         self._quiet = True
@@ -123,15 +134,6 @@ class _Row:
 
     def _take_back(self) -> None:
         self.settle(None)
-        self._changed()
-
-    def _set(self, value: float | None) -> None:
-        if self._quiet:
-            return
-        self.is_set = value is not None
-        if value is not None and self.number.problem(value) is None:
-            self._show(value)
-        self._mark()
         self._changed()
 
 

@@ -6,19 +6,16 @@ from typing import Any
 
 from nicegui import ui
 
-from simrob_drake.programs.legged_gait import SEQUENCE
+from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.teach.pages import move_list, plots
-from simrob_drake.teach.pages.buttons import KEYS, told
-from simrob_drake.teach.pages.following import follow
+from simrob_drake.teach.pages.elements import KEYS, follow, set_label
 from simrob_drake.teach.pages.joints import Joints
-from simrob_drake.teach.pages.move_forms import duration_field, walk_form
+from simrob_drake.teach.pages.move_forms import choices_of, duration_field, offers
 from simrob_drake.teach.pages.phrases import Content, Phrases
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
 _KIND = "legs"
-_IN_HAND = (0.0,) * 6
-"""Pose of a piece that is brought to the hand, in it."""
 
 
 def build(session: Session, t: Words) -> None:
@@ -52,10 +49,8 @@ def _build(session: Session, t: Words, robot: Content) -> None:
     phrases = Phrases(t, robot["axes"])
     _Teaching(session, phrases, robot)
     with _card(t("legs.motions")):
-        _motions(session, phrases, robot)
-    if session.description.get("pieces"):
-        with _card(t("legs.pieces")):
-            _pieces(session, phrases, robot)
+        _button(t("legs.step"), session.step, keys="Alt+P")
+        offers(session, phrases, choices_of(session, robot), [kind for kind in KINDS.values() if kind.of_legs])
     if session.description.get("loops"):
         with _card(t("legs.loops")):
             _loops(session, phrases)
@@ -71,23 +66,19 @@ def _plots(session: Session, phrases: Phrases) -> None:
         panel = ui.column().classes("w-full")
 
     def show() -> None:
-        wanted = session.description.get("signals", []) if expansion.value else []
-        if wanted == drawn:
+        names = session.description.get("signals", []) if expansion.value else []
+        if names == drawn:
             return
-        drawn[:] = wanted
+        drawn[:] = names
         panel.clear()
-        if wanted:
+        if names:
             with panel:
-                plots.build(session, phrases.t, _moved(session, phrases))
+                moves = [*session.pending, *(move.entry() for move in session.program.moves)]
+                moved = {phrases.plain(axis) for move in moves for axis in move.get("target_deg", ())}
+                plots.build(session, phrases.t, moved)
 
     expansion.on_value_change(show)
     follow(session, show, "description")
-
-
-def _moved(session: Session, phrases: Phrases) -> set[str]:
-    """Return the axes that are told where to go."""
-    moves = [*session.pending, *(move.model_dump() for move in session.program.moves)]
-    return {phrases.plain(axis) for move in moves for axis in move.get("target_deg", ())}
 
 
 class _Teaching:
@@ -104,7 +95,7 @@ class _Teaching:
                 _button(t("legs.test"), self._test, 2, "Alt+T")
             self._tested = ui.label().classes("text-sm").props("aria-live=polite")
             with ui.row().classes("w-full items-center gap-2"):
-                _button(t("legs.add"), session.add, 3, "Alt+A")
+                self._add = _button(t("legs.add"), session.add, 3, "Alt+A")
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
                 _button(t("legs.discard"), lambda: self._back(session.discard), keys="Alt+X").props("outline")
                 _button(t("legs.reset"), lambda: self._back(session.reset), keys="Alt+R").props("outline")
@@ -121,12 +112,21 @@ class _Teaching:
             return
         last = self._session.pending[-1] if self._session.pending else {}
         targets = self._joints.targets or last.get("target_deg", {})
-        if targets:
-            self._session.test(targets, seconds)
-            self._joints.settle()
-        else:
+        if not targets:
             ui.notify(self._phrases.t("legs.choose"))
+            return
+
+        ending = self._session.test(targets, seconds)
+        self._joints.settle()
+        ending.add_done_callback(lambda ended: self._restore(targets, ended.result()))
         self._tell()
+
+    def _restore(self, targets: dict[str, float], ended: dict[str, Any] | None) -> None:
+        """Set the targets again of a test that was refused or fell, to be set otherwise and tested again."""
+        moves = self._session.pending
+        refused = ended is None and not (moves and targets.items() <= moves[-1].get("target_deg", {}).items())
+        if refused or (ended and not ended["goes_on"] and ended["ending"] != "stopped"):
+            self._joints.restore(targets)
 
     def _back(self, how: Callable[[], object]) -> None:
         self._joints.forget()
@@ -141,7 +141,7 @@ class _Teaching:
         asked = plots.at(session.history.get(self._reference, ()), session.time) if session.time else None
         if asked is not None:
             self._joints.follow(
-                {axis["name"]: _told(axis, value) for axis, value in zip(self._axes, asked, strict=True)}
+                {axis["name"]: _shown(axis, value) for axis, value in zip(self._axes, asked, strict=True)}
             )
         elif not session.time:
             self._joints.follow({axis["name"]: axis["now"] for axis in self._axes})
@@ -153,9 +153,10 @@ class _Teaching:
         self._chosen.text = t("legs.chosen", axes=axes) if axes else t("legs.choose")
         moves = "; ".join(phrases.move(move) for move in self._session.pending)
         self._tested.text = t("legs.tested", moves=moves) if moves else ""
+        self._add.set_enabled(bool(moves))
 
 
-def _told(axis: Content, value: float) -> float:
+def _shown(axis: Content, value: float) -> float:
     """Return a position [rad or m] as users are told it."""
     return degrees(value) if axis["unit"] == "deg" else value
 
@@ -164,42 +165,6 @@ def _reference_of(session: Session) -> str:
     """Return the signal that tells what a session's robot is asked for; empty without one."""
     names = [signal["name"] for signal in session.description["signals"]]
     return next((name for name in (f"{session.robot}.reference", "reference") if name in names), "")
-
-
-def _motions(session: Session, phrases: Phrases, robot: Content) -> None:
-    """Build what goes a step, walks, and acts."""
-    t, acts = phrases.t, phrases.names(act for act in robot["acts"] if act != SEQUENCE)
-    with ui.row().classes("w-full items-start gap-2"):
-        _button(t("legs.step"), session.step, keys="Alt+P")
-        if robot["gaits"]:
-            read = walk_form(phrases, robot["gaits"])
-
-            def walk() -> None:
-                content = read()
-                if content is not None:
-                    session.walk(**content)
-
-            _button(t("legs.walk"), walk, keys="Alt+W")
-    if acts:
-        with ui.row().classes("w-full items-center gap-2"):
-            act = ui.select(acts, value=next(iter(acts)), label=t("legs.act")).props("dense outlined")
-            act.classes("w-52")
-            _button(t("legs.do"), lambda: session.act(act.value), keys="Alt+O")
-
-
-def _pieces(session: Session, phrases: Phrases, robot: Content) -> None:
-    """Build what takes pieces and leaves them."""
-    t, pieces, tools = phrases.t, session.description["pieces"], phrases.names(robot["tools"])
-    with ui.row().classes("w-full items-center gap-2"):
-        piece = ui.select(pieces, value=pieces[0], label=t("legs.piece")).props("dense outlined").classes("w-40")
-        tool = ui.select(tools, value=next(iter(tools)), label=t("legs.tool")).props("dense outlined").classes("w-40")
-        brought = ui.checkbox(t("legs.brought"))
-        _button(
-            t("legs.take"), lambda: session.attach(piece.value, tool.value, pose=_IN_HAND if brought.value else None)
-        )
-    with ui.row().classes("w-full items-center gap-2"):
-        fixed = ui.checkbox(t("legs.fixed"))
-        _button(t("legs.leave"), lambda: session.release(piece.value, fixed=fixed.value))
 
 
 def _loops(session: Session, phrases: Phrases) -> None:
@@ -225,7 +190,7 @@ def _loops(session: Session, phrases: Phrases) -> None:
 
 def _card(title: str, number: int = 0) -> ui.column:
     with ui.column().classes("pendant-plate w-full gap-2 p-3").props("role=group") as card:
-        told(card, title)
+        set_label(card, title)
         ui.html(_numbered(title, number), tag="h2", sanitize=False).classes("text-base font-bold")
     return card
 

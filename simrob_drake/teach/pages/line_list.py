@@ -5,10 +5,10 @@ from typing import Any
 
 from nicegui import context, ui
 
-from simrob_drake.teach.pages.arm_words import KINDS, MILLI, line_words
-from simrob_drake.teach.pages.buttons import KEYS, icon_button
-from simrob_drake.teach.pages.following import follow
-from simrob_drake.teach.pages.phrases import Phrases
+from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.teach.form import content_of
+from simrob_drake.teach.pages.elements import KEYS, follow, icon_button
+from simrob_drake.teach.pages.phrases import MILLI, Phrases, line_words, motions
 from simrob_drake.teach.session import Session
 
 SPEED = 200.0
@@ -26,7 +26,9 @@ def build(session: Session, phrases: Phrases) -> None:
 def _build_adding(session: Session, phrases: Phrases) -> None:
     t = phrases.t
     with ui.row().classes("w-full items-start gap-2"):
-        kind = ui.select(KINDS, value="move_j", label=t("arm.move")).classes("w-32")
+        kinds = motions()
+        titles = {key: phrases.title(kind) for key, kind in kinds.items()}
+        kind = ui.select(titles, value=MoveJ.key, label=t("arm.move")).classes("w-32")
         via = ui.select([], label=t("arm.via")).classes("w-24")
         target = ui.select([], label=t("arm.target")).classes("w-24")
         speed = ui.number(t("arm.speed"), value=SPEED, min=1, max=_FASTEST, step=10, suffix="mm/s").classes("w-32")
@@ -35,12 +37,15 @@ def _build_adding(session: Session, phrases: Phrases) -> None:
         add = ui.button(t("arm.add_line"), icon="playlist_add").props("no-caps")
         add.props[KEYS] = "Alt+A"
 
+    def goes_via() -> bool:
+        return "via" in kinds[kind.value].model_fields
+
     def adapt() -> None:
-        via.set_visibility(kind.value == "move_c")
-        add.set_enabled(bool(target.value and (kind.value != "move_c" or via.value)))
+        via.set_visibility(goes_via())
+        add.set_enabled(bool(target.value and (not goes_via() or via.value)))
 
     def store() -> None:
-        through = {"via": via.value} if kind.value == "move_c" else {}
+        through = {"via": via.value} if goes_via() else {}
         how = {"speed": speed.value * MILLI} if speed.value else {}
         session.add_line(kind.value, target.value, **through, **how)
 
@@ -70,7 +75,7 @@ class _Lines:
         self._room = context.slot.parent
         with ui.row().classes("w-full items-center gap-2 pt-2"):
             self._play = ui.button(self._t("arm.play"), icon="play_arrow", on_click=session.simulate)
-            self._step = ui.button(self._t("arm.step"), icon="skip_next", on_click=self._run_next)
+            self._step = ui.button(self._t("arm.step"), icon="skip_next", on_click=lambda: self._run(self._next))
             self._step.props[KEYS] = "Alt+S"
             for button in (self._play, self._step):
                 button.props("no-caps outline")
@@ -78,17 +83,13 @@ class _Lines:
         self._list = ui.element("ol").classes("w-full p-0 m-0").style("list-style: none")
         follow(session, self._show, "program", "phase", "description")
 
-    def _run_next(self) -> None:
-        self._session.run_line(self._next)
-        self._go(self._next + 1)
-
     def _go(self, number: int) -> None:
         self._next = number if number < len(self._session.program.moves) else 0
         self._show()
 
     def _show(self) -> None:
         session = self._session
-        moves = [move.model_dump(mode="json", exclude_none=True) for move in session.program.moves]
+        moves = [move.entry() for move in session.program.moves]
         self._next = self._next if self._next < len(moves) else 0
         idle = session.phase == "idle"
         for button in (self._play, self._step):
@@ -116,7 +117,7 @@ class _Lines:
             ui.label(f"{number + 1}  {text}").classes("grow").style("overflow-wrap: anywhere")
             icon_button("play_arrow", t("arm.run_line", number=number + 1), lambda: self._run(number)).set_enabled(idle)
             with icon_button("more_vert", t("arm.change_line", number=number + 1)), ui.menu():
-                if next(iter(move)) in KINDS:
+                if next(iter(move)) in motions():
                     ui.menu_item(t("arm.edit"), lambda: self._edit(number, move))
                 if number:
                     ui.menu_item(t("arm.up"), lambda: session.move_entry(number, number - 1))
@@ -133,16 +134,16 @@ class _Lines:
         """Show what was tried and is not stored, with what becomes of it."""
         if not self._session.pending:
             return
-        told = "; ".join(line_words(self._phrases, move, self._session.targets) for move in self._session.pending)
-        ui.label(self._t("arm.tried", what=told)).classes("grow")
+        what = "; ".join(line_words(self._phrases, move, self._session.targets) for move in self._session.pending)
+        ui.label(self._t("arm.tried", what=what)).classes("grow")
         ui.button(self._t("arm.keep"), on_click=self._session.add).props("dense no-caps")
         ui.button(self._t("arm.discard"), on_click=self._session.discard).props("dense flat no-caps")
 
     def _edit(self, number: int, move: Mapping[str, Any]) -> None:
         """Let the user change the speed of a line, or the time that it takes."""
-        kind, said = next(iter(move.items()))
-        said = dict(said) if isinstance(said, Mapping) else {"targets": said}
-        given = said.get("speed")
+        kind = next(iter(move))
+        said = content_of(motions()[kind], move)
+        mm_s = said["speed"] / MILLI if said.get("speed") else None
 
         def store() -> None:
             rest = {key: value for key, value in said.items() if key not in ("speed", "duration", "times")}
@@ -152,7 +153,7 @@ class _Lines:
 
         with self._room, ui.dialog(value=True) as dialog, ui.card():
             ui.label(self._t("arm.change_line", number=number + 1)).classes("font-medium")
-            speed = ui.number(self._t("arm.speed"), value=given and given / MILLI, min=1, max=_FASTEST, suffix="mm/s")
+            speed = ui.number(self._t("arm.speed"), value=mm_s, min=1, max=_FASTEST, suffix="mm/s")
             time = ui.number(self._t("arm.duration"), value=said.get("duration"), min=0.05, step=0.1, suffix="s")
             for field, other in ((speed, time), (time, speed)):
                 field.props("dense outlined").on_value_change(_clearing(other))

@@ -7,9 +7,8 @@ from typing import Any
 from nicegui import context, ui
 
 from simrob_drake.programs.timeline import GRID
-from simrob_drake.teach.pages.buttons import icon_button, told
-from simrob_drake.teach.pages.following import follow
-from simrob_drake.teach.pages.move_forms import Read, move_form, yaml_form
+from simrob_drake.teach.pages.elements import follow, icon_button, set_label
+from simrob_drake.teach.pages.move_forms import Read, choices_of, stored_form, yaml_form
 from simrob_drake.teach.pages.phrases import Content, Phrases
 from simrob_drake.teach.session import Session
 
@@ -17,22 +16,19 @@ _Act = Callable[[int], object]
 
 
 def build(session: Session, phrases: Phrases, robot: Content) -> None:
-    """Build the list of a session's program.
-
-    Args:
-        session: whose program.
-        phrases: what its moves are called.
-        robot: of the session's description.
-    """
+    """Build the list of a session's program."""
     t, dialogs = phrases.t, ui.element("div")
 
     def edit_move(index: int) -> None:
-        move = session.program.moves[index].model_dump(mode="json")
-        _edit(dialogs, session, phrases, lambda: move_form(phrases, robot, move), lambda new: session.edit(index, new))
+        move = session.program.moves[index].entry()
+        choices = choices_of(session, robot)
+        form = partial(stored_form, phrases, choices, move)
+        _edit(dialogs, session, phrases, form, partial(session.edit, index))
 
     def edit_change(index: int) -> None:
         change = session.program.changes[index].model_dump(mode="json", exclude_none=True)
-        _edit(dialogs, session, phrases, lambda: yaml_form(t, change), lambda new: session.edit_change(index, new))
+        form = partial(yaml_form, t("legs.as_yaml"), change)
+        _edit(dialogs, session, phrases, form, partial(session.edit_change, index))
 
     def earlier(index: int) -> None:
         if index > 0:
@@ -55,7 +51,7 @@ def build(session: Session, phrases: Phrases, robot: Content) -> None:
 
     def show() -> None:
         program = session.program
-        moves.show([phrases.move(move.model_dump(mode="json")) for move in program.moves])
+        moves.show([phrases.move(move.entry()) for move in program.moves])
         nothing.set_visibility(not program.moves)
         heading.set_visibility(bool(program.changes))
         changes.show([phrases.change(change, program.grid or GRID) for change in program.changes])
@@ -81,7 +77,7 @@ class _Lines:
         for number, (text, (_, label, buttons)) in enumerate(zip(texts, self._rows, strict=True), 1):
             label.text = f"{number}. {text}"
             for icon, button in buttons.items():
-                told(button, f"{self._acts[icon][0]}: {label.text}")
+                set_label(button, f"{self._acts[icon][0]}: {label.text}")
 
     def focus(self, index: int, icon: str) -> None:
         """Put the focus on a button of a line."""

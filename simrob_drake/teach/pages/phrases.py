@@ -1,20 +1,21 @@
-"""Axes, moves and changes of a program in words that a student reads."""
+"""Axes, moves, poses and changes of a program in words that a student reads; lengths of arms in mm."""
 
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from math import degrees, isfinite
 from typing import Any
 
+from simrob_drake.programs.moves.kinds import KINDS, check_move
+from simrob_drake.programs.moves.motion import ArmMotion
+from simrob_drake.programs.moves.move import Move, kind_of
 from simrob_drake.programs.timeline import Change
-from simrob_drake.teach.form import as_text
+from simrob_drake.teach.form import as_text, content_of
 from simrob_drake.teach.pages.words import Words
 
 Content = Mapping[str, Any]
 """A move as a program's file has it, an axis as a description has it."""
 
-_TOLD = ("walk", "act", "attach", "release", "wait", "play", "tool")  # kinds of move with words of their own
-_NAMED = ("tool", "gait")  # what of a move is the name of something
-_SAID = {"pose": "legs.brought", "fixed": "legs.fixed"}  # what is told without its value
-_MINUS = "\N{MINUS SIGN}"
+MINUS = "\N{MINUS SIGN}"
 _UNITS = {"deg": "°", "m": " m"}
 
 
@@ -51,38 +52,62 @@ class Phrases:
         return _UNITS[self._axes[name]["unit"]] if name in self._axes else ""
 
     def move(self, move: Content) -> str:
-        """Return a move in one line."""
-        if "target_deg" in move:
-            axes = ", ".join(self.target(axis, value) for axis, value in move["target_deg"].items())
-            return self.t("legs.told_move", axes=axes, seconds=figure(move["duration"]))
-        kind, content = next(iter(move.items()))
-        if kind not in _TOLD:
+        """Return a move in one line: in the words that the pages have for its kind, else in its own."""
+        kind = kind_of(move, KINDS.values())
+        if kind is None:
             return as_text(move)
-        told = dict(content) if isinstance(content, Mapping) else {kind: content}
-        first = told.pop(next(iter(told)))
-        what = figure(first) if isinstance(first, (int, float)) else self.name(first)
-        rest = ", ".join(self._detail(key, value) for key, value in told.items() if value is not None)
-        words = self.t(f"legs.told_{kind}", what=what)
-        return f"{words} ({rest})" if rest else words
+        caption, phrase = check_move(move).caption(), self._named("said", kind.key, "")
+        if caption not in ("", kind.key) and not phrase:
+            return caption
+        content = content_of(kind, move)
+        first, said = next(iter(content), ""), {key: self._value(kind, key, value) for key, value in content.items()}
+        phrase = phrase or self.title(kind)
+        rest = [
+            self._detail(kind, key, value)
+            for key, value in content.items()
+            if f"{{{'what' if key == first else key}}}" not in phrase
+        ]
+        words = phrase.format(**{**said, "what": said.get(first, "")})
+        return f"{words} ({', '.join(filter(None, rest))})" if any(rest) else words
 
-    def _detail(self, key: str, value: Any) -> str:
+    def title(self, kind: type[Move]) -> str:
+        """Return what a kind of move is called."""
+        return self._named("moves", kind.key, kind.title)
+
+    def field(self, kind: type[Move], key: str) -> str:
+        """Return what a field of a kind of move is called; its ``name`` is that of the kind."""
+        return self.title(kind) if key == "name" else self._named("fields", key)
+
+    def _value(self, kind: type[Move], key: str, value: Any) -> str:
+        """Return what a field of a move has."""
+        if isinstance(value, Mapping):
+            return ", ".join(self.target(axis, position) for axis, position in value.items())
+        if isinstance(value, (int, float)):
+            return figure(value)
+        return self.name(value) if isinstance(kind.form.get(key), str) and isinstance(value, str) else as_text(value)
+
+    def _detail(self, kind: type[Move], key: str, value: Any) -> str:
         """Return what else is said of a move."""
-        if key in _NAMED:
-            return self.name(value)
-        return self.t(_SAID[key]) if key in _SAID else f"{key.replace('_', ' ')} {as_text(value)}"
+        what = kind.form.get(key)
+        if value is None or value is False:
+            return ""
+        if value is True or what == "origin":
+            return self.field(kind, key)
+        value_text = self._value(kind, key, value)
+        return value_text if isinstance(what, str) else f"{self._named('fields', key).lower()} {value_text}"
 
     def change(self, change: Change, grid: float) -> str:
         """Return a change of a run in one line; ``grid`` is the program's [s]."""
         t = self.t
         if change.push is not None:
             at, force = change.push.at or t("legs.robot"), " ".join(map(figure, change.push.force))
-            told = t("legs.told_push", at=at, force=force, seconds=figure(change.push.duration))
+            what = t("legs.told_push", at=at, force=force, seconds=figure(change.push.duration))
         elif change.drag is not None:
             seconds = figure(len(change.drag.targets) * grid)
-            told = t("legs.told_drag", at=change.drag.at or t("legs.robot"), seconds=seconds)
+            what = t("legs.told_drag", at=change.drag.at or t("legs.robot"), seconds=seconds)
         else:
-            told = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
-        return t("legs.told_at", time=figure(change.time), what=told)
+            what = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
+        return t("legs.told_at", time=figure(change.time), what=what)
 
     def _named(self, section: str, name: str, otherwise: str | None = None) -> str:
         try:
@@ -105,4 +130,103 @@ def folded(text: str) -> str:
 
 def figure(value: float) -> str:
     """Return a number as briefly as it can be read."""
-    return f"{round(value, 3) + 0.0:g}".replace("-", _MINUS)
+    return f"{round(value, 3) + 0.0:g}".replace("-", MINUS)
+
+
+WORLD = "world"
+MILLI = 1e-3
+
+_OWN = ("base", "tool")
+_HOW = ("speed", "duration", "acceleration", "zone", "wobj")
+_PLACE = 3  # figures
+_TURNS = ("Rz", "Ry", "Rx")
+_SAME = 1e-6  # m or deg
+
+Taught = Mapping[str, Mapping[str, Any]]
+"""Targets by name, as a session has them."""
+
+
+def joint_words(phrases: Phrases, name: str) -> str:
+    """Return what a joint is called: the joints of arms by their number."""
+    kind, _, number = name.partition("_")
+    return phrases.t("arm.joint", number=number) if kind == "joint" and number.isdigit() else phrases.axis(name)
+
+
+def frame_words(t: Words, frames: Iterable[str]) -> dict[str, str]:
+    """Return what frames are called: those of the arm in the user's language, pieces by their names."""
+    return {frame: t(f"arm.frame_{frame}") if frame in (*_OWN, WORLD) else frame for frame in frames}
+
+
+def work_objects(frames: Iterable[str]) -> list[str]:
+    """Return those of an arm's frames that a target can be taught in: it goes with what stands around."""
+    return [frame for frame in frames if frame not in _OWN]
+
+
+def pose_words(pose: Sequence[float]) -> str:
+    """Return a pose [m, deg], or a place [m], in a line."""
+    place = " ".join(f"{name} {_short(value / MILLI)}" for name, value in zip("xyz", pose, strict=False))
+    turns = " ".join(f"{name} {_short(value)}°" for name, value in zip(_TURNS, pose[_PLACE:], strict=False))
+    return " · ".join(filter(None, [f"{place} mm", turns]))
+
+
+def pose_text(pose: Sequence[float]) -> str:
+    """Return a pose [m, deg] as it is typed: six figures in mm and degrees."""
+    return " ".join(figure(value / MILLI if number < _PLACE else value) for number, value in enumerate(pose))
+
+
+def pose_of(text: str) -> list[float]:
+    """Return the pose [m, deg] that six figures in mm and degrees are; empty if they are not."""
+    parts = text.replace(MINUS, "-").replace(",", " ").replace(";", " ").split()
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        return []
+    if len(values) != len("xyz") + len(_TURNS) or not all(map(isfinite, values)):
+        return []
+    return [value * MILLI if number < _PLACE else value for number, value in enumerate(values)]
+
+
+def line_words(phrases: Phrases, move: Mapping[str, Any], targets: Taught) -> str:
+    """Return a line of a program in words, with the names of taught targets that it goes to."""
+    kind = motions().get(next(iter(move)))
+    if kind is None:
+        return phrases.move(move)
+    said = content_of(kind, move)
+    ways = [_target(kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said]
+    how = [_how(phrases, key, said[key]) for key in _HOW if said.get(key) is not None]
+    return ", ".join([f"{phrases.title(kind)} {' → '.join(ways)}", *how])
+
+
+def motions() -> dict[str, type[ArmMotion]]:
+    """Return the kinds of moves that lead an arm to targets, by their keys."""
+    return {key: kind for key, kind in KINDS.items() if issubclass(kind, ArmMotion)}
+
+
+def _target(kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: Taught) -> str:
+    """Return the name of a taught target, or its figures."""
+    rows = said.get(key, said.get(f"{key}_deg"))
+    if not isinstance(rows, Sequence) or not rows or isinstance(rows[0], Sequence):
+        return as_text(rows)
+    if key in said:  # angles in radians
+        rows = [value if number < _PLACE and not kind.of_axes else degrees(value) for number, value in enumerate(rows)]
+    for name, target in targets.items():
+        taught = list(target["axes"].values()) if kind.of_axes else target["pose"][: len(rows)]
+        if _near(taught, rows) and (kind.of_axes or target["frame"] == (said.get("wobj") or WORLD)):
+            return name
+    return " ".join(f"{_short(value)}°" for value in rows) if kind.of_axes else pose_words(rows)
+
+
+def _near(some: Sequence[float], others: Sequence[float]) -> bool:
+    return len(some) == len(others) and all(abs(a - b) < _SAME for a, b in zip(some, others, strict=True))
+
+
+def _how(phrases: Phrases, key: str, value: Any) -> str:
+    if key == "speed":
+        return f"{figure(value / MILLI)} mm/s"
+    if key == "duration":
+        return f"{figure(value)} s"
+    return phrases.t("arm.in_frame", frame=as_text(value)) if key == "wobj" else f"{key} {as_text(value)}"
+
+
+def _short(value: float) -> str:
+    return figure(round(value, 1))

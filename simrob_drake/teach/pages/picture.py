@@ -69,8 +69,8 @@ def with_buttons(svg: str, chosen: str = "") -> str:
 
     def button(found: re.Match[str]) -> str:
         number, name = found[1], found[2]
-        told = labels.get(unescape(name))
-        if told is None:
+        label = labels.get(unescape(name))
+        if label is None:
             return found[0]
         mark, pressed = (" chosen", "true") if unescape(name) == chosen else ("", "false")
         attributes = f'data-block="{name}" tabindex="0" role="button" aria-pressed="{pressed}"'

@@ -79,13 +79,13 @@ class _Scope:
     def __init__(self, session: Session, t: Words, signal: str, only: str | Collection[str]) -> None:
         self._session, self._name = session, signal
         about = next(one for one in session.description["signals"] if one["name"] == signal)
-        title, wanted = _title(t, about), {only} if isinstance(only, str) else set(only)
+        title, chosen = _title(t, about), {only} if isinstance(only, str) else set(only)
         unit, self._factor = _AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
         self._drawn: object = None
         ui.add_css(".simrob-plot svg text {fill: currentColor !important}")
         names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
         columns = enumerate(about["columns"])
-        first = [number for number, column in columns if {column, column.rpartition(".")[2]} & wanted] or list(names)
+        first = [number for number, column in columns if {column, column.rpartition(".")[2]} & chosen] or list(names)
         first = first[: 3 if len(names) == _POSE else _AT_ONCE]
         with ui.column().classes("w-full gap-1") as self.element:
             with ui.row().classes("w-full items-center justify-between"):

@@ -3,8 +3,7 @@
 from nicegui import ui
 
 from simrob_drake.programs.timeline import GRID
-from simrob_drake.teach.pages.buttons import icon_button, told
-from simrob_drake.teach.pages.following import follow
+from simrob_drake.teach.pages.elements import follow, icon_button, set_label
 from simrob_drake.teach.pendant import Pendant
 
 PACES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
@@ -15,14 +14,14 @@ def build(pendant: Pendant) -> None:
     """Build the bar, and the line of messages below it."""
     session, t = pendant.session, pendant.t
     with ui.element("div").classes("pendant-run").props("role=toolbar") as bar:
-        told(bar, t("run.bar"))
+        set_label(bar, t("run.bar"))
         start = icon_button("skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home")
         play = icon_button("play_arrow", t("run.play"), lambda: _play(pendant), keys="Space")
         tick = icon_button("redo", t("run.tick"), lambda: _tick(pendant), keys=".")
         stop = icon_button("stop", t("run.stop"), session.stop, keys="Shift+S")
         scrubber = ui.slider(min=0.0, max=1.0, step=0.05)
         scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
-        told(scrubber, t("run.scrub"))
+        set_label(scrubber, t("run.scrub"))
         clock = ui.label().classes("pendant-time")
         _pace(pendant)
     message = ui.label().classes("pendant-message").props("role=status aria-live=polite")
@@ -30,20 +29,20 @@ def build(pendant: Pendant) -> None:
     def phase() -> None:
         running = session.phase == "running"
         play.props["icon"] = "pause" if running else "play_arrow"
-        told(play, t("run.pause" if running else "run.play"))
+        set_label(play, t("run.pause" if running else "run.play"))
         can = session.phase in ("idle", "running", "paused") and not (_at_end(pendant) and session.pending)
         play.set_enabled(can)
         stop.set_enabled(session.phase in ("running", "paused"))
         tick.set_enabled(can and not running)
-        start.set_enabled(pendant.reach > 0.0)
+        start.set_enabled(session.reach > 0.0)
         time()
 
     def time() -> None:
-        scrubber.props["max"] = max(pendant.reach, _grid(pendant))
+        scrubber.props["max"] = max(session.reach, _grid(pendant))
         scrubber.props["step"] = _grid(pendant)
         scrubber.value = session.time
         running = session.phase == "running"
-        clock.text = t("run.time", time=f"{session.time:.2f}", reach=f"{pendant.reach:.2f}") + (
+        clock.text = t("run.time", time=f"{session.time:.2f}", reach=f"{session.reach:.2f}") + (
             f"  {t('run.ratio', ratio=f'{session.ratio:.1f}')}" if running else ""
         )
 
@@ -61,13 +60,10 @@ def _grid(pendant: Pendant) -> float:
     return pendant.session.program.grid or GRID
 
 
-def _behind(pendant: Pendant) -> bool:
-    """Tell whether a moment is shown that was run before others."""
-    return pendant.session.time < pendant.reach - _grid(pendant) / 2
-
-
 def _at_end(pendant: Pendant) -> bool:
-    return pendant.session.phase == "idle" and not _behind(pendant)
+    """Tell whether nothing runs, and no moment is shown that was run before others."""
+    session = pendant.session
+    return session.phase == "idle" and session.time >= session.reach - _grid(pendant) / 2
 
 
 def _play(pendant: Pendant) -> None:

@@ -2,15 +2,18 @@
 
 from asyncio import wrap_future
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 from nicegui import Client, context, ui
 from nicegui.language import Language
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.teach.pages import arm, choosing, legs, pushing, runbar, station, view
-from simrob_drake.teach.pages.buttons import KEYS, icon_button, shortcuts, told
-from simrob_drake.teach.pages.following import follow
+from simrob_drake.paths import models_root
+from simrob_drake.robots.catalog import load_robot, robot_names
+from simrob_drake.stations.load import station_names
+from simrob_drake.teach.pages import arm, legs, runbar, station, view
+from simrob_drake.teach.pages.elements import KEYS, follow, icon_button, set_label, shortcuts
 from simrob_drake.teach.pages.words import Words, languages
 from simrob_drake.teach.pendant import Pendant
 from simrob_drake.teach.session import Session
@@ -50,12 +53,13 @@ def build(pendant: Pendant) -> None:
             _take_away(session, t)
             _looks(pendant)
             _help(t)
-    choosing.build(session, t, load)
+    _conflict(session, t)
+    _robots_and_stations(session, t, load)
     with ui.element("main").classes("pendant-main"):
         with ui.element("section").classes("pendant-plate pendant-see"):
             view.build(session, t)
             runbar.build(pendant)
-            pushing.build(session, t)
+            view.build_pad(session, t)
         with ui.element("section").classes("pendant-plate"):
             _tabs(session, t)
 
@@ -78,6 +82,20 @@ def _loaded(session: Session, t: Words, load: Callable[[str, str], None]) -> Non
         robots.set_visibility(len(several) > 1)
 
     follow(session, show, "description", "program")
+
+
+def _conflict(session: Session, t: Words) -> None:
+    """Ask what becomes of the program's file, while another editor's change of it is not to be lost."""
+    with ui.element("div").classes("pendant-conflict").props("role=alert") as place:
+        text = ui.label()
+        for name, choose in (("take_theirs", session.take_theirs), ("keep_both", session.keep_both)):
+            ui.button(t(f"shell.{name}"), on_click=choose).props("no-caps dense outline")
+
+    def show() -> None:
+        text.text = t("notice.conflict", file=session.file.name)
+        place.set_visibility(session.conflict)
+
+    follow(session, show, "program")
 
 
 def _undo(session: Session, t: Words) -> None:
@@ -115,7 +133,7 @@ def _looks(pendant: Pendant) -> None:
 
     for language in languages():
         button = ui.button(language.upper(), on_click=lambda _, to=language: speak(to)).props("flat dense")
-        told(button, pendant.t(f"shell.language_{language}"))
+        set_label(button, pendant.t(f"shell.language_{language}"))
         button.props["aria-pressed"] = "true" if language == pendant.language else "false"
     icon_button("contrast", pendant.t("shell.shade"), shade, keys="Shift+L")
 
@@ -163,3 +181,51 @@ def _tabs(session: Session, t: Words) -> None:
             tabs.set_value(fitting)
 
     follow(session, show, "description")
+
+
+PICTURE = "picture.png"
+"""Of a robot, in its folder."""
+PICTURES = "pictures"
+"""Where the server has the folders of all robots. An image of a file would lose it when any tab is closed."""
+
+
+def _robots_and_stations(session: Session, t: Words, load: Callable[[str], None]) -> None:
+    """Build the list of stations, and the pictures of the robots.
+
+    ``load`` loads another robot or station.
+    """
+    names = station_names()
+
+    def chosen(name: str | None) -> None:
+        if name in names and name != session.station:  # else it was shown, not chosen
+            load(name)
+
+    with ui.element("nav").classes("pendant-robots") as nav:
+        set_label(nav, t("shell.robots"))
+        stations = ui.select(names, label=t("shell.station"), with_input=True)
+        stations.props("dense outlined options-dense").on_value_change(lambda event: chosen(event.value))
+        pictures = {name: _picture(name, load) for name in _robots()}
+
+    def mark() -> None:
+        models = {robot["model"] for robot in session.description.get("robots", {}).values()}
+        for name, picture in pictures.items():
+            picture.props["aria-pressed"] = "true" if name in models else "false"
+        stations.set_value(session.station if session.station in names else None)
+
+    follow(session, mark, "description")
+
+
+@cache
+def _robots() -> list[str]:
+    """Return the robots that have a picture, those with legs first."""
+    names = [name for name in robot_names() if (models_root() / name / PICTURE).is_file()]
+    return sorted(names, key=lambda name: load_robot(name).feet is None)
+
+
+def _picture(name: str, load: Callable[[str], None]) -> ui.element:
+    button = ui.element("button").classes("pendant-robot").props("type=button")
+    button.on("click", lambda: load(name))
+    with button:
+        ui.element("img").props(f"src={PICTURES}/{name}/{PICTURE} alt=''")
+        ui.label(name.replace("_", " "))
+    return button

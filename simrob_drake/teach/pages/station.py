@@ -6,17 +6,15 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import yaml
 from nicegui import background_tasks, context, ui
 
-from simrob_drake.stations.load import station_yaml
-from simrob_drake.teach.blocks import told_by
+from simrob_drake.stations.load import station_content
+from simrob_drake.teach.describe import block_meaning
 from simrob_drake.teach.form import Field, as_text, form_fields
-from simrob_drake.teach.pages.following import follow
-from simrob_drake.teach.pages.form_view import FormView
+from simrob_drake.teach.pages.elements import follow
+from simrob_drake.teach.pages.form_view import FormView, tuners
 from simrob_drake.teach.pages.picture import BlockPicture
 from simrob_drake.teach.pages.plots import scope
-from simrob_drake.teach.pages.tuning import tuners
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
 
@@ -27,7 +25,7 @@ _MOST_ENDINGS = 10
 _PAUSE = 0.3
 """From a change to the question what it does [s]: meanwhile others may come, and another tab."""
 _TAB = "station"
-_BESIDE = "w-full grid gap-4 items-start grid-cols-[repeat(auto-fit,minmax(min(24rem,100%),1fr))]"
+_COLUMNS = "w-full grid gap-4 items-start grid-cols-[repeat(auto-fit,minmax(min(24rem,100%),1fr))]"
 
 
 def build(session: Session, t: Words) -> None:
@@ -52,7 +50,7 @@ class _Page:
             self._block = ui.column().classes("w-full gap-2")
         with _card(t("station.stops")):
             self._stops = ui.column().classes("w-full gap-1")
-        with ui.element("div").classes(_BESIDE):
+        with ui.element("div").classes(_COLUMNS):
             with _card(t("station.check")):
                 self._findings = ui.column().classes("w-full gap-1")
             with _card(t("station.keys"), t("station.keys_help")):
@@ -82,7 +80,7 @@ class _Page:
         session = self._session
         if not session.description:
             return
-        self._content = yaml.safe_load(station_yaml(session.config))
+        self._content = station_content(session.config)
         self._fields = form_fields(session.schema(), self._content)
         self._show_form()
         self._search()
@@ -115,7 +113,7 @@ class _Page:
 
     def _show_findings(self, findings: Sequence[Mapping[str, str]]) -> None:
         """Show the warnings, and behind them, folded, what is in order."""
-        fine = [finding for finding in findings if finding["level"] == "ok"]
+        fine = [finding for finding in findings if finding["level"] != "warning"]
         for finding in findings:
             if finding not in fine:
                 _show_finding(finding, "warning", self._t("station.warning"))
@@ -163,8 +161,8 @@ class _Page:
             monitors = [field for field in self._fields if field.top == "monitors" and field.key.count(".") == 1]
             for monitor in monitors:
                 inner = [field for field in self._fields if field.key.startswith(f"{monitor.key}.")]
-                given = [_told(field) for field in inner if field.value not in (None, field.default)]
-                name = monitor.key.partition(".")[2] + (f" ({', '.join(given)})" if given else "")
+                changed = [_field_text(field) for field in inner if field.value not in (None, field.default)]
+                name = monitor.key.partition(".")[2] + (f" ({', '.join(changed)})" if changed else "")
                 ui.label(f"{name}: {monitor.help}").classes("text-sm")
             if not monitors:
                 ui.label(self._t("station.no_monitors")).classes("text-sm opacity-70")
@@ -180,8 +178,8 @@ class _Page:
             return
         self._heard = ending
         if ending["ending"] not in ("completed", "stopped"):
-            told = f"{ending['time']:.2f} s: {ending['message']}"
-            self._endings = [told, *self._endings][:_MOST_ENDINGS]
+            line = f"{ending['time']:.2f} s: {ending['message']}"
+            self._endings = [line, *self._endings][:_MOST_ENDINGS]
             self._show_stops()
 
     def _show_block(self, block: str) -> None:
@@ -192,11 +190,11 @@ class _Page:
                 ui.label(self._t("station.choose_block")).classes("opacity-70")
                 return
             columns = {signal["name"]: signal["columns"] for signal in self._session.description["signals"]}
-            told = told_by(block, self._content, list(columns))
+            meaning = block_meaning(block, self._content, list(columns))
             ui.label(self._picture.labels.get(block, block)).classes("font-bold whitespace-pre-line")
-            fields = [field for field in self._fields if told.holds(field.key)]
-            for name in told.signals[:_MOST_SCOPES]:
-                own = (column for column in columns[name] if told.axis and column.endswith(f".{told.axis}"))
+            fields = [field for field in self._fields if meaning.holds(field.key)]
+            for name in meaning.signals[:_MOST_SCOPES]:
+                own = (column for column in columns[name] if meaning.axis and column.endswith(f".{meaning.axis}"))
                 scope(self._session, self._t, name, only=next(own, ""))
             tuners(fields, self._give)
             with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
@@ -228,7 +226,7 @@ class _Section:
 
 def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
     with ui.row().classes("w-full no-wrap items-start gap-2"):
-        ui.icon(icon, color="positive" if finding["level"] == "ok" else "warning").props(
+        ui.icon(icon, color={"ok": "positive", "note": "info"}.get(finding["level"], "warning")).props(
             f'role=img aria-label="{called}"'
         )
         ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
@@ -242,6 +240,6 @@ def _card(title: str, about: str = "") -> ui.card:
     return card
 
 
-def _told(field: Field) -> str:
+def _field_text(field: Field) -> str:
     name = field.key.rpartition(".")[2].removesuffix("_deg").replace("_", " ")
     return f"{name} {as_text(field.value)} {field.unit}".strip()

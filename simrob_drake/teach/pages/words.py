@@ -1,8 +1,9 @@
-"""The words of the pages, in each language one file beside."""
+"""The words of the pages, in each language one file beside, and what a session says in them."""
 
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from simrob_drake.errors import one_of
 from simrob_drake.yaml_files import read_yaml
@@ -14,7 +15,7 @@ _BETWEEN = "."
 class Words(Protocol):
     """What the pages call ``t``: a text by its key, ``section.name``."""
 
-    def __call__(self, key: str, **figures: object) -> str:
+    def __call__(self, key: str, **values: object) -> str:
         """Return a text with figures put in where it has their names in braces."""
 
 
@@ -31,8 +32,8 @@ def words(language: str) -> Words:
     """
     texts = texts_of(one_of("language", language, languages()))
 
-    def t(key: str, **figures: object) -> str:
-        return texts[key].format(**figures) if figures else texts[key]
+    def t(key: str, **values: object) -> str:
+        return texts[key].format(**values) if values else texts[key]
 
     return t
 
@@ -46,3 +47,22 @@ def texts_of(language: str) -> dict[str, str]:
         for section, texts in sections.items()
         for name, text in (texts or {}).items()
     }
+
+
+@dataclass(frozen=True)
+class Notice:
+    """What is to be told.
+
+    Attributes:
+        key: of the section ``notice`` of the words; empty for an error, which has words of its own.
+        fills: what is filled in; ``text`` alone for an error.
+        wrong: whether something went wrong.
+    """
+
+    key: str = ""
+    fills: dict[str, Any] = field(default_factory=dict)
+    wrong: bool = False
+
+    def __str__(self) -> str:
+        """Return it in English."""
+        return words("en")(f"notice.{self.key}", **self.fills) if self.key else str(self.fills.get("text", ""))

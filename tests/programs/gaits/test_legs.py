@@ -9,7 +9,7 @@ from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.feet import facing_rotation, feet_of
 from simrob_drake.programs.gaits.legs import ROWS, OutOfReach, leg_angles
-from simrob_drake.programs.gaits.parameters import load_gaits
+from simrob_drake.programs.gaits.registry import load_gaits
 
 COUNT = 50
 

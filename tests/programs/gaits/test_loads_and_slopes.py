@@ -5,7 +5,7 @@ import pytest
 
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.programs.gaits.biped import planned_walk
+from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk
 from simrob_drake.programs.gaits.feet import upright
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import LEVEL, whole_body_zmp
@@ -43,7 +43,7 @@ def test_on_a_slope_the_zero_moment_point_is_where_the_line_of_weight_meets_the_
     """At rest: straight below the centre of mass along gravity, which the ground's frame sees tilted."""
     gravity = LEVEL + [-9.80665 * slope[0], -9.80665 * slope[1], 0.0]  # noqa: RUF005
     walker = Walker(Walker.of("zjudancer").skeleton, Walker.of("zjudancer").gaits, gravity)
-    gait = walker.gait("walks", "walk", {"sideways": 0.0})
+    gait = BipedWalk.of(walker, "walk", {"sideways": 0.0})
     motion, wanted, planned = planned_walk(walker, 4, gait)
     assert np.abs(wanted - planned).max() < 1e-3
     skeleton, root = walker.skeleton, np.tile(np.eye(4), (3, 1, 1))

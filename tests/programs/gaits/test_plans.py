@@ -7,12 +7,12 @@ from scipy.spatial import ConvexHull
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.kinematics.skeleton import skeleton_of
-from simrob_drake.programs.gaits.biped import planned_walk, walk
+from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk, walk
 from simrob_drake.programs.gaits.feet import facing_rotation, feet_of, rolled, rotations_about
 from simrob_drake.programs.gaits.legs import OutOfReach
-from simrob_drake.programs.gaits.parameters import load_gaits
-from simrob_drake.programs.gaits.phases import SAMPLE, Phase, course
+from simrob_drake.programs.gaits.phases import SAMPLE, Phase, gait_plan
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_inside, three_legs, trot
+from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.plant import add_plant
@@ -124,7 +124,7 @@ def test_moved_inside_goes_to_the_nearest_place():
 
 def test_a_swing_rises_and_lands():
     phase = Phase(1.0, np.array([0.0, 0.1]), 0.5, {"foot": np.array([0.2, 0.0, 0.3])}, lift=0.05, delay=0.2, rest=0.2)
-    way = course({"foot": np.zeros(3)}, np.zeros(2), [phase])
+    way = gait_plan({"foot": np.zeros(3)}, np.zeros(2), [phase])
     np.testing.assert_allclose(way.feet["foot"][[20, 50, 80]], [[0, 0, 0, 0], [0.1, 0, 0.05, 0.15], [0.2, 0, 0, 0.3]],
                                atol=1e-12)  # fmt: skip
     np.testing.assert_allclose(way.zmp[[0, 25, 50, 100], 1], [0, 0.05, 0.1, 0.1])
@@ -148,7 +148,7 @@ def test_a_swing_rises_and_lands():
         ),
         (lambda: walk("humanoide", 10), UnknownName, "there is no robot 'humanoide'; did you mean 'humanoid'"),
         (lambda: trot("yobotics", 0), InvalidParameter, "steps"),
-        (lambda: crawl("yobotics", 0), InvalidParameter, "steps is 0; it must be at least 1"),
+        (lambda: crawl("yobotics", 0), InvalidParameter, "steps is 0; it must be a whole number, 1 to"),
         (lambda: three_legs("yobotics", foot="rear_left_foot", seconds=-1), InvalidConfig, "seconds"),
         (lambda: three_legs("yobotics", foot="left_foot"), UnknownName, "left_foot"),
         (lambda: three_legs("yobotics", foot="rear_left_foot", height=0.5), OutOfReach, "rear_left"),
@@ -160,7 +160,7 @@ def test_what_cannot_be_is_refused(plan, error, says):
 
 
 def test_changes_keep_the_other_figures():
-    figures = Walker.of("roid1").gait("walks", "walk", {"lift": 0.01})
+    figures = BipedWalk.of(Walker.of("roid1"), "walk", {"lift": 0.01})
     assert figures.lift == 0.01
     assert figures.step_time == load_gaits("roid1").walks["walk"].step_time
 

@@ -4,29 +4,33 @@ import pytest
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.paths import models_root
-from simrob_drake.programs.gaits.parameters import GAITS_FILE, Gaits, load_gaits
-from simrob_drake.programs.gaits.registry import SECTIONS, gaits_of
+from simrob_drake.programs.gaits.registry import KINDS, Gaits, gaits_of, load_gaits
+from simrob_drake.programs.gaits.walker import Walker
+from simrob_drake.robots.gaits_file import GAITS_FILE
 
 ROBOTS = sorted(file.parent.name for file in models_root().glob(f"*/{GAITS_FILE}"))
 
 
 def test_every_section_of_gaits_has_a_planner():
-    assert set(SECTIONS) == set(Gaits.model_fields) - {"facing_deg"}
+    assert {kind.section for kind in KINDS} == set(Gaits.model_fields) - {"facing_deg", "reacting"}
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_names_are_told_apart(robot):
-    names = [name for section in SECTIONS for name in getattr(load_gaits(robot), section)]
+    names = [name for kind in KINDS for name in getattr(load_gaits(robot), kind.section)]
     assert len(names) == len(set(names))
     assert {*gaits_of(robot, steps=True), *gaits_of(robot, steps=False)} == set(names)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_every_gait_is_planned_by_its_name(robot):
-    for name, (kind, _) in gaits_of(robot, steps=True).items():
-        assert kind.plan(robot, 2, name).duration < kind.plan(robot, 3, name, amplitude=0.5).duration
-    for name, (kind, _) in gaits_of(robot, steps=False).items():
-        assert kind.plan(robot, name, rest=3.0).duration > kind.plan(robot, name, rest=0.5).duration + 2.4
+    walker = Walker.of(robot)
+    for name, gait in gaits_of(robot, steps=True).items():
+        half = gait.changed({}, 0.5, name)
+        assert gait.plan(walker, 2, 1.0).duration < half.plan(walker, 3, 0.5).duration
+    for name, gait in gaits_of(robot, steps=False).items():
+        short, long = (gait.changed({"rest": rest}, 1.0, name).plan(walker, 0, 1.0) for rest in (0.5, 3.0))
+        assert long.duration > short.duration + 2.4
 
 
 def test_a_robot_without_gaits_is_told():

@@ -8,13 +8,13 @@ import pytest
 
 from simrob_drake import LeggedRobot, load_station
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.paths import models_root
+from simrob_drake.paths import ROBOT_FILE, models_root
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
-from simrob_drake.programs.gaits.parameters import GAITS_FILE
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.legged_gait import planned_gait
-from simrob_drake.robots.catalog import ROBOT_FILE, load_robot_file
+from simrob_drake.robots.catalog import load_robot_file
+from simrob_drake.robots.gaits_file import GAITS_FILE
 
 LONGER = 0.02  # of the copy's steps [m]
 
@@ -33,7 +33,7 @@ def copy(tmp_path: Path) -> Path:
     x, y, z = text[at + 5 : end].split()
     text = text.replace(text[at:end], f'xyz="{x} {y} {float(z) - 0.01}')
     urdf.write_text(text)
-    length = own.gaits.walks["walk"].step_length
+    length = own.gaits.section("walks")["walk"]["step_length"]
     gaits.write_text(gaits.read_text().replace(f"step_length: {length:.2f}", f"step_length: {length + LONGER:.2f}", 1))
     return folder / ROBOT_FILE
 
@@ -45,7 +45,7 @@ def way(motion: JointMotion) -> float:
 def test_a_copy_of_a_robot_walks_with_its_own_legs_and_figures(copy: Path) -> None:
     theirs, own = walk(load_robot_file(copy), 6), walk("zjudancer", 6)
     assert way(theirs) == pytest.approx(
-        way(own) * (1 + LONGER / Walker.of("zjudancer").gaits.walks["walk"].step_length)
+        way(own) * (1 + LONGER / Walker.of("zjudancer").gaits.section("walks")["walk"]["step_length"])
     )
     knee = Walker.of("zjudancer").model.axis_index("left_knee")
     bend = theirs.positions[0, knee] - own.positions[0, knee]

@@ -15,6 +15,8 @@ from simrob_drake.programs.gaits.quadruped import crawl, three_legs, trot
 from simrob_drake.programs.gaits.sequences import march, posing
 from simrob_drake.results.record.walks import locomotion
 
+pytestmark = pytest.mark.usefixtures("no_plots")
+
 
 def walked(motion, overrides=None):
     result = simulate(motion.station(overrides), reference=motion.trajectory(), progress=False)
@@ -147,6 +149,7 @@ def test_what_the_station_of_a_motion_is_told_stays():
     assert motion.station({"duration": 1.0}).duration == 1.0
 
 
+@pytest.mark.long
 def test_a_walk_at_its_own_steps_goes_as_far_as_at_finer_ones_and_its_station_says_them(tmp_path):
     motion = trot("yobotics", 16)
     result, found = walked(motion)

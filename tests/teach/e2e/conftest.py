@@ -29,7 +29,8 @@ def chromium():
 def page(chromium):
     """A page whose scripts raise nothing."""
     # small, since it draws in three dimensions without a graphics card
-    context = chromium.new_context(viewport={"width": 1100, "height": 600}, accept_downloads=True)
+    small = {"viewport": {"width": 1100, "height": 600}, "device_scale_factor": 0.5}
+    context = chromium.new_context(**small, accept_downloads=True)
     page = context.new_page()
     page.set_default_timeout(_PATIENCE)
     raised = []

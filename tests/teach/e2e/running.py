@@ -1,6 +1,7 @@
 """The pendant as a user starts it, in a process of its own, and a browser without a screen in front of it."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -10,11 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
+from urllib.parse import urlsplit
 
 ROOT = Path(__file__).parents[3]
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 """Three dimensions on a machine without a graphics card."""
+_ADDRESS = re.compile(r"is taught at (http://\S+)")
 _PATIENCE = 120.0  # s that it may take until the page can be opened, on a machine that does other things
 
 
@@ -50,17 +53,18 @@ class Running:
     """``simrob teach`` in a process of its own.
 
     Attributes:
-        url: of the page, with the token.
         folder: where what is taught is kept.
     """
 
     def __init__(self, subject: str | Path, folder: Path, *options: str) -> None:
         self.subject, self.folder, self._options = str(subject), folder, options
+        self._port = 0  # any at first, whoever else is there; then always this one, as its pages expect
         self.start()
 
     def start(self) -> None:
         """Start it, and wait until the page can be opened."""
         command = [sys.executable, "-m", "simrob_drake.cli", "teach", self.subject, "--no-browser"]
+        command += ["--port", str(self._port)]
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
         self._process = subprocess.Popen(
             [*command, "--folder", str(self.folder), *self._options],
@@ -78,8 +82,8 @@ class Running:
             except Empty as problem:
                 self.stop()
                 raise AssertionError(f"no page: {''.join(self.said)}") from problem
-            if "http://" in line:
-                self.url = line[line.index("http://") :].split()[0]
+            if _ADDRESS.search(line):
+                self._port = urlsplit(self.url).port
                 return
             if not line:
                 raise AssertionError(f"it ended: {''.join(self.said)}")
@@ -89,6 +93,11 @@ class Running:
             self.said.append(line)
             lines.put(line)
         lines.put("")
+
+    @property
+    def url(self) -> str:
+        """The newest address of the page; each opens one browser."""
+        return next(found[1] for line in reversed(self.said) if (found := _ADDRESS.search(line)))
 
     @property
     def pid(self) -> int:

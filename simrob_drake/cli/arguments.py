@@ -1,0 +1,122 @@
+"""What the arguments and options of a command ask for, and those that would do nothing."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from simrob_drake.cli.other_files import refuse_other
+from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.importer.packages import Border
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.located import located
+from simrob_drake.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
+
+_PROGRAM_KEYS = {"moves", "references"}
+
+
+def station_from(
+    station: str, settings: list[str] | None, *, allow_code: bool = False, **options: Any
+) -> StationConfig:
+    """Return a station with what the user wants changed.
+
+    Args:
+        station: a name or a file.
+        settings: texts of the form ``key.path=value``, or YAML files.
+        allow_code: whether it may name code that is run.
+        options: values of the options that mean a key of the station and are called like it; None if not given.
+
+    Raises:
+        SimrobError: a station or a change that cannot be; names the option, or what a file is that is no station.
+    """
+    overrides = {key: value for key, value in options.items() if value is not None}
+    called = {key: f"--{key}" for key in overrides}
+    changed = changes_of(settings, "--set", others=called)
+    called |= {key: f"--set {key}" for key in changed}
+    refuse_other(station)
+    return load_station(station, {**overrides, **changed}, called=called, allow_code=allow_code)
+
+
+def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Return changes of a station by their dotted keys.
+
+    Args:
+        texts: texts of the form ``key.path=value``, and YAML files with sections of a station.
+        option: that they are given as.
+        others: what else is given, by the keys that it means.
+
+    Raises:
+        SimrobError: given in another form, twice, or a file that cannot be read.
+    """
+    found, called = dict[str, Any](), dict(others or {})
+    for one in texts or []:
+        for key, value in _changes(one, option):
+            if key in called:
+                raise InvalidParameter(f"{option} {one}", f"given beside {called[key]}", "left out, or the only one")
+            found[key], called[key] = value, f"{option} {key}"
+    return found
+
+
+def _changes(one: str, option: str) -> Iterator[tuple[str, Any]]:
+    if "=" in one or Path(one).suffix.lower() not in YAML_SUFFIXES:
+        for key, text in texts_by_key([one], option):
+            yield key, parse_yaml(text, f"{option} {one}")
+        return
+    file = Path(one).absolute()
+    for name, section in located(read_yaml(file), file.parent, Border(file)).items():
+        entries = section.items() if isinstance(section, Mapping) else ()
+        yield from ((f"{name}.{key}", value) for key, value in entries) if entries else [(name, section)]
+
+
+def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, str]]:
+    """Yield the keys and the texts of an option that is given as ``key.path=text``.
+
+    Raises:
+        InvalidParameter: given in another form.
+    """
+    for one in texts or []:
+        key, equals, text = one.partition("=")
+        if not (key.strip() and equals):
+            raise InvalidParameter(option, one, "of the form key.path=value")
+        yield key.strip(), text
+
+
+def is_program_file(text: str) -> bool:
+    """Tell whether an argument is the file of a program, and not the name or the file of a station.
+
+    Raises:
+        InvalidConfig: a file that cannot be read.
+    """
+    file = Path(text)
+    return file.suffix.lower() in YAML_SUFFIXES and file.is_file() and not _PROGRAM_KEYS.isdisjoint(read_yaml(file))
+
+
+def refuse(why: str, **options: Any) -> None:
+    """Refuse options that would do nothing.
+
+    Args:
+        why: when they may be given.
+        options: their values, by name.
+
+    Raises:
+        InvalidParameter: one is given.
+    """
+    for name, value in options.items():
+        if value:
+            raise InvalidParameter(f"--{name.replace('_', '-')}", "given", why)
+
+
+def refuse_import(why: str, options: ImportOptions | None) -> None:
+    """Refuse options of an import where nothing is imported, as :func:`refuse` does."""
+    refuse(why, **(options.model_dump(exclude_defaults=True) if options else {}))
+
+
+def check_file(file: Path, *, force: bool) -> None:
+    """Check that a file may be written.
+
+    Raises:
+        OutputError: it exists and is not to be replaced.
+    """
+    if file.exists() and not force:
+        raise OutputError(f"{file} exists already; choose another file or replace it with --force")

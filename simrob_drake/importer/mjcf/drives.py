@@ -1,0 +1,186 @@
+"""The actuators, limits, friction and constraints of MuJoCo at the joints of a robot."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.importer.options import ImportReport
+from simrob_drake.importer.trees import HOME, KD, KP, add_note
+from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf_elements import add_motor, written
+
+_FREE, _BALL = 0, 1  # mjtJoint
+_IN_JOINT, _IN_PARENT, _TENDON = 0, 1, 3  # mjtTrn
+_OF_JOINT = 1  # mjtWrap
+_FIXED, _NONE, _AFFINE = 0, 0, 1  # mjtGain; mjtBias twice
+_CONNECT, _WELD, _COUPLED = 0, 1, 2  # mjtEq
+_SITE = 6  # mjtObj
+_HOME = "home"
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint as a URDF has it.
+
+    Attributes:
+        element: its element.
+        joint: the one of MuJoCo that it stands for.
+        part: which of that one's freedoms it is.
+    """
+
+    element: ET.Element
+    joint: int
+    part: int = 0
+
+
+@dataclass
+class _Drive:
+    """What actuators do to a joint of MuJoCo."""
+
+    effort: float = 0.0
+    kp: float = 0.0
+    kd: float = 0.0
+
+
+@dataclass
+class DriveWriter:
+    """Writes what drives, holds and couples the joints of one robot.
+
+    Attributes:
+        robot: its element.
+        model: MuJoCo's figures.
+        joints: those of the robot.
+        bodies: which bodies are links of the robot.
+        report: takes a note of all that is lost.
+    """
+
+    robot: ET.Element
+    model: Any
+    joints: Sequence[UrdfJoint]
+    bodies: Mapping[int, ET.Element]
+    report: ImportReport
+    _drives: dict[int, _Drive] = field(default_factory=dict, init=False)
+
+    def write(self) -> None:
+        """Write limits, friction, motors, couplings and closed loops, and propose home and gains."""
+        for actuator in range(len(self.model.actuator_trntype)):
+            self._read_actuator(actuator)
+        idle = [name_of(joint.element) for joint in self.joints if joint.joint not in self._drives]
+        for joint in self.joints:
+            self._write_joint(joint)
+        if idle:
+            listed = "', '".join(idle)
+            self.report.add("defaulted", f"joints '{listed}'", "no actuator drives them; a motor made for each")
+        self._propose_home()
+        self._write_constraints()
+        targets = zip(self.model.actuator_trntype, self.model.actuator_trnid, strict=True)
+        pulled = {int(target[0]) for kind, target in targets if kind == _TENDON}
+        for tendon in set(range(len(self.model.tendon_num))) - pulled:
+            message = "tendons are not simulated: what it held or coupled moves freely"
+            self.report.add("lost", f"tendon '{self.model.tendon_name[tendon]}'", message)
+
+    def _read_actuator(self, actuator: int) -> None:
+        model, where = self.model, f"actuator '{self.model.actuator_name[actuator]}'"
+        levers = dict(self._levers(actuator))
+        if not levers:
+            self.report.add("lost", where, "drives no joint; only motors of joints are simulated")
+            return
+        if model.actuator_trntype[actuator] == _TENDON:
+            listed = ", ".join(str(model.jnt_name[joint]) for joint in levers)
+            self.report.add("approximated", where, f"pulls at several joints by a tendon; each gets a motor: {listed}")
+        plain = model.actuator_gaintype[actuator] == _FIXED and model.actuator_biastype[actuator] in (_NONE, _AFFINE)
+        if model.actuator_dyntype[actuator] or not plain:
+            message = "has a force of its own law, as muscles and filters have; a motor with its largest force"
+            self.report.add("approximated", where, message)
+        gain, bias = model.actuator_gainprm[actuator], model.actuator_biasprm[actuator]
+        for joint, lever in levers.items():
+            drive = self._drives.setdefault(joint, _Drive())
+            if model.actuator_forcelimited[actuator]:
+                peak = float(np.abs(model.actuator_forcerange[actuator]).max())
+            elif model.actuator_ctrllimited[actuator] and plain and model.actuator_biastype[actuator] == _NONE:
+                peak = abs(gain[0]) * float(np.abs(model.actuator_ctrlrange[actuator]).max())
+            else:
+                peak = 0.0
+            drive.effort = max(drive.effort, abs(lever) * peak)
+            if plain and model.actuator_biastype[actuator] == _AFFINE:
+                drive.kp += max(-bias[1], 0.0) * lever**2
+                drive.kd += max(-bias[2], 0.0) * lever**2
+
+    def _levers(self, actuator: int) -> Iterator[tuple[int, float]]:
+        """Yield the joints that an actuator drives, each with the torque per force of the actuator."""
+        model = self.model
+        kind, target, gear = model.actuator_trntype[actuator], model.actuator_trnid[actuator][0], None
+        gear = float(model.actuator_gear[actuator][0])
+        if kind in (_IN_JOINT, _IN_PARENT) and model.jnt_type[target] not in (_FREE, _BALL):
+            yield int(target), gear
+        elif kind == _TENDON:
+            first = model.tendon_adr[target]
+            for wrap in range(first, first + model.tendon_num[target]):
+                if model.wrap_type[wrap] == _OF_JOINT:
+                    yield int(model.wrap_objid[wrap]), gear * float(model.wrap_prm[wrap])
+
+    def _write_joint(self, joint: UrdfJoint) -> None:
+        model, element, number = self.model, joint.element, joint.joint
+        limit = ET.SubElement(element, "limit")
+        if model.jnt_limited[number]:
+            lower, upper = model.jnt_range[number].tolist()
+            lower = -upper if model.jnt_type[number] == _BALL else lower
+            limit.attrib |= {"lower": written(lower), "upper": written(upper)}
+        drive = self._drives.get(number, _Drive())
+        effort = drive.effort
+        if model.jnt_actfrclimited[number]:
+            own = float(np.abs(model.jnt_actfrcrange[number]).max())
+            effort = min(effort, own) if effort else own
+        if effort:
+            limit.set("effort", written(effort))
+        if drive.kp > 0:
+            add_note(element, KP, drive.kp)
+            add_note(element, KD, drive.kd)
+        dof = model.jnt_dofadr[number] + joint.part
+        friction = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
+        ET.SubElement(element, "dynamics", {key: written(value) for key, value in friction.items() if value})
+        motor = add_motor(self.robot, name_of(element), drive=f"{name_of(element)}_drive")
+        if model.dof_armature[dof] > 0:
+            ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=written(model.dof_armature[dof]))
+        if model.jnt_stiffness[number] > 0:
+            message = f"a spring of {model.jnt_stiffness[number]:g} per rad or m: springs at joints are not simulated"
+            self.report.add("lost", f"joint '{name_of(element)}'", message)
+
+    def _propose_home(self) -> None:
+        """Propose the posture of the keyframe called home, or of the first, or else MuJoCo's own."""
+        model = self.model
+        names = [str(name) for name in model.key_name]
+        key = names.index(_HOME) if _HOME in names else 0
+        posture = model.key_qpos[key] if names else model.qpos0
+        own = [joint for joint in self.joints if model.jnt_type[joint.joint] != _BALL]
+        values = [float(posture[model.jnt_qposadr[joint.joint]]) for joint in own]
+        if not any(values):
+            return
+        for joint, value in zip(own, values, strict=True):
+            lower, upper = model.jnt_range[joint.joint] if model.jnt_limited[joint.joint] else (-np.inf, np.inf)
+            add_note(joint.element, HOME, float(np.clip(value, lower, upper)))
+        if names:
+            self.report.add("read", f"keyframe '{names[key]}'", "is the posture at the start")
+
+    def _write_constraints(self) -> None:
+        """Write couplings of joints as a URDF does; closed loops are for the next stage to refuse or leave out."""
+        model, first = self.model, {joint.joint: joint.element for joint in reversed(self.joints)}
+        for index, kind in enumerate(model.eq_type):
+            name = str(model.eq_name[index]) or f"equality {index + 1}"
+            ends = [int(model.eq_obj1id[index]), int(model.eq_obj2id[index])]
+            if model.eq_objtype[index] == _SITE:
+                ends = [int(model.site_bodyid[site]) for site in ends]
+            if not model.eq_active0[index]:
+                self.report.add("dropped", f"constraint '{name}'", "is not active")
+                continue
+            if kind in (_CONNECT, _WELD) and all(body in self.bodies for body in ends):
+                between = "' and '".join(name_of(self.bodies[body]) for body in ends)
+                ET.SubElement(self.robot, "loop_joint", name=f"{name} of '{between}'")
+                continue
+            if kind == _COUPLED and ends[0] in first and ends[1] in first:
+                ET.SubElement(first[ends[0]], "mimic", joint=name_of(first[ends[1]]))
+                continue
+            self.report.add("lost", f"constraint '{name}'", "is not simulated")

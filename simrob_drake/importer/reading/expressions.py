@@ -1,0 +1,255 @@
+"""The expressions of xacro files: a small part of Python, interpreted, so that a file can compute and nothing else.
+
+Numbers, texts, lists and mappings are combined by operators, conditions, indices and named functions. Nothing of a
+Python object can be reached: an attribute is the key of a mapping, a function is no callable, and what is written
+behind a value as a method is a function of ours. What an expression gives is bounded in size.
+"""
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+LARGEST = 1_000_000
+"""How much a value may hold: letters, and ten for each number and each entry in it."""
+_LONGEST = 20_000  # letters of an expression
+_BITS = 2048  # of a whole number; a float reaches to 1024
+_PLAIN = (bool, int, float, str, list, tuple, dict, set, range, type(None))
+_WIDE = re.compile(r"%[^%a-zA-Z]*(\*|\d{4})")  # a format that makes a thousand letters of one
+
+_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+    ast.Not: operator.not_,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Is: operator.is_,
+    ast.IsNot: operator.is_not,
+    ast.In: lambda one, many: one in many,
+    ast.NotIn: lambda one, many: one not in many,
+}
+
+
+class NotAllowed(Exception):
+    """An expression with something that no xacro file may do."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function that expressions may call; it is no callable, so that nothing but the interpreter can call it."""
+
+    name: str
+    run: Callable[..., Any] = field(repr=False)
+
+
+Methods = Mapping[tuple[type, str], Callable[..., Any]]
+"""Functions that are written behind a value, as in ``text.lower()``, by the value's type and their name."""
+
+
+def evaluate(text: str, names: Mapping[str, Any], methods: Methods) -> Any:
+    """Return the value of an expression, in which ``names`` stand for values and for each :class:`Function`.
+
+    Raises:
+        SyntaxError: it is none.
+        NotAllowed: it holds something that xacro files may not do, or its value is too large.
+        Exception: what Python raises for such values, such as ZeroDivisionError.
+    """
+    if len(text) > _LONGEST:
+        raise NotAllowed(f"an expression of more than {_LONGEST} letters is not allowed")
+    return _Scope(names, methods).value(ast.parse(text.strip(), mode="eval").body)
+
+
+def bounded(value: Any) -> Any:
+    """Return a value that is plain and not too large.
+
+    Raises:
+        NotAllowed: it is not.
+    """
+    size_of(value)
+    return value
+
+
+def size_of(value: Any, size: int = 0) -> int:
+    """Return ``size`` and what a value adds to it: its letters, and ten for each number and each entry.
+
+    Raises:
+        NotAllowed: that is too much, or there is something in it that no expression may hold.
+    """
+    if isinstance(_plain(value), int) and value.bit_length() > _BITS:
+        raise NotAllowed(f"a number of more than {_BITS} bits is not allowed")
+    size += len(value) if isinstance(value, str) else 10
+    if isinstance(value, dict):
+        value = [*value.keys(), *value.values()]
+    if isinstance(value, list | tuple | set | range):
+        for part in value:
+            size = size_of(part, size)
+    if size > LARGEST:
+        raise NotAllowed(f"a value of more than {LARGEST} letters is not allowed")
+    return size
+
+
+@dataclass(frozen=True)
+class _Scope:
+    """What the names in a part of an expression stand for; ``own`` are those of the comprehensions around it."""
+
+    names: Mapping[str, Any]
+    methods: Methods
+    own: Mapping[str, Any] = field(default_factory=dict)
+
+    def value(self, node: ast.expr) -> Any:
+        """Return the value of a part of the expression."""
+        if type(node) not in _RULES:
+            raise NotAllowed(f"{type(node).__name__} is not allowed in an expression")
+        return _RULES[type(node)](self, node)
+
+
+def _name(scope: _Scope, node: ast.Name) -> Any:
+    try:
+        return _plain(scope.own[node.id] if node.id in scope.own else scope.names[node.id])
+    except KeyError:
+        raise NameError(f"name '{node.id}' is not defined") from None
+
+
+def _list(scope: _Scope, node: ast.List | ast.Tuple) -> Any:
+    return bounded([scope.value(part) for part in node.elts])
+
+
+def _mapping(scope: _Scope, node: ast.Dict) -> dict[Any, Any]:
+    keys = [scope.value(key) for key in node.keys if key is not None]
+    return dict(zip(keys, _list(scope, ast.List(node.values)), strict=True))
+
+
+def _binary(scope: _Scope, node: ast.BinOp) -> Any:
+    one, other = scope.value(node.left), scope.value(node.right)
+    whole = isinstance(one, int) and isinstance(other, int)
+    match node.op:
+        case ast.Pow() if whole and one.bit_length() * other > _BITS:
+            raise NotAllowed(f"a power of more than {_BITS} bits is not allowed")
+        case ast.Mult() if not whole:
+            for many, times in ((one, other), (other, one)):
+                if isinstance(many, str | list | tuple) and isinstance(times, int) and size_of(many) * times > LARGEST:
+                    raise NotAllowed(f"a repetition to more than {LARGEST} letters is not allowed")
+        case ast.Mod() if isinstance(one, str) and _WIDE.search(one):
+            raise NotAllowed("a format of more than 999 letters is not allowed")
+    return bounded(_operator(node.op)(one, other))
+
+
+def _junction(scope: _Scope, node: ast.BoolOp) -> Any:
+    """Return the first of the values that decides an ``and`` or an ``or``, else the last."""
+    value = None
+    for part in node.values:
+        value = scope.value(part)
+        if bool(value) is isinstance(node.op, ast.Or):
+            break
+    return value
+
+
+def _comparison(scope: _Scope, node: ast.Compare) -> bool:
+    left = scope.value(node.left)
+    for op, comparator in zip(node.ops, node.comparators, strict=True):
+        right = scope.value(comparator)
+        if not _operator(op)(left, right):
+            return False
+        left = right
+    return True
+
+
+def _entry(scope: _Scope, node: ast.Subscript) -> Any:
+    owner, place = scope.value(node.value), node.slice
+    if not isinstance(owner, str | list | tuple | dict | range):
+        raise NotAllowed(f"an entry of a {type(owner).__name__} is not allowed")
+    if isinstance(place, ast.Slice):
+        ends = (place.lower, place.upper, place.step)
+        return owner[slice(*(None if end is None else scope.value(end) for end in ends))]
+    return _plain(owner[scope.value(place)])
+
+
+def _call(scope: _Scope, node: ast.Call) -> Any:
+    if any(key.arg is None for key in node.keywords):
+        raise NotAllowed("** is not allowed in an expression")
+    run, by_name = _function(scope, node.func), {str(key.arg): scope.value(key.value) for key in node.keywords}
+    return bounded(run(*map(scope.value, node.args), **by_name))
+
+
+def _function(scope: _Scope, node: ast.expr) -> Callable[..., Any]:
+    if isinstance(node, ast.Attribute):
+        owner = scope.value(node.value)
+        if (type(owner), node.attr) in scope.methods:
+            return partial(scope.methods[type(owner), node.attr], owner)
+        found = _under(owner, node.attr)
+    else:
+        found = scope.value(node)
+    if not isinstance(found, Function):
+        raise NotAllowed(f"{ast.unparse(node)} is no function that an expression may call")
+    return found.run
+
+
+def _comprehension(scope: _Scope, node: ast.ListComp) -> list[Any]:
+    """Return the values of a part for all entries of one list, under one name or several."""
+    loop = node.generators[0]
+    if len(node.generators) > 1 or loop.ifs:
+        raise NotAllowed("a comprehension with conditions, or of several lists, is not allowed in an expression")
+    several = isinstance(loop.target, ast.Tuple)
+    names = [ast.unparse(name) for name in (loop.target.elts if isinstance(loop.target, ast.Tuple) else [loop.target])]
+    made, size = list[Any](), 0
+    for entry in bounded(scope.value(loop.iter)):
+        own = dict(zip(names, bounded(entry) if several else [entry], strict=True))
+        made.append(replace(scope, own={**scope.own, **own}).value(node.elt))
+        size = size_of(made[-1], size)
+    return made
+
+
+_RULES: dict[type[ast.expr], Callable[[_Scope, Any], Any]] = {
+    ast.Constant: lambda _, node: bounded(node.value),
+    ast.Name: _name,
+    ast.List: _list,
+    ast.Tuple: lambda scope, node: tuple(_list(scope, node)),
+    ast.Dict: _mapping,
+    ast.UnaryOp: lambda scope, node: _operator(node.op)(scope.value(node.operand)),
+    ast.BinOp: _binary,
+    ast.BoolOp: _junction,
+    ast.Compare: _comparison,
+    ast.IfExp: lambda scope, node: scope.value(node.body if scope.value(node.test) else node.orelse),
+    ast.Subscript: _entry,
+    ast.Attribute: lambda scope, node: _under(scope.value(node.value), node.attr),
+    ast.Call: _call,
+    ast.ListComp: _comprehension,
+}
+"""What may stand in an expression; everything else is refused."""
+
+
+def _operator(op: ast.AST) -> Callable[..., Any]:
+    if type(op) not in _OPERATORS:
+        raise NotAllowed(f"{type(op).__name__} is not allowed in an expression")
+    return _OPERATORS[type(op)]
+
+
+def _under(owner: Any, key: str) -> Any:
+    """Return what stands under a key of a mapping."""
+    if not isinstance(owner, dict):
+        raise NotAllowed(f".{key} of a {type(owner).__name__} is not allowed: only mappings have keys")
+    try:
+        return _plain(owner[key])
+    except KeyError:
+        raise NameError(f"there is no key '{key}'") from None
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of a kind that expressions may hold."""
+    if not isinstance(value, (*_PLAIN, Function)):
+        raise NotAllowed(f"a value of the kind {type(value).__name__} is not allowed in an expression")
+    return value

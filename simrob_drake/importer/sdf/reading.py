@@ -1,0 +1,189 @@
+"""Read an SDF file: put in the models that it includes, and choose the one that is the robot."""
+
+import os
+import xml.etree.ElementTree as ET
+from collections import Counter
+from copy import deepcopy
+from dataclasses import dataclass
+from os.path import isdir
+from pathlib import Path
+
+from simrob_drake.errors import one_of, shortened
+from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
+from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.importer.packages import MODEL_MANIFEST, OutsideBorder
+from simrob_drake.importer.reading.xml_file import included, xml_element
+from simrob_drake.importer.sdf.frames import version_of
+from simrob_drake.importer.sdf.robot import RobotWriter, moves
+from simrob_drake.robots.urdf import MOST_TAGS, name_of
+
+_MAIN = "model.sdf"
+_DEEPEST = 20  # includes in includes
+_OVERRIDES = ("static", "pose")
+_LOST = {
+    "sensor": "a station has sensors of its own",
+    "plugin": "plugins are never loaded",
+    "actor": "people are not simulated",
+    "light": "a station has light of its own",
+    "surface": "a station has contact figures of its own (contact:)",
+}
+
+
+def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
+    """Return the ``robot`` element of a model in an ``sdf`` element.
+
+    Parameters are as of :func:`~simrob_drake.importer.mjcf.reading.read_mjcf`.
+
+    Raises:
+        InvalidModel: a defect that no reading is sure of, or it holds no robot.
+    """
+    includes = _Includes(MeshPlaces(path, options.mesh_path), report)
+    for owner in [element for element in root.iter() if element.tag in ("world", "model", "sdf")]:
+        includes.put_in(owner)
+    model = _chosen(root, options.model, report)
+    _report_lost(model, report)
+    return RobotWriter(model, version_of(root), report).written()
+
+
+def _chosen(root: ET.Element, name: str, report: ImportReport) -> ET.Element:
+    """Return the model that is the robot; the others are told of."""
+    models = [model for owner in (root, *root.iterfind("world")) for model in owner.iterfind("model")]
+    names = [name_of(model) for model in models]
+    if name:
+        return models[names.index(one_of("model (for --model)", name, names))]
+    robots = [model for model in models if moves(model)] or models
+    if len(robots) != 1:
+        listed = ", ".join(name_of(model) for model in robots)
+        raise report.refusal(
+            "", f"holds {len(robots)} robots ({listed}); choose one with --model NAME" if robots else ("holds no model")
+        )
+    for model in models:
+        if model is not robots[0]:
+            kind = "stands" if (model.findtext("static") or "").strip() in ("1", "true") else "is loose"
+            message = f"{kind} in the world beside the robot; a piece of a station can take its place (pieces:)"
+            report.add("dropped", f"model '{name_of(model)}'", message)
+    return robots[0]
+
+
+def _report_lost(model: ET.Element, report: ImportReport) -> None:
+    for tag, count in Counter(element.tag for element in model.iter() if element.tag in _LOST).items():
+        report.add("lost" if tag == "surface" else "dropped", f"<{tag}>", f"{count} ×: {_LOST[tag]}")
+    for link in model.iter("link"):
+        if (link.findtext("gravity") or "1").strip() in ("0", "false"):
+            report.add("lost", f"link '{name_of(link)}'", "feels no gravity: all has its weight")
+
+
+@dataclass
+class _Includes:
+    """Puts models in the place of ``include`` elements."""
+
+    places: MeshPlaces
+    report: ImportReport
+    budget: int = MOST_TAGS
+
+    def put_in(self, owner: ET.Element, depth: int = 0) -> None:
+        """Put models in the place of the ``include`` elements of a world or a model.
+
+        Raises:
+            InvalidModel: they may not be read, or never end.
+        """
+        for include in owner.findall("include"):
+            place = list(owner).index(include)
+            owner.remove(include)
+            uri = (include.findtext("uri") or "").strip()
+            where = f"<include> '{shortened(uri)}'"
+            if depth > _DEEPEST:
+                raise self.report.refusal(where, "models include each other without an end")
+            try:
+                model = self._model(uri)
+            except MeshMissing as problem:
+                self.report.add("lost", where, str(problem))
+                continue
+            except OutsideBorder as problem:
+                raise self.report.refusal(where, str(problem)) from problem
+            self.put_in(model, depth + 1)
+            for nested in model.iter("model"):
+                if nested is not model:
+                    self.put_in(nested, depth + 1)
+            self.budget -= sum(1 for _ in model.iter())
+            if self.budget < 0:
+                raise self.report.refusal(where, f"more than {MOST_TAGS} tags with all that is included")
+            for new in reversed(_placed(model, include)):
+                owner.insert(place, new)
+
+    def _model(self, uri: str) -> ET.Element:
+        """Return the model at a URI, whose meshes are named as the main file has to."""
+        path, base = self._file(uri)
+        model = included(xml_element, path, self.report).find("model")
+        if model is None:
+            raise MeshMissing(f"{path.name} holds no model")
+        for name in model.iter("uri"):
+            text = (name.text or "").strip()
+            if text and "://" not in text and not text.startswith("/"):
+                name.text = f"{base}/{text}"
+        return model
+
+    def _file(self, uri: str) -> tuple[Path, str]:
+        """Return the SDF file at a URI, and how names that are relative to it begin in the main file."""
+        border, (scheme, means, rest) = self.places.border, uri.partition("://")
+        if means and scheme in ("model", "package"):
+            package, _, inner = rest.partition("/")
+            known = border.package(package)
+            if known is None:
+                raise MeshMissing(f"there is no package {package} that may be read")
+            folder = border.readable(known / inner)
+            base = uri.rstrip("/")
+        else:
+            try:
+                found = self.places.source.parent / (rest if scheme == "file" else uri)
+                folder = border.readable(found) if isdir(found) else self.places.find(uri).path
+            except ValueError as problem:
+                raise MeshMissing("is no name that a file can have") from problem
+            base = os.path.relpath(folder, self.places.source.parent)
+        if isdir(folder):
+            return self._main(folder), base
+        return folder, os.path.dirname(base)
+
+    def _main(self, folder: Path) -> Path:
+        """Return the SDF file of a model's folder: the last that its manifest names, which is of the newest version."""
+        manifest = folder / MODEL_MANIFEST
+        names = [_MAIN]
+        if manifest.is_file():
+            names += [(sdf.text or "").strip() for sdf in xml_element(manifest, ImportReport(manifest)).iter("sdf")]
+        for name in reversed(names):
+            if name and (folder / name).is_file():
+                return self.places.border.readable(folder / name)
+        raise MeshMissing(f"there is no {_MAIN} in {folder}")
+
+
+def _placed(model: ET.Element, include: ET.Element) -> list[ET.Element]:
+    """Return what stands in the place of an ``include``: the model, or all that is in it if it is to be merged."""
+    if include.findtext("name"):
+        model.set("name", (include.findtext("name") or "").strip())
+    for tag in _OVERRIDES:
+        if include.find(tag) is not None:
+            for old in model.findall(tag):
+                model.remove(old)
+            model.append(deepcopy(include.find(tag)))  # type: ignore[arg-type]
+    placement = include.findtext("placement_frame")
+    if placement:
+        model.set("placement_frame", placement.strip())
+    if include.get("merge") != "true":
+        return [model]
+    return _merged(model)
+
+
+def _merged(model: ET.Element) -> list[ET.Element]:
+    """Return what is in a model as parts of the one that includes it, placed in a frame that stands for its own."""
+    own = f"_merged_{name_of(model)}"
+    frame = ET.Element("frame", name=own)
+    frame.extend(model.findall("pose"))
+    parts = [part for part in model if part.tag in ("link", "joint", "frame", "model", "sensor", "plugin")]
+    for part in parts:
+        pose = part.find("pose")
+        in_model = part.tag in ("link", "model") or (part.tag == "frame" and not part.get("attached_to"))
+        if part.tag == "frame" and not part.get("attached_to"):
+            part.set("attached_to", own)
+        if in_model and (pose is None or not pose.get("relative_to")):
+            (ET.SubElement(part, "pose") if pose is None else pose).set("relative_to", own)
+    return [frame, *parts]

@@ -1,0 +1,246 @@
+"""From an SDF model to a tree of links, in which every joint turns about one axis, or slides along it.
+
+In SDF frames lie anywhere, joints lead either way and may close loops. In a URDF the frame of a link is that of the
+joint that leads to it, so the shapes of each link move along.
+"""
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from simrob_drake.frames import Vector
+from simrob_drake.importer.options import ImportReport
+from simrob_drake.importer.repairs.names import FreeNames
+from simrob_drake.importer.sdf.frames import MODEL, SCOPE, WORLD, Frames, named, own_pose
+from simrob_drake.importer.sdf.shapes import add_inertia, add_shapes
+from simrob_drake.importer.trees import ROOT, add_between
+from simrob_drake.robots.urdf import DRAKE, name_of
+from simrob_drake.robots.urdf_check import numbers_in
+from simrob_drake.robots.urdf_elements import add_frame, add_joint, add_motor, text
+
+_MOVING = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "screw")
+_AXES = {"universal": ("axis", "axis2"), "revolute2": ("axis", "axis2"), "ball": ("x", "y", "z")}
+_IN_MODEL_FRAME = (1, 4)  # the last version in which axes were in the model's frame
+
+
+def moves(model: ET.Element) -> bool:
+    """Return whether anything in a model moves by a joint."""
+    held = text_at(model, "static") in ("1", "true")
+    return not held and any(joint.get("type") in _MOVING for joint in model.iter("joint"))
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """A joint between two links, each by its full name."""
+
+    name: str
+    prefix: str
+    element: ET.Element
+    parent: str
+    child: str
+
+
+@dataclass
+class RobotWriter:
+    """Writes one model as a robot.
+
+    Attributes:
+        model: the ``model`` element.
+        version: of the file.
+        report: takes a note of all that is lost.
+    """
+
+    model: ET.Element
+    version: tuple[int, ...]
+    report: ImportReport
+    robot: ET.Element = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Know all frames."""
+        place = own_pose(self.model, self.report, f"model '{name_of(self.model)}'")
+        self.robot = ET.Element("robot", name=name_of(self.model))
+        self._frames = Frames(self.report, place)
+        self._frames.add_model(self.model)
+        self._edges = [edge for edge in map(self._edge, self._frames.joints) if edge is not None]
+        self._names = _short([*self._frames.links, *self._frames.joints])
+        self._free = FreeNames(self._names.values())
+        self._origins: dict[str, RigidTransform] = {}  # of the links of the URDF in the model
+
+    def written(self) -> ET.Element:
+        """Return the ``robot`` element.
+
+        Raises:
+            InvalidModel: frames that name none, or a joint that is none.
+        """
+        static = text_at(self.model, "static") in ("1", "true")
+        held = static or any(WORLD in (edge.parent, edge.child) for edge in self._edges)
+        if held:
+            self._names[WORLD] = self._free.take(ROOT)
+            self._add_link(WORLD, RigidTransform())
+        if static:
+            self._fix(next(iter(self._frames.links), ""))
+        self._grow()
+        while rest := [link for link in self._frames.links if link not in self._origins]:
+            reached = {edge.child for edge in self._edges}
+            root = next((link for link in rest if link not in reached), rest[0])
+            self._add_link(root, self._frames.pose(root))
+            self._grow()
+        for edge in self._edges:
+            where = f"{edge.name}' between '{edge.parent}' and '{edge.child}"
+            ET.SubElement(self.robot, "loop_joint", name=where)
+        self._add_frames()
+        return self.robot
+
+    def _edge(self, full: str) -> _Edge | None:
+        prefix, joint = self._frames.joints[full]
+        ends = [named(prefix, text_at(joint, end)) for end in ("parent", "child")]
+        if joint.get("type") == "gearbox":
+            message = "couples two joints, each of which moves on its own here"
+            self.report.add("lost", f"joint '{full}'", message)
+            return None
+        parent, child = (self._frames.link_of(end) for end in ends)
+        return _Edge(full, prefix, joint, parent, child)
+
+    def _grow(self) -> None:
+        """Add all links that joints lead to from those that are there; joints that lead back are turned round."""
+        while True:
+            forward = (edge for edge in self._edges if edge.parent in self._origins and edge.child not in self._origins)
+            back = (edge for edge in self._edges if edge.child in self._origins and edge.parent not in self._origins)
+            if (edge := next(forward, None)) is not None:
+                self._join(edge, edge.parent, edge.child, 1.0)
+            elif (edge := next(back, None)) is not None:
+                self._join(edge, edge.child, edge.parent, -1.0)
+                message = "leads towards the root; turned round, its axis too, so that its position means the same"
+                self.report.add("repaired", f"joint '{edge.name}'", message)
+            else:
+                return
+            self._edges.remove(edge)
+
+    def _join(self, edge: _Edge, parent: str, child: str, sense: float) -> None:
+        joint, kind = edge.element, edge.element.get("type", "")
+        place, carrier = self._frames.pose(edge.name), self._names[parent]
+        start = self._origins[parent].inverse() @ place
+        parts = _AXES.get(kind, ("axis",))[:: int(sense)]
+        self._add_link(child, place)
+        for index, part in enumerate(parts):
+            last = index == len(parts) - 1
+            name = self._names[edge.name] if len(parts) == 1 else self._free.take(f"{self._names[edge.name]}_{part}")
+            to = self._names[child] if last else add_between(self.robot, self._free, self._names[child])
+            element = add_joint(self.robot, name, parent=carrier, child=to, pose=start, kind=kind)
+            if kind != "fixed":
+                axis = joint.find(part)
+                direction = np.eye(3)["xyz".index(part)] if part in "xyz" else self._direction(edge, axis, place)
+                ET.SubElement(element, "axis", xyz=text(sense * direction))
+                write_limits(element, axis)
+                write_drive(self.robot, element, axis, joint if len(parts) == 1 else None, self.report)
+            carrier, start = to, RigidTransform()
+        if len(parts) > 1:
+            message = f"is {kind}; {len(parts)} joints, between which are links of next to no mass"
+            self.report.add("approximated" if kind == "ball" else "repaired", f"joint '{edge.name}'", message)
+
+    def _direction(self, edge: _Edge, axis: ET.Element | None, place: RigidTransform) -> Vector:
+        """Return an axis in its joint's frame."""
+        xyz = None if axis is None else axis.find("xyz")
+        numbers = numbers_in((xyz.text or "") if xyz is not None else "0 0 1") or []
+        if len(numbers) != len("xyz") or not any(numbers):
+            raise self.report.refusal(f"joint '{edge.name}' <axis>", "is no direction")
+        base = xyz.get("expressed_in") if xyz is not None else None
+        old = axis is not None and text_at(axis, "use_parent_model_frame") in ("1", "true")
+        if self.version <= _IN_MODEL_FRAME or old:
+            base = MODEL
+        direction = np.array(numbers)
+        if not base:
+            return direction
+        turned: Vector = place.rotation().inverse() @ self._frames.pose(named(edge.prefix, base)).rotation() @ direction
+        return turned
+
+    def _fix(self, link: str) -> None:
+        if link:
+            pose = self._frames.place @ self._frames.pose(link)
+            name = self._free.take(f"{self._names[link]}_fixed")
+            add_joint(self.robot, name, parent=self._names[WORLD], child=self._names[link], pose=pose)
+            self._add_link(link, self._frames.pose(link))
+
+    def _add_link(self, full: str, origin: RigidTransform) -> None:
+        """Add a link whose frame has a pose in the model."""
+        self._origins[full] = self._frames.place.inverse() if full == WORLD else origin
+        link = ET.SubElement(self.robot, "link", name=self._names[full])
+        if full == WORLD:
+            return
+        element, place = self._frames.links[full], origin.inverse() @ self._frames.pose(full)
+        add_inertia(link, element, place, self.report)
+        add_shapes(link, element, place, self.report)
+
+    def _add_frames(self) -> None:
+        """Add the named frames, which tools may be."""
+        taken = FreeNames(name_of(link) for link in self.robot.iterfind("link"))
+        for frame in self.model.iterfind("frame"):
+            link = self._frames.link_of(name_of(frame))
+            pose = self._origins[link].inverse() @ self._frames.pose(name_of(frame))
+            add_frame(self.robot, taken.take(name_of(frame)), self._names[link], pose)
+
+
+def _short(names: list[str]) -> dict[str, str]:
+    """Return short names: without those of the models that they are in, where that is enough."""
+    ends = [name.rsplit(SCOPE, 1)[-1] for name in names]
+    free, counts = FreeNames(), {end: ends.count(end) for end in ends}
+    return {
+        name: free.take(end if counts[end] == 1 else name.replace(SCOPE, "_"))
+        for name, end in zip(names, ends, strict=True)
+    }
+
+
+_ENDLESS = 1e15  # SDF's own default limits are 1e16
+_ENDS = ("lower", "upper")
+_LARGEST = ("effort", "velocity")
+_GEARS = ("rotor_inertia", "gear_ratio")  # of Drake
+
+
+def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
+    """Write the limits of an SDF axis into a joint of a URDF; one that turns and has none is continuous."""
+    limit = ET.SubElement(joint, "limit")
+    ends = {key: value for key in _ENDS if (value := _figure(axis, f"limit/{key}")) and abs(float(value)) < _ENDLESS}
+    limit.attrib |= ends
+    if joint.get("type") not in ("prismatic", "screw"):
+        joint.set("type", "revolute" if len(ends) == len(_ENDS) else "continuous")
+    for key in _LARGEST:
+        value = _figure(axis, f"limit/{key}")
+        if value and 0 <= float(value) < _ENDLESS:  # -1 is none
+            limit.set(key, value)
+    acceleration = _figure(axis, f"limit/{DRAKE}acceleration")
+    if acceleration:
+        limit.set(f"{DRAKE}acceleration", acceleration)
+
+
+def write_drive(
+    robot: ET.Element, joint: ET.Element, axis: ET.Element | None, source: ET.Element | None, report: ImportReport
+) -> None:
+    """Write the friction of an SDF axis into a joint of a URDF, and the motor that Drake's elements give it.
+
+    ``source`` is the SDF joint, unless several of the URDF stand for it.
+    """
+    friction = {key: value for key in ("damping", "friction") if (value := _figure(axis, f"dynamics/{key}"))}
+    ET.SubElement(joint, "dynamics", {key: value for key, value in friction.items() if float(value)})
+    if float(_figure(axis, "dynamics/spring_stiffness") or 0):
+        report.add("lost", f"joint '{name_of(joint)}'", "has a spring, and springs at joints are not simulated")
+    mimic = None if axis is None else axis.find("mimic")
+    if mimic is not None:
+        ET.SubElement(joint, "mimic", joint=mimic.get("joint", ""))
+    gears = {key: value for key in _GEARS if (value := _figure(source, f"{DRAKE}{key}"))}
+    if gears:
+        motor = add_motor(robot, name_of(joint), drive=f"{name_of(joint)}_drive")
+        for key, value in gears.items():
+            ET.SubElement(motor, f"{DRAKE}{key}", value=value)
+
+
+def text_at(element: ET.Element, path: str) -> str:
+    """Return the text of the element at a path; empty where there is none."""
+    return (element.findtext(path) or "").strip()
+
+
+def _figure(element: ET.Element | None, path: str) -> str:
+    """Return the finite number at a path, as it is written; empty where there is none."""
+    text = "" if element is None else text_at(element, path)
+    return text if len(numbers_in(text) or []) == 1 else ""

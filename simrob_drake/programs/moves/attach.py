@@ -1,0 +1,74 @@
+"""A piece that is taken, or hung on something else (SimRob's PegarEn)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import ClassVar
+
+from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.moves.move import ArmStation, Move, Outlook, Run, Stage, naming
+from simrob_drake.sections import Pose
+from simrob_drake.stations.config import StationConfig
+
+
+class AttachMove(Move):
+    """A piece that is taken; it takes no time."""
+
+    key: ClassVar[str] = "attach"
+    title: ClassVar[str] = "Take a piece"
+    brief: ClassVar[bool] = True
+    takes_time: ClassVar[bool] = False
+    form: ClassVar[Mapping[str, str | float | None]] = {"piece": "pieces", "tool": "tools", "pose": "origin"}
+
+    piece: str
+    """Which."""
+    tool: str | None = None
+    """With what: a tool or link of the robot, or a piece that it carries; the first tool unless given."""
+    pose: Pose | None = None
+    """Its pose in the hand, to put it there; it keeps its place in the world unless given."""
+    parent: str | None = None
+    """Instead of a tool of the robot anything else that it is to hang on: `world`, a robot, another piece."""
+    frame: str | None = None
+    """A frame of that piece, instead of its tool centre point; or a tool or link of that robot."""
+    robot: str | None = None
+    """Which robot of the station takes it; that of the program unless given."""
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return which piece is taken."""
+        return f"attach {self.piece}"
+
+    def pieces(self) -> Iterable[str]:
+        """Return the piece."""
+        return (self.piece,)
+
+    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> None:
+        """Take it: an arm with the tool that it has now, unless another parent or tool is named."""
+        who = self.robot or robot
+        if self.parent is None and self.tool is None:
+            cell.take(self.piece, who, frame=self.frame, pose=self.pose)
+            return
+        parent, frame = self.mount(cell.config, who or "" if self.parent else cell.robot_name(who))
+        cell.attach(self.piece, parent, frame=frame, pose=self.pose)
+
+    def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
+        """Return the stage in which a robot with legs takes it, however far away it is now."""
+        parent, frame = self.mount(outlook.station, self.robot or robot.name)
+        model = StationModel(outlook.station)
+        outlook.station = reparented(model, self.piece, parent, frame=frame, pose=self.pose)
+        outlook.changed = True
+
+        def take(robot: LeggedGeometry) -> None:
+            with naming(name):
+                parent, frame = self.mount(robot.cell.config, self.robot or robot.name)
+                robot.cell.attach(self.piece, parent, frame=frame, pose=self.pose)
+
+        return take
+
+    def mount(self, station: StationConfig, robot: str) -> tuple[str, str | None]:
+        """Return what it is hung on, and with which frame: a piece that a robot carries, or itself with a tool."""
+        if self.parent is not None:
+            return self.parent, self.frame
+        if self.tool is not None and self.tool in station.pieces:
+            return self.tool, self.frame
+        return robot, self.tool or self.frame

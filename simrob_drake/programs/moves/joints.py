@@ -1,0 +1,96 @@
+"""Axes that go to their targets at the same time (SimRob's TestMove and AddMove)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.programs.errors import JointLimitExceeded
+from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.moves.move import MOVE_TIME, ArmStation, Move, Outlook, Run, Stage, checked
+from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.sections import Duration, Number
+
+_ROUNDING = 1e-9  # rad or m
+
+Targets = Annotated[dict[str, Number], Field(min_length=1)]
+"""Where axes are to be [deg], and m for a prismatic one, by name or alias; the others stay where they were."""
+
+
+class JointMove(Move):
+    """Axes that go to their targets at the same time; as a reference, a cell that lasts until they are there."""
+
+    key: ClassVar[str] = "target_deg"
+    title: ClassVar[str] = "Move joints"
+    form: ClassVar[Mapping[str, str | float | None]] = {"target_deg": "axes", "duration": None}
+
+    target_deg: Targets
+    """Absolute positions at the end."""
+    duration: Duration = MOVE_TIME
+    """Time that it takes [s]."""
+
+    def entry(self) -> dict[str, Any]:
+        """Return what a program's file has of it."""
+        return self.model_dump(mode="json")
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return nothing: moves of joints that follow each other are one run."""
+        return ""
+
+    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+        """Move an arm there, straight in the joints."""
+        planning = cell.planning(robot)
+        posture = planning.start.copy()
+        for place, position in targets_on(planning.model, self.target_deg, "the target").items():
+            posture[place] = position
+        return run([plan_move_abs_j(planning, posture, {"duration": self.duration})], None)
+
+    def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
+        """Check the targets; moves of joints that follow each other are made one stage of by who runs them."""
+        targets_on(robot.model, self.target_deg, name, self.duration)
+        return lambda robot: None
+
+
+def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:
+    """Return a checked move of what a user gave.
+
+    Raises:
+        InvalidParameter: no axis, an angle that is no finite number, or a duration that is not positive.
+    """
+    return checked(JointMove, target_deg=target_deg, duration=duration)
+
+
+def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:
+    """Return the targets of a move on one robot: the place of each axis, and its position [rad or m].
+
+    Args:
+        model: the robot.
+        target_deg: by axis name or alias.
+        where: what messages call the move.
+        time: how long it takes, for the error [s].
+
+    Raises:
+        UnknownName: an axis that the robot does not have; proposes the nearest.
+        InvalidParameter: an axis under two names.
+        JointLimitExceeded: a target beyond an axis' limits; tells by how much.
+    """
+    names, units, slides = list(model.axes), model.user_units, model.prismatic
+    lower, upper = model.axis_limits
+    found: dict[int, float] = {}
+    for axis, value in target_deg.items():
+        place = model.axis_index(axis, where)
+        if place in found:
+            raise InvalidParameter(f"{where}: {axis}", "another name of an axis that it moves, too", "named once")
+        position = float(value * units[place])
+        bound = lower[place] if position < lower[place] else upper[place]
+        if abs(position - np.clip(position, lower[place], upper[place])) > _ROUNDING:
+            unit, limit = ("m" if slides[place] else "deg"), bound / units[place]
+            shown = f"{value:.4g} {unit}, {abs(value - limit):.4g} {unit} beyond its limit of {limit:.4g} {unit}"
+            raise JointLimitExceeded(where, names[place], point=1, time=time, value=position, shown=shown)
+        found[place] = position
+    return found

@@ -1,0 +1,264 @@
+"""A line of a program: what all kinds of moves declare, and how a program's file holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache, reduce
+from operator import or_
+from typing import Annotated, Any, ClassVar, Protocol, TypeAlias, TypeVar
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    ValidationError,
+    create_model,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from simrob_drake.arguments import LONGEST, SHORTEST
+from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.frames import PoseLike
+from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.planning import Planning
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.sections import Strict, validated
+from simrob_drake.stations.config import StationConfig
+
+Kind = TypeVar("Kind", bound="Move")
+Run: TypeAlias = Callable[[list[Plan], float | None], Any]
+"""Runs plans of arms at the same time, for a duration [s] if one is named; or stands robots where they lead."""
+Stage: TypeAlias = Callable[[LeggedGeometry], SimulationResult | None]
+"""A part of a program, checked and ready, that a robot with legs does from where it is; None: it takes no time."""
+
+MOVE_TIME = 1.0
+"""Time of a move of joints unless another one is asked for [s]; ``tinc`` of the thesis."""
+MOST_STEPS, MOST_AMPLITUDE = 10_000, 100
+"""Of one walk: about an hour; far beyond what legs can do."""
+_EXPECTED = {
+    "duration": f"a positive time [s], {SHORTEST:g} to {LONGEST:g}",
+    "target_deg": "a mapping of at least one axis to degrees",
+    "steps": f"a whole number, at most {MOST_STEPS}",
+    "amplitude": f"a number up to {MOST_AMPLITUDE}; 1 walks as the gait's parameters say",
+}
+
+
+class ArmStation(Protocol):
+    """What a move of arms may ask of the station where it is done."""
+
+    @property
+    def config(self) -> StationConfig:
+        """The station, with its pieces where they hang now."""
+
+    def planning(self, robot: str | None) -> Planning:
+        """Return what plans moves of an arm, from where its reference is."""
+
+    def robot_name(self, name: str | None) -> str:
+        """Return a robot's name; the only one need not be named."""
+
+    def take(self, piece: str, robot: str | None, *, frame: str | None, pose: PoseLike | None) -> None:
+        """Let an arm take a piece with the tool that it has now."""
+
+    def attach(self, piece: str, parent: str, *, frame: str | None, pose: PoseLike | None) -> None:
+        """Let a piece hang on something else."""
+
+    def release(self, piece: str, parent: str, *, frame: str | None, fixed: bool) -> None:
+        """Let go of a piece."""
+
+    def tool(self, robot: str, tool: str | PoseLike) -> None:
+        """Change the tool centre point of a robot."""
+
+    def wait(self, duration: float) -> SimulationResult:
+        """Let time pass while all robots hold their places."""
+
+    def play(self, duration: float) -> SimulationResult:
+        """Let all robots follow the references of the station's file."""
+
+
+@dataclass
+class Outlook:
+    """What is known of a station before a move of a program that is only looked at.
+
+    Attributes:
+        station: as it will be.
+        changed: whether earlier moves changed it, so that what depends on it is to be planned anew.
+    """
+
+    station: StationConfig
+    changed: bool = False
+
+
+class Move(Strict):
+    """A line of a program. A kind has its keys and overrides what is its own.
+
+    A file tells kinds apart by their ``key``, under which the others stand: ``{walk: {steps: 4}}``. A kind that is
+    ``brief`` may stand there by its first field alone: ``{act: bow}``.
+
+    Attributes:
+        key: by which a file tells it.
+        title: under which it is offered to users.
+        brief: whether its first field alone can stand for it.
+        takes_time: whether it is a run of the station.
+        of_arms: whether arms can do it.
+        of_legs: whether robots with legs can.
+        form: the fields that pages ask for, each with what it is chosen among (``axes``, ``gaits``, ``acts``,
+            ``pieces`` or ``tools`` of the robot and its station), with ``origin`` where it is a frame's own pose or
+            none, or with what it holds at first; None: its default. Without any it is no move to offer.
+    """
+
+    key: ClassVar[str]
+    title: ClassVar[str]
+    brief: ClassVar[bool] = False
+    takes_time: ClassVar[bool] = True
+    of_arms: ClassVar[bool] = True
+    of_legs: ClassVar[bool] = True
+    form: ClassVar[Mapping[str, str | float | None]] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_first(cls, content: Any) -> Any:
+        alone = cls.brief and content is not None and not isinstance(content, (Mapping, Move))
+        return {next(iter(cls.model_fields)): content} if alone else content
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        if not cls.brief:
+            return schema
+        alone = handler.resolve_ref_schema(schema)["properties"][next(iter(cls.model_fields))]
+        return {"anyOf": [schema, alone]}
+
+    def entry(self) -> dict[str, Any]:
+        """Return what a program's file has of it, without the values that are as they would be anyway."""
+        content = self.model_dump(mode="json", exclude_defaults=True)
+        if self.key in type(self).model_fields:
+            return content
+        first = next(iter(type(self).model_fields))
+        return {self.key: content[first] if self.brief and list(content) == [first] else content}
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return what it does, in a few words, for events and lists; with ``robots`` whose move it is."""
+        return self.key
+
+    def pieces(self) -> Iterable[str]:
+        """Return the pieces that it depends on."""
+        return ()
+
+    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+        """Do it with arms, and return what ``run`` gives; None if it takes no time.
+
+        Args:
+            cell: the station.
+            robot: whose program it is in; None: of the only one.
+            run: what runs plans.
+
+        Raises:
+            SimrobError: it cannot be done.
+        """
+        raise InvalidParameter("the move", self.key, "one of arms: this one is for legs")
+
+    def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
+        """Check that a robot with legs can do it, and return the stage of a program that does.
+
+        Args:
+            robot: who does it.
+            outlook: the station when it will be done; it is changed to what the move leaves.
+            name: what messages call the move.
+
+        Raises:
+            SimrobError: it cannot be done.
+        """
+        raise InvalidParameter("the move", self.key, "one for legs: this one is of arms")
+
+
+def field_of(*kinds: type[Move]) -> Any:
+    """Return the type of a field that holds a move of some kinds, each as a file has it."""
+    union: Any = reduce(or_, (entry_model(kind) for kind in kinds))
+    return Annotated[union, BeforeValidator(_wrapped), AfterValidator(_unwrapped), PlainSerializer(Move.entry)]
+
+
+@cache
+def entry_model(kind: type[Move]) -> type[Strict]:
+    """Return the section of a file that a move of a kind is: its key, and its own keys under that."""
+    if kind.key in kind.model_fields:
+        return kind
+    about = (kind.__doc__ or "").partition("\n")[0]
+    fields: dict[str, Any] = {kind.key: (kind, ...)}
+    return create_model(kind.__name__.removesuffix("Move") + "Entry", __base__=Strict, __doc__=about, **fields)
+
+
+def kind_of(content: Mapping[str, Any], kinds: Iterable[type[Move]]) -> type[Move] | None:
+    """Return what kind of move a mapping of a program's file is; None if no key tells."""
+    return next((kind for kind in kinds if kind.key in content), None)
+
+
+def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
+    """Return the move of a kind that a mapping of a program's file is.
+
+    Raises:
+        InvalidConfig: a wrong key or value; names ``where``, the key and what would be right.
+    """
+    return _unwrapped(validated(entry_model(kind), plain(content), where))
+
+
+def checked(kind: type[Kind], /, **content: Any) -> Kind:
+    """Return a move of what a user gave in Python.
+
+    Raises:
+        InvalidParameter: the first value that cannot be.
+    """
+    try:
+        return kind.model_validate(plain(content))
+    except ValidationError as problem:
+        finding = problem.errors()[0]
+        key = ".".join(str(part) for part in finding["loc"])
+        otherwise = "a finite number [deg]" if key.startswith("target_deg") else "a text"
+        raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
+
+
+def plain(value: Any) -> Any:
+    """Return a value with numpy's numbers and arrays as Python's own."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(part) for key, part in value.items()}
+    return [plain(part) for part in value] if isinstance(value, (list, tuple)) else value
+
+
+def move_name(number: int, count: int, file: str = "") -> str:
+    """Return what messages call a move of a program that has so many, and may stand in a file."""
+    if file:
+        return f"{file}: moves[{number}]"
+    return f"move {number}" if count > 1 else "the move"
+
+
+@contextmanager
+def naming(move: str) -> Iterator[None]:
+    """Put the name of a move before what goes wrong with it."""
+    try:
+        yield
+    except SimrobError as problem:
+        if move:
+            problem.args = (f"{move}: {problem}",)
+        raise
+
+
+def _wrapped(value: Any) -> Any:
+    """Return a move that was made in Python as a file would have it."""
+    if isinstance(value, Move):
+        return value if value.key in type(value).model_fields else {value.key: value}
+    return value
+
+
+def _unwrapped(entry: Any) -> Move:
+    """Return the move of a section of a file."""
+    move = entry if isinstance(entry, Move) else getattr(entry, next(iter(type(entry).model_fields)))
+    assert isinstance(move, Move)
+    return move

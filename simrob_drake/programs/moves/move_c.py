@@ -1,0 +1,59 @@
+"""A move of an arm's tool along arcs of circles (RAPID's MoveC)."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.interpolation import Arc, stacked, turn
+from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion, recorded
+from simrob_drake.programs.plan import Plan, target_name
+from simrob_drake.programs.planning import ARC_POINTS, Planning, points_of
+from simrob_drake.programs.targets import PoseTargets, WorkObject, places
+from simrob_drake.programs.timing import How
+from simrob_drake.programs.zones import Way
+
+
+class MoveC(ToolMotion, ArmMotion):
+    """A tool that goes along arcs; see :meth:`Arm.move_c`."""
+
+    key: ClassVar[str] = "move_c"
+    title: ClassVar[str] = "MoveC"
+
+    via: Rows
+    """A place [x y z] on the arc, or one for each of several [m]."""
+
+    def plan(self, planning: Planning) -> Plan:
+        """Return the move, planned."""
+        return plan_move_c(planning, self.via, self.rows(planning), self.how, wobj=self.wobj, solver=self.solver)
+
+
+def plan_move_c(
+    planning: Planning,
+    via: PoseTargets,
+    targets: PoseTargets,
+    how: How,
+    *,
+    wobj: WorkObject = None,
+    solver: SolverLike | None = None,
+) -> Plan:
+    """Plan it from Python; see :meth:`simrob_drake.programs.planner.Planner.move_c`."""
+    inverse, points = planning.inverse(solver), points_of(how, ARC_POINTS)
+    middles = places(via, planning.frame(wobj), "via")
+    poses = planning.poses(targets, wobj)
+    if len(middles) != len(poses):
+        raise InvalidParameter("via", f"{len(middles)} points", f"one a target, of which there are {len(poses)}")
+    ways = [
+        _arc_through(begin, middle, end, f"the arc to {target_name(index, len(poses))}")
+        for index, (begin, middle, end) in enumerate(zip([planning.pose, *poses], middles, poses, strict=False))
+    ]
+    plan = planning.along(ways, inverse, how, points)
+    return recorded(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
+
+
+def _arc_through(begin: Vector, middle: Vector, end: Vector, name: str) -> Way:
+    """Return the way on an arc from a pose (4, 4) through a place (3,) to a pose."""
+    arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
+    return Way(lambda parts: stacked(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts)), arc.length)

@@ -1,0 +1,49 @@
+"""Moves of different arms at the same time; and the motions that arms plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from simrob_drake.programs.moves.motion import ArmMotion
+from simrob_drake.programs.moves.move import ArmStation, Move, Run, field_of
+from simrob_drake.programs.moves.move_abs_j import MoveAbsJ
+from simrob_drake.programs.moves.move_c import MoveC
+from simrob_drake.programs.moves.move_j import MoveJ
+from simrob_drake.programs.moves.move_l import MoveL
+from simrob_drake.sections import Duration
+
+MOTIONS: tuple[type[ArmMotion], ...] = (MoveAbsJ, MoveJ, MoveL, MoveC)
+"""Kinds of moves that an arm plans and runs; a new one is listed here."""
+
+if TYPE_CHECKING:
+    AnyMotion = ArmMotion
+else:
+    AnyMotion = field_of(*MOTIONS)
+
+
+class TogetherMove(Move):
+    """Moves of different robots at the same time."""
+
+    key: ClassVar[str] = "together"
+    title: ClassVar[str] = "Together"
+    of_legs: ClassVar[bool] = False
+
+    together: Annotated[tuple[AnyMotion, ...], Field(min_length=1)]
+    """The moves."""
+    duration: Duration | None = None
+    """Of all [s]; until the last one ends unless given."""
+
+    def caption(self, *, robots: bool = False) -> str:
+        """Return what each does."""
+        return ", ".join(move.caption(robots=robots) for move in self.together)
+
+    def pieces(self) -> Iterable[str]:
+        """Return the pieces of all."""
+        return [piece for move in self.together for piece in move.pieces()]
+
+    def perform(self, cell: ArmStation, robot: str | None, run: Run) -> Any:
+        """Plan all from where the arms are, and run them at the same time."""
+        return run([move.plan(cell.planning(move.robot or robot)) for move in self.together], self.duration)

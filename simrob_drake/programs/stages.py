@@ -1,0 +1,197 @@
+"""A program of a robot with legs in stages that run one after the other, each within the limits of its joints.
+
+Moves of joints that follow each other are one run, each walk and act is one, and pieces change hands between runs. All
+of a program is checked before the first stage runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from simrob_drake.blocks.references import sequence
+from simrob_drake.errors import InvalidParameter
+from simrob_drake.frames import Vector
+from simrob_drake.programs.automatic import run_cells
+from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
+from simrob_drake.programs.gaits.sequences import Posing
+from simrob_drake.programs.legged_geometry import LeggedGeometry
+from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
+from simrob_drake.programs.moves.kinds import LEG_KINDS
+from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming
+from simrob_drake.programs.moves.walk import WalkMove
+from simrob_drake.programs.program import Program
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.simulation import ReferenceLike
+from simrob_drake.stations.config import StationConfig
+
+SEQUENCE = "step"
+"""The sequence of a robot's ``gaits.yaml`` that is a step by joint angles, if it has one."""
+
+
+def stages_of(robot: LeggedGeometry, moves: Sequence[Move], station: StationConfig, file: str = "") -> list[Stage]:
+    """Cut moves into stages, after checking all of them.
+
+    Args:
+        robot: who does them.
+        moves: one after the other.
+        station: as it is when they begin.
+        file: that they stand in, for messages.
+
+    Raises:
+        SimrobError: what the robot cannot do; names the move.
+    """
+    stages, outlook, joint_moves = list[Stage](), Outlook(station), list[JointMove]()
+    for number, move in enumerate(moves):
+        name = move_name(number, len(moves), file)
+        with naming("" if isinstance(move, JointMove) or (len(moves) == 1 and not file) else name):
+            stage = move.stage(robot, outlook, name)
+        if not isinstance(move, JointMove):
+            joint_moves = []
+            stages.append(stage)
+        elif joint_moves:  # it goes on with the run of those before it
+            joint_moves.append(move)
+        else:
+            joint_moves = [move]
+            stages.append(partial(_move_joints, moves=joint_moves))
+    return stages
+
+
+def stages_of_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> list[Stage]:
+    """Cut a program into stages as :func:`stages_of` does; the references of an automatic one are a single stage.
+
+    Raises:
+        InvalidParameter: a program that does nothing.
+        SimrobError: as :func:`stages_of`.
+    """
+    _check_references(robot, program, file)
+    if program.automatic:
+        return [partial(run_cells, cells=program.references, pace=program.automatic)]
+    check_takes_time(program.moves)
+    return stages_of(robot, leg_moves(program, file), station, file)
+
+
+def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
+    """Return the moves of a program for a robot with legs.
+
+    Raises:
+        InvalidParameter: one for arms.
+    """
+    for number, move in enumerate(program.moves):
+        if not move.of_legs:
+            expected = f"one of {', '.join(LEG_KINDS)}: the others are for arms"
+            raise InvalidParameter(move_name(number, len(program.moves), file), move.key, expected)
+    return program.moves
+
+
+def check_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> None:
+    """Check that a robot can do all of a program, moves and references.
+
+    Raises:
+        SimrobError: as :func:`stages_of`.
+    """
+    _check_references(robot, program, file)
+    stages_of(robot, leg_moves(program, file), station, file)
+
+
+def check_takes_time(
+    moves: Sequence[Move], name: str = "the program", expected: str = "one with moves: add_move() stores them"
+) -> None:
+    """Check that a program to be run does something that takes time.
+
+    Raises:
+        InvalidParameter: it does not.
+    """
+    if not any(move.takes_time for move in moves):
+        state = "without a move that takes time" if moves else "empty"
+        raise InvalidParameter(name, state, expected)
+
+
+def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[ReferenceLike, float]:
+    """Return the reference that moves of joints are from where a robot is, and its duration [s].
+
+    Raises:
+        InvalidParameter: no move, or one that is no move of joints.
+        SimrobError: what the robot cannot do; names the move.
+    """
+    check_takes_time(moves)
+    joint_moves = list[JointMove]()
+    for number, move in enumerate(moves):
+        if not isinstance(move, JointMove):
+            raise InvalidParameter(f"move {number}", move.key, "a move of joints, to be run with other robots'")
+        joint_moves.append(move)
+    times, postures = postures_of(robot.model, joint_moves, robot.reference)
+    if robot.cell.config.mode == "dynamic":
+        return (times, postures), float(times[-1])
+    return sequence(postures[0], times[1:].tolist(), list(postures[1:])), float(times[-1])
+
+
+def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) -> tuple[Vector, Vector]:
+    """Return when moves of joints end and where, the start included: times (k + 1,) [s], postures (k + 1, n).
+
+    Args:
+        model: the robot.
+        moves: one after the other.
+        start: the posture before them, shape (n,) [rad or m]; axes that no move names stay there.
+
+    Raises:
+        SimrobError: as :func:`targets_on`.
+    """
+    times, postures = [0.0], [np.array(start, dtype=float)]
+    for number, move in enumerate(moves):
+        posture = postures[-1].copy()
+        where = move_name(number, len(moves))
+        for place, position in targets_on(model, move.target_deg, where, move.duration).items():
+            posture[place] = position
+        times.append(times[-1] + move.duration)
+        postures.append(posture)
+    return np.array(times), np.array(postures)
+
+
+def step_moves(model: RobotModel, feet: str | None, move_time: float | None = None) -> list[Move]:
+    """Return one step ahead: the robot's sequence ``step``, else a step of its first gait, of full length.
+
+    Args:
+        model: the robot.
+        feet: those that it wears.
+        move_time: of each move of the sequence, or of each step of the gait [s]; their own unless given.
+
+    Raises:
+        InvalidParameter: a robot without feet or gaits, without a gait for the feet that it wears, or a time that is
+            not positive.
+    """
+    if model.feet is None:
+        raise InvalidParameter("robot", model.name, "one with legs: step() is for legged robots")
+    own = gaits_of(model, steps=False).get(SEQUENCE)
+    if isinstance(own, Posing) and carries(model, feet, own.made_for(model)):
+        return _moves_of(model, own, move_time)
+    known = gaits_of(model, steps=True)
+    gait = known[first_gait(model, feet, known)]
+    changes = {**gait.one_step, **({} if move_time is None else {gait.pace: move_time})}
+    return [checked(WalkMove, steps=1, **changes)]
+
+
+def _moves_of(model: RobotModel, own: Posing, move_time: float | None) -> list[Move]:
+    times = np.diff([0.0, *(target.time for target in own.targets)])
+    return [
+        move_of(
+            target.target_deg
+            if isinstance(target.target_deg, dict)
+            else dict(zip(model.axes, model.axis_vector(target.target_deg, SEQUENCE).tolist(), strict=True)),
+            float(time) if move_time is None else move_time,
+        )
+        for target, time in zip(own.targets, times, strict=True)
+    ]
+
+
+def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
+    for number, cell in enumerate(program.references):
+        targets_on(robot.model, cell.target_deg, f"{file}: references[{number}]" if file else f"reference {number}")
+
+
+def _move_joints(robot: LeggedGeometry, moves: Sequence[Move]) -> SimulationResult:
+    reference, duration = joint_reference(robot, moves)
+    return robot.cell.follow({robot.name: reference}, duration)

@@ -1,0 +1,399 @@
+"""A station that goes on where its last run left it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from simrob_drake.arguments import instance, seconds
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.frames import PoseLike, Vector, as_transform, finite, pose_from_transform
+from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.programs.grasps import let_go, taken
+from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.tape import Entry, Take, Tape, in_words, run_entry
+from simrob_drake.programs.targets import HasTool, WorkObject, pose_numbers
+from simrob_drake.programs.timed import run_timed
+from simrob_drake.programs.timeline import Timeline
+from simrob_drake.programs.together import check_moves
+from simrob_drake.programs.trajectories import Stretch, rest, trajectory, until
+from simrob_drake.results.animation.live import LiveView
+from simrob_drake.results.record.state import State, free_joint
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulation import OnStep, ReferenceLike, Runner
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.station import StationLike, config_of
+
+GOES_ON = ("completed", "monitor")
+"""Endings of a run after which the next one begins where it ended."""
+_SAME_PLACE = 1e-9
+"""How far from the robot's reference a plan may begin [rad or m]."""
+
+
+class StatefulStation:
+    """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
+
+    A move that cannot be done raises an error before anything moves, and leaves the station as it was; so does a run
+    that diverges or is interrupted, whose result still tells what happened.
+
+    Attributes:
+        config: the station, with its pieces where they hang now.
+        state: where it is; None before the first run.
+        tape: what was recorded.
+        progress: show a bar on a terminal while it runs; off at first.
+        strict: a run with warnings raises an error, too, and leaves the station as it was; off at first.
+        timeline: what happens to it beside what its robots do.
+        watcher: is told of each step of a run, as ``on_step`` of :func:`simrob_drake.simulate`, in the window's place.
+    """
+
+    def __init__(self, station: StationLike, overrides: dict[str, Any] | None = None) -> None:
+        """Take a station.
+
+        Args:
+            station: a name of :func:`simrob_drake.station_names`, a YAML file, a configuration, or a built station.
+            overrides: what to change in it, as :func:`simrob_drake.load_station` takes it; for names and files.
+
+        Raises:
+            SimrobError: as :func:`simrob_drake.load_station`.
+        """
+        if overrides is None or (isinstance(overrides, dict) and not overrides):
+            config = config_of(station)
+        elif isinstance(station, (str, Path)):
+            config = load_station(station, overrides)
+        else:
+            raise InvalidParameter("overrides", overrides, "left out with a configuration")
+        self.config = config.model_copy(update={"program": None})  # who has the station at hand says what is done
+        self.state = State.at_start_of(self.config)
+        self.tape = Tape()
+        self.progress = self.strict = False
+        self.timeline = Timeline()
+        self.watcher: OnStep | None = None
+        self._window: LiveView | None = None
+        self._runner: Runner | None = None
+        self._model = StationModel(self.config)
+
+    def __repr__(self) -> str:
+        """Say in one line what stands in it."""
+        robots = ", ".join(f"{name} ({robot.model.name})" for name, robot in self._model.robots.items()) or "no robot"
+        pieces = f", pieces {', '.join(self.config.pieces)}" if self.config.pieces else ""
+        return f"<{type(self).__name__} {self.config.name}, {self.config.mode}: {robots}{pieces}>"
+
+    def position(self, robot: str) -> Vector:
+        """Return where a robot's axes are, shape (n,) [rad or m]."""
+        initial = self.robot(robot).initial
+        return (initial if self.state is None else self.state.positions[robot]).copy()
+
+    def velocity(self, robot: str) -> Vector:
+        """Return how fast a robot's axes move, shape (n,) [rad/s or m/s]."""
+        initial = self.robot(robot).initial
+        return np.zeros_like(initial) if self.state is None else self.state.velocities[robot].copy()
+
+    def reference(self, robot: str) -> Vector:
+        """Return where a robot's axes should be, and its next move begins, shape (n,) [rad or m]."""
+        initial = self.robot(robot).initial
+        return (initial if self.state is None else self.state.references[robot]).copy()
+
+    @property
+    def model(self) -> StationModel:
+        """The station's plant, where it is and in the postures that it has now."""
+        self._model.place_pieces(self.state)
+        self._model.place_robots({robot: self.position(robot) for robot in self.config.robots})
+        self._model.place_bases(self.state)
+        return self._model
+
+    def robot(self, name: str) -> StationRobot:
+        """Return what a robot is in the station's plant."""
+        return self._model.robots[one_of("robot", name, self._model.robots)]
+
+    def robot_name(self, name: str | None) -> str:
+        """Return a robot's name; the only one need not be named.
+
+        Raises:
+            UnknownName: no such robot.
+            InvalidParameter: a station without a robot, or no robot named where there are several.
+        """
+        robots = self.config.robots
+        if not robots:
+            raise InvalidParameter("station", self.config.name, "one with a robot; it has none")
+        if name is None and self.config.only_robot is None:
+            raise InvalidParameter("robot", "not named", f"one of {', '.join(robots)}: robot='{next(iter(robots))}'")
+        return one_of("robot", self.config.only_robot if name is None else name, robots)
+
+    def frame(self, wobj: WorkObject) -> RigidTransform:
+        """Return the pose of a work object in the world.
+
+        Args:
+            wobj: None or "world"; a piece's name (its tool centre point), or one of its frames as ``piece.frame``; a
+                robot's name or an :class:`Arm` (its tool centre point now); or a pose in any form.
+
+        Raises:
+            UnknownName: no such piece, frame or robot.
+            InvalidParameter: something that is no pose.
+        """
+        if wobj is None or (isinstance(wobj, str) and wobj == WORLD):
+            return RigidTransform()
+        if isinstance(wobj, HasTool):
+            return wobj.tool_pose()
+        if not isinstance(wobj, str):
+            return as_transform(wobj)
+        model, (name, *frame) = self.model, wobj.split(".", 1)
+        if name in model.robots and not frame:
+            robot = model.robots[name]
+            return model.pose(robot.tools[robot.tcp] if robot.tcp else robot.root)
+        one_of("work object", name, [*self.config.pieces, WORLD, *self.config.robots])
+        return model.pose(model.piece_frame(name, *frame))
+
+    def run(self, *plans: Plan, duration: float | None = None) -> SimulationResult:
+        """Run planned moves at the same time, while the other robots hold their places.
+
+        Args:
+            plans: of different robots, such as ``left.plan.move_l(...)``; none just lets the time pass.
+            duration: of the run [s]; until the last move ends unless given.
+
+        Returns:
+            the run; unless it diverged or was interrupted, the next one begins where it ended.
+        """
+        self.check_together(*plans)
+        if not plans and duration is None:
+            raise InvalidParameter("plans", "empty", "some, such as arm.plan.move_l(...), or a duration to wait")
+        end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
+        own = {plan.robot: plan.stretches for plan in plans}
+        stretches = {robot: until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
+        references = {robot: trajectory(motion) for robot, motion in stretches.items()}
+        several = len(self.config.robots) > 1
+        entry = run_entry(plans, duration, self.frame, several=several)
+        did = in_words(plans, duration, several=several)
+        return self._run(references, end, stretches, entry, did)
+
+    def check_together(self, *plans: Plan) -> None:
+        """Check that planned moves can be run at the same time from where the robots are.
+
+        Raises:
+            InvalidParameter: something that is no plan, two of one robot, or one that begins elsewhere.
+            PathCollision: they would run into something, where that is to be looked at.
+        """
+        for plan in plans:
+            instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
+        if len({plan.robot for plan in plans}) < len(plans):
+            raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
+        for plan in plans:
+            if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
+                raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
+        if any(plan.check == "collision" for plan in plans):  # each alone was, with the others as they stood then
+            self.check_collisions(*plans)
+
+    def follow(self, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
+        """Run references as :func:`simrob_drake.simulate` takes them, while the other robots hold their places.
+
+        Args:
+            references: by robot; that nothing jumps where they begin is up to whoever gives them.
+            duration: of the run [s].
+
+        Returns:
+            the run; unless it diverged or was interrupted, the next one begins where it ended.
+        """
+        instance(references, "references", Mapping, "a mapping by robot")
+        seconds(duration)
+        still = [robot for robot in self.config.robots if robot not in references]
+        held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
+        return self._run({**held, **references}, duration)
+
+    def _run(
+        self,
+        references: Mapping[str, ReferenceLike],
+        duration: float,
+        stretches: Mapping[str, tuple[Stretch, ...]] | None = None,
+        entry: Entry | None = None,
+        did: str = "",
+    ) -> SimulationResult:
+        """Run references of all robots, and record that; ``entry`` is what a program's file has of it."""
+        config, start = self.config, self.state
+        if self.timeline.grid is not None:
+            result = run_timed(self, references, duration)
+        else:
+            runner, progress = self.runner_of(config), self.progress
+            result = runner.run(
+                reference=references, duration=duration, start=start, progress=progress, on_step=self.on_step
+            )
+        result = replace(result, did=did).check(self.strict)
+        if result.ending in GOES_ON:
+            self.state = result.final_state
+            self.timeline.now += result.stop_time
+            self.tape.keep(Take(config, start, references, duration, result, stretches, entry))
+        if self._window:
+            self._window.add_paths(result)
+        return result
+
+    def wait(self, duration: float) -> SimulationResult:
+        """Let time pass [s] while all robots hold their places; on a dynamic station they settle."""
+        return self.run(duration=duration)
+
+    def play(self, duration: float) -> SimulationResult:
+        """Let all robots follow the references of the station's file for a time [s], from where they are."""
+        self.tape.note(None)
+        return self._run({}, seconds(duration), entry={"play": float(duration)}, did="play")
+
+    def attach(
+        self, piece: str, parent: str = WORLD, *, frame: str | None = None, pose: PoseLike | None = None
+    ) -> None:
+        """Let a piece hang on something else (SimRob's PegarEn); it keeps its place in the world, to rounding.
+
+        The robot that takes it uses its tool centre point from then on, and on a dynamic station feels its weight;
+        one that gives it away goes back to the tool that carried it. Velocities stay as they are.
+
+        Args:
+            piece: which; what hangs on it comes along.
+            parent: ``world``, a robot (its flange), or a piece (its tool centre point).
+            frame: a frame of the parent piece, instead of its tool centre point; or a tool or link of the robot,
+                instead of the first tool: a backpack hangs on the trunk.
+            pose: the piece's pose in the parent's frame, to put it there from wherever it is.
+
+        Raises:
+            UnknownName: no such piece, parent or frame.
+            InvalidParameter: the piece itself as its parent, or one that hangs on it; or a robot takes it without a
+                ``pose`` from more than 30 mm away: the tool's tool centre point, or the link, from its shapes.
+        """
+        if pose is None:
+            self._change(taken(self.model, piece, parent, frame=frame))
+        else:
+            self._change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+        place = None if pose is None else pose_numbers(pose)
+        self.tape.note({"attach": {"piece": piece, "parent": parent, "frame": frame, "pose": place}})
+
+    def release(self, piece: str, parent: str = WORLD, *, frame: str | None = None, fixed: bool = False) -> None:
+        """Let go of a piece, in the world or on another piece.
+
+        In the world of a dynamic station it is free from then on: it goes on as fast as it was carried, falls, and
+        rests on what it meets. On another piece, and on a kinematic station, it hangs where it is.
+
+        Args:
+            piece: which.
+            parent: ``world``, or a piece that it hangs on from then on.
+            frame: a frame of that piece, instead of its tool centre point.
+            fixed: hang it in the world, too.
+
+        Raises:
+            UnknownName: no such piece, parent or frame.
+            InvalidParameter: it would fall for ever: no contact, no shape that collides, nothing beneath it; or it
+                has no mass.
+        """
+        model, state = self.model, self.state
+        config = let_go(model, piece, parent, frame=frame, fixed=fixed)
+        if state is not None and config.pieces[piece].free:
+            state = replace(state, joints={**state.joints, free_joint(piece): model.motion(piece, state)})
+        self._change(config)
+        self.state = state
+        self.tape.note({"release": {"piece": piece, "parent": parent, "frame": frame, "fixed": fixed}})
+
+    def tool(self, robot: str, tool: str | PoseLike) -> None:
+        """Change the tool centre point of a robot; see :meth:`Arm.tool`."""
+        entry, own = self.config.robots[robot], self.model.robots[robot]
+        if isinstance(tool, str):
+            one_of(f"tool of {robot}", tool, own.tools)
+            changes: dict[str, object] = {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
+        else:
+            before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
+            changes = {"tcp_offset": tuple(pose_from_transform(before @ as_transform(tool)).tolist())}
+        robots = {**self.config.robots, robot: entry.model_copy(update=changes)}
+        self._change(self.config.model_copy(update={"robots": robots}))
+        own_tool = {"name": tool} if isinstance(tool, str) else {"pose": pose_numbers(tool)}
+        self.tape.note({"tool": {**own_tool, "robot": None if self.config.only_robot else robot}})
+
+    def change(self, config: StationConfig) -> None:
+        """Go on with a changed station, such as other gains, from the state that this one is in.
+
+        Raises:
+            InvalidParameter: a station with other robots.
+        """
+        self._change(config)
+        self.tape.note(None)
+
+    def _change(self, config: StationConfig) -> None:
+        instance(config, "config", StationConfig, "what load_station() gives")
+        if list(config.robots) != list(self.config.robots):
+            raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
+        model = StationModel(config)  # if it cannot be built, all stays as it was
+        self.config, self._model = config, model
+        self.__dict__.pop("_collision_model", None)
+        if self._window:
+            self._window.draw(config, self._shown_state())
+
+    def check_collisions(self, *plans: Plan) -> None:
+        """Check that planned moves, run at the same time, run into nothing; other robots stay where they are.
+
+        Raises:
+            PathCollision: names the first offending point.
+        """
+        check_moves(self.collision_model, plans)
+
+    @property
+    def collision_model(self) -> StationModel:
+        """The station's plant with the shapes that collide, robots where they should be now."""
+        self._collision_model.place_pieces(self.state)
+        self._collision_model.place_robots({robot: self.reference(robot) for robot in self.config.robots})
+        return self._collision_model
+
+    def show(self) -> str:
+        """Open a browser window, in which everything from now on is shown at the pace of the clock.
+
+        Returns:
+            its address, on this computer only.
+        """
+        if self._window is None:
+            self._window = LiveView(self.config, self._shown_state())
+        return self._window.url
+
+    def draw(self, postures: dict[str, Vector]) -> None:
+        """Show robots in postures (n,) in the window, without moving them."""
+        shown = instance(postures, "postures", Mapping, "a mapping by robot").items()
+        postures = {name: one_posture(q, len(self.robot(name).axes), f"postures: {name}") for name, q in shown}
+        self.show()
+        assert self._window is not None
+        now = self._shown_state()
+        self._window.draw(self.config, State({**now.positions, **postures}, now.velocities, now.references))
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def _shown_state(self) -> State:
+        def of_all(value: Callable[[str], Vector]) -> dict[str, Vector]:
+            return {robot: value(robot) for robot in self.config.robots}
+
+        return self.state or State(of_all(self.position), of_all(self.velocity), of_all(self.reference))
+
+    def runner_of(self, config: StationConfig) -> Runner:
+        """Return what runs the station as a configuration of it says; the last one is kept."""
+        if self._runner is None or self._runner.config != config:
+            self._runner = Runner(config)
+        return self._runner
+
+    @property
+    def on_step(self) -> OnStep | None:
+        """What is told of each step of a run."""
+        return self.watcher or (self._window.on_step if self._window else None)
+
+    @cached_property
+    def _collision_model(self) -> StationModel:
+        return StationModel(self.config, collision=True)
+
+
+def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
+    """Return one posture (n,).
+
+    Raises:
+        InvalidParameter: another shape, or numbers that are not finite.
+    """
+    found = finite(values)
+    if found.shape != (axes,):
+        raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")
+    return found

@@ -1,0 +1,148 @@
+"""How deep bodies were in each other, and how far feet slid: by positions alone, at sampled moments of a run.
+
+Shapes are asked for points of overlap, whatever the contact model is: a surface of pressure is as deep as its bodies
+are in each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from operator import attrgetter
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import GeometryId, QueryObject
+from pydrake.systems.framework import Context
+
+from simrob_drake.frames import Vector
+from simrob_drake.parts.ground import Ground
+from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.targets import FLOOR, owner_and_robot
+from simrob_drake.stations.config import StationConfig
+
+FASTEST = 50.0
+"""How often it is looked what touches, at most [Hz]: a look takes some 50 µs, half as much as a robot that stands."""
+
+
+@dataclass(frozen=True)
+class Slide:
+    """How a foot slid over the ground between looks: ways (m,) [m], and whether it touched all the while, (m,)."""
+
+    ways: Vector
+    touching: npt.NDArray[np.bool_]
+
+    @property
+    def total(self) -> float:
+        """All of its way over the ground [m]."""
+        return float(self.ways.sum())
+
+    @cached_property
+    def longest(self) -> tuple[float, int]:
+        """Its longest way between two steps [m], and at which look that ended."""
+        stances = np.cumsum(~self.touching)
+        ways = np.bincount(stances, self.ways, minlength=1)
+        stance = ways.argmax()
+        return float(ways[stance]), int(np.searchsorted(stances, stance, side="right"))
+
+
+@dataclass(frozen=True)
+class Touch:
+    """What touched what in a run.
+
+    Attributes:
+        times: when it was looked, shape (m,) [s].
+        rate: how often [Hz].
+        depths: how deep two bodies were in each other [m] and when [s], by their names; of the deepest of each moment.
+        slides: of each foot, by robot and link.
+    """
+
+    times: Vector
+    rate: float
+    depths: dict[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
+    slides: dict[tuple[str, str], Slide] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        config: StationConfig,
+        station: StationPlant,
+        samples: Vector,
+        positions_at: Callable[[Vector], Iterable[Vector]],
+        context_of: Callable[[], Context] | None,
+    ) -> Touch:
+        """Look at a run, at its samples or some of them; parameters are as those of a recorded run."""
+        every = int(np.ceil(config.sample_rate / FASTEST))
+        times, rate = samples[::every], config.sample_rate / every
+        walkers = legged(config, station)
+        pressed = config.contact is not None and config.mode == "dynamic" and context_of is not None
+        if not (walkers or pressed):
+            return cls(times, rate)
+        plant = station.plant
+        root = plant.CreateDefaultContext() if context_of is None else context_of()
+        context = root if context_of is None else plant.GetMyMutableContextFromRoot(root)
+        links = [(robot, link) for robot in walkers if robot.feet is not None for link in robot.feet.links]
+        frames = [plant.GetFrameByName(link, robot.instance) for robot, link in links]
+        poses, depths = np.empty((len(frames), len(times), 4, 4)), dict[frozenset[GeometryId], tuple[float, float]]()
+        shapes = plant.get_geometry_query_input_port() if pressed else None
+        for row, (time, positions) in enumerate(zip(times.tolist(), positions_at(times), strict=True)):
+            plant.SetPositions(context, positions)
+            for foot, frame in enumerate(frames):
+                poses[foot, row] = frame.CalcPoseInWorld(context).GetAsMatrix4()
+            if shapes is not None:
+                _keep_deepest(shapes.Eval(context), time, depths)
+        slides = {
+            (robot.name, link): _slide(robot, link, station.ground, own)
+            for (robot, link), own in zip(links, poses, strict=True)
+        }
+        return cls(times, rate, _by_body(station, depths), slides)
+
+
+def _keep_deepest(query: QueryObject, time: float, depths: dict[frozenset[GeometryId], tuple[float, float]]) -> None:
+    found = query.ComputePointPairPenetration()
+    if found:
+        deepest = max(found, key=attrgetter("depth"))
+        pair = frozenset((deepest.id_A, deepest.id_B))
+        if pair not in depths or depths[pair][0] < deepest.depth:
+            depths[pair] = deepest.depth, time
+
+
+def _by_body(
+    station: StationPlant, depths: dict[frozenset[GeometryId], tuple[float, float]]
+) -> dict[tuple[str, str], tuple[float, float]]:
+    found: dict[tuple[str, str], tuple[float, float]] = {}
+    for pair, deepest in depths.items():
+        names = [owner_and_robot(station, shape)[0] for shape in pair]
+        first, second = sorted(names, key=lambda name: (name == FLOOR, name))
+        found[first, second] = max(found.get((first, second), deepest), deepest)
+    return found
+
+
+def _slide(robot: StationRobot, link: str, ground: Ground, poses: Vector) -> Slide:
+    """Return how a foot slid whose link went through poses, shape (m, 4, 4).
+
+    A foot touches with those points of its contact shapes, lowest over the floor, that lie below the ground's surface.
+    From one look to the next each point that touches in both is followed as a point of its link, and the foot slides
+    by the mean of their displacements along the floor. A foot that rolls does not slide.
+    """
+    assert robot.feet is not None  # the caller asks for robots with feet only
+    to_world = ground.tilt.rotation().matrix()
+    seen = np.array(poses)
+    seen[:, :3] = np.einsum("ji,mjk->mik", to_world, poses[:, :3])  # in the floor's axes; its origin is the world's
+    turns, places = seen[:, :3, :3], seen[:, :3, 3]
+    points = robot.feet.lowest_points(link, seen)
+    local = np.einsum("mji,mkj->mki", turns[:-1], points[:-1] - places[:-1, np.newaxis])
+    moved = places[1:, np.newaxis] + np.einsum("mij,mkj->mki", turns[1:], local)
+    in_world = points.reshape(-1, 3) @ to_world.T
+    below = (in_world[:, 2] < ground.beneath(in_world)).reshape(points.shape[:2])
+    touches = below[:-1] & below[1:]
+    ways = np.linalg.norm((moved - points[:-1])[..., :2], axis=2) * touches
+    return Slide(ways.sum(axis=1) / np.maximum(touches.sum(axis=1), 1), touches.any(axis=1))
+
+
+def legged(config: StationConfig, station: StationPlant) -> list[StationRobot]:
+    """Return the robots that could walk: with feet, a free base and joints that are moved by torque."""
+    if config.mode != "dynamic":
+        return []
+    return [robot for robot in station.robots.values() if robot.feet is not None and robot.model.base == "floating"]

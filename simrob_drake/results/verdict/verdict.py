@@ -1,0 +1,126 @@
+"""The verdict on a run or a program: its figures, what passes a bound, and both in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.errors import one_of
+from simrob_drake.results.verdict.criterion import Criterion, MeasuredValue
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What a criterion found in a run, of each subject."""
+
+    criterion: Criterion
+    entries: tuple[MeasuredValue, ...]
+
+    @cached_property
+    def worst(self) -> MeasuredValue:
+        """The entry that is farthest beyond its bound, or nearest to it."""
+        return max(self.entries, key=self._severity)
+
+    @cached_property
+    def warning(self) -> str:
+        """What passes its bound, in words; empty if nothing does."""
+        beyond, worst = sum(map(self.criterion.passes, self.entries)), self.worst
+        if not beyond:
+            return ""
+        sentence = self.criterion.sentence.format(
+            of=worst.subject,
+            value=in_words(worst.value, worst.unit),
+            amount=f"{worst.value * worst.limit:.3g} of {worst.limit:.3g} {worst.limit_unit}",
+            when="" if worst.time is None else f" at {worst.time:.2f} s",
+        )
+        others = f"; {beyond - 1} more beyond it" if beyond > 1 else ""
+        return f"{sentence} (bound {in_words(worst.bound or 0.0, worst.unit)}{others})"
+
+    def __str__(self) -> str:
+        """Say in a few words what was worst."""
+        return f"{self.criterion.title} {in_words(self.worst.value, self.worst.unit)} ({self.worst.subject})"
+
+    def _severity(self, entry: MeasuredValue) -> tuple[bool, float]:
+        if self.criterion.least:
+            return self.criterion.passes(entry), -entry.value
+        return self.criterion.passes(entry), entry.value / entry.bound if entry.bound else entry.value
+
+    def summary(self) -> dict[str, Any]:
+        """Return it for ``summary.json``: the worst, and the value of each subject."""
+        worst = self.worst
+        about = {"of": worst.subject, "value": worst.value, "unit": worst.unit, "bound": worst.bound}
+        return {**about, "time": worst.time, "each": {entry.subject: entry.value for entry in self.entries}}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was asked of a run against what became of it.
+
+    Attributes:
+        measures: what there was to measure, in the order of the criteria.
+        sample_rate: at which signals were looked at [Hz].
+        contact_rate: at which it was looked how deep bodies and feet were in each other [Hz]; None without contact.
+    """
+
+    measures: tuple[Measure, ...]
+    sample_rate: float
+    contact_rate: float | None = None
+
+    def __getitem__(self, name: str) -> Measure:
+        """Return a figure by its name, such as ``final_error``."""
+        known = {measure.criterion.name: measure for measure in self.measures}
+        return known[one_of("figure", name, known)]
+
+    @property
+    def beyond(self) -> list[str]:
+        """The names of the figures that pass their bounds."""
+        return [measure.criterion.name for measure in self.measures if measure.warning]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What passes its bound, a sentence for each figure."""
+        return [measure.warning for measure in self.measures if measure.warning]
+
+    def __str__(self) -> str:
+        """Return the figures that are not zero, in a line."""
+        lines = [str(measure) for measure in self.measures if measure.criterion.least or measure.worst.value > 0]
+        return ", ".join(lines) or "nothing to judge"
+
+    def summary(self) -> dict[str, Any]:
+        """Return it for ``summary.json``."""
+        measures = {measure.criterion.name: measure.summary() for measure in self.measures}
+        return {"sample_rate": self.sample_rate, "contact_rate": self.contact_rate, "figures": measures}
+
+
+def joined(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
+    """Return the verdict on runs that follow each other and last so long [s]: of each subject the worst.
+
+    Parts of the time are those of the whole time.
+    """
+    begins, whole = np.cumsum([0.0, *durations]).tolist(), sum(durations)
+    found: dict[Criterion, dict[str, MeasuredValue]] = {}
+    for verdict, begin, duration in zip(verdicts, begins, durations, strict=False):
+        for measure in verdict.measures:
+            own = found.setdefault(measure.criterion, {})
+            for entry in measure.entries:
+                here = entry._replace(time=None if entry.time is None else begin + entry.time)
+                known = own.get(entry.subject)
+                if measure.criterion.per_time:
+                    share = entry.value * duration / whole if whole else 0.0
+                    own[entry.subject] = here._replace(value=share + (known.value if known else 0.0))
+                elif known is None or measure._severity(here) > measure._severity(known):
+                    own[entry.subject] = here
+    measures = tuple(Measure(criterion, tuple(entries.values())) for criterion, entries in found.items())
+    rates = [verdict.contact_rate for verdict in verdicts if verdict.contact_rate]
+    return Verdict(measures, min(v.sample_rate for v in verdicts), min(rates) if rates else None)
+
+
+def in_words(value: float, unit: str) -> str:
+    """Return a figure with the unit that users read: degrees, millimetres, per cent."""
+    shown = {"rad": (np.rad2deg(value), "deg"), "m": (1e3 * value, "mm"), "1": (100 * value, "%")}
+    number, name = (value, "m") if unit == "m" and abs(value) >= 1 else shown[unit]
+    return f"{number + 0.0:.3g} {name}"

@@ -1,0 +1,72 @@
+"""The file `gaits.yaml` beside a robot's `robot.yaml`: all by which it walks, a section for each kind of gait."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.paths import models_root
+from simrob_drake.robots.catalog import RobotModel, robot_names
+from simrob_drake.sections import Number, validated
+from simrob_drake.yaml_files import read_yaml
+
+GAITS_FILE = "gaits.yaml"
+
+
+class _Head(BaseModel):
+    """What all gaits of a robot have in common."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    facing_deg: Number
+
+
+@dataclass(frozen=True)
+class GaitsFile:
+    """A robot's gaits as their file has them; each section is checked by those who know it.
+
+    Attributes:
+        file: where they stand.
+        facing_deg: where the robot looks while its root is not turned, counterclockwise from the world's x [deg].
+        content: all of the file.
+    """
+
+    file: Path
+    facing_deg: float
+    content: Mapping[str, Any]
+
+    @property
+    def sections(self) -> list[str]:
+        """The names of its sections."""
+        return [name for name, value in self.content.items() if isinstance(value, Mapping)]
+
+    def section(self, name: str) -> Mapping[str, Any]:
+        """Return a section, empty where the file has none."""
+        found = self.content.get(name)
+        return found if isinstance(found, Mapping) else {}
+
+
+def gaits_file(robot: str | RobotModel) -> GaitsFile:
+    """Return the gaits of a robot, which stand beside its ``robot.yaml``.
+
+    Args:
+        robot: a robot of the package by its name, or any other's model.
+
+    Raises:
+        UnknownName: no such robot; proposes the nearest.
+        InvalidParameter: a robot without gaits.
+        InvalidConfig: a file that cannot be read.
+    """
+    if isinstance(robot, str) and robot not in robot_names():
+        raise UnknownName("robot", robot, robot_names())
+    name, folder = (robot, models_root() / robot) if isinstance(robot, str) else (robot.name, robot.folder)
+    file = folder / GAITS_FILE
+    if not file.is_file():
+        raise InvalidParameter(f"robot {name}", "one without gaits", f"one with a file {GAITS_FILE}")
+    content = read_yaml(file)
+    return GaitsFile(file, validated(_Head, content, file).facing_deg, content)

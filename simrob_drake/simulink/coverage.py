@@ -1,0 +1,96 @@
+"""What became of every block of a model, and how faithful its station is, in one line."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+from simrob_drake.importer.options import EntryKind
+from simrob_drake.simulink.model.block_types import FATES, BlockType, Domain, Fate, block_types
+from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.tracing import RULES
+from simrob_drake.simulink.simulink_model import SimulinkModel
+
+_BY_ENTRY: dict[EntryKind, Fate] = {
+    "approximated": "approximated", "defaulted": "approximated", "open": "open", "lost": "lost", "refused": "lost",
+}  # fmt: skip
+"""What an entry of the report makes of the block that it is about."""
+
+
+@dataclass(frozen=True)
+class BlockOutcome:
+    """What became of one block.
+
+    Attributes:
+        path: from the model's top.
+        type: of the block.
+        domain, fate, text: as in the table of block types.
+    """
+
+    path: str
+    type: str
+    domain: Domain
+    fate: Fate
+    text: str = ""
+
+
+def outcomes(model: SimulinkModel) -> list[BlockOutcome]:
+    """Return what became of every block of a model's file and libraries, those that take no part included."""
+    found: dict[str, list[tuple[Fate, str]]] = {}
+    for entry in model.report.entries:
+        if entry.kind in _BY_ENTRY:
+            found.setdefault(entry.element, []).append((_BY_ENTRY[entry.kind], entry.text))
+    left_out = [
+        BlockOutcome(path, kind, "structure", "ignored", why) for path, (kind, why) in model.expanded.left_out.items()
+    ]
+    return [*(_outcome(model, node, found.get(node.path, [])) for node in model.expanded.nodes), *left_out]
+
+
+def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]]) -> BlockOutcome:
+    if node.block.commented == "through":
+        return BlockOutcome(node.path, node.kind, "structure", "ignored", "commented through: its ports are joined")
+    row = block_types().get(node.kind) or _unknown(model, node)
+    fate, text = max([(row.fate, row.text), *found], key=lambda one: FATES.index(one[0]))
+    if row.domain == "mechanics" and fate != "lost" and (unread := model.network.unread(node)):
+        ports = ", ".join(f"{side} {number}" for _, side, number in unread)
+        fate, text = "lost", f"nothing reads its port {ports}"
+    return BlockOutcome(node.path, node.kind, row.domain, fate, text)
+
+
+def _unknown(model: SimulinkModel, node: Node) -> BlockType:
+    """Return the row of a type that the table does not have."""
+    if node.children:
+        return BlockType("structure", "exact")
+    if node.kind not in RULES and model.network.unread(node):
+        return BlockType("mechanics", "lost", node.kind)
+    if node in model.opened:
+        return BlockType("signals", "open")
+    if not model.tracer.followed(node):
+        return BlockType("signals", "ignored", "nothing that moves depends on it")
+    return BlockType("signals", "exact")
+
+
+def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:
+    """Return the blocks of the mechanics that are lost."""
+    return [outcome for outcome in found if outcome.domain == "mechanics" and outcome.fate == "lost"]
+
+
+def fidelity(found: list[BlockOutcome], prescribed: int = 0) -> str:
+    """Return how faithful a station is, as in ``2 gears and 1 spring lost; 3 control blocks left open``."""
+    types = block_types()
+    nouns = Counter(
+        row.text if (row := types.get(outcome.type)) and row.fate == "lost" else outcome.type.rpartition("/")[2]
+        for outcome in lost_mechanics(found)
+    )
+    lost = [_counted(number, noun) for noun, number in nouns.items()]
+    parts = [
+        f"{' and '.join(part for part in (', '.join(lost[:-1]), *lost[-1:]) if part)} lost"
+        if lost
+        else "mechanics complete"
+    ]
+    parts.append(f"{_counted(prescribed, 'joint')} prescribed" if prescribed else "")
+    opened = sum(outcome.fate == "open" for outcome in found)
+    parts.append(f"{_counted(opened, 'control block')} left open" if opened else "")
+    return "; ".join(part for part in parts if part)
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

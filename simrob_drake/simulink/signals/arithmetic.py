@@ -1,0 +1,373 @@
+"""Blocks that compute and remember nothing: gains, sums, products, functions, limits, tables, comparisons, switches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.parts.controllers.flow_block import FUNCTIONS
+from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.forms import (
+    Form,
+    Rule,
+    Signal,
+    SignalReader,
+    Value,
+    computed,
+    fitted,
+    flat,
+    mapped,
+    scaled,
+    signal,
+    widened,
+)
+
+_MOST_INPUTS = 1000
+OPERATORS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "==": "==", "~=": "!="}
+_COMPARED = {
+    "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal,
+}  # fmt: skip
+
+
+def applied(name: str, *values: Value) -> Value:
+    """Return a function of values: a number of numbers, else a block."""
+    if any(isinstance(value, Form) for value in values):
+        return computed("function", *values, function=name)
+    try:
+        return float(FUNCTIONS[name](*values))
+    except (ArithmeticError, ValueError):
+        return math.nan
+
+
+def compared(operator: str, left: Value, right: Value) -> Value:
+    """Return 1 where a comparison holds, else 0."""
+    if not (isinstance(left, Form) or isinstance(right, Form)):
+        return float(_COMPARED[operator](left, right))
+    if isinstance(right, Form):
+        return computed("compare", left - right, operator=operator)
+    return computed("compare", left, operator=operator, **({"threshold": float(right)} if right else {}))
+
+
+def chosen(condition: Value, yes: Value, no: Value) -> Value:
+    """Return one of two values, by whether a condition is not 0."""
+    if not isinstance(condition, Form):
+        return yes if condition else no
+    return yes if yes is no else computed("switch", yes, condition, no, operator="!=")
+
+
+def joined(operator: str, *values: Value) -> Value:
+    """Return a logical operator's value of its inputs."""
+    return computed("logic", *values, operator=operator)
+
+
+def switched(node: Node, yes: Signal, by: Signal, no: Signal, operator: str, threshold: float = 0.0) -> Signal:
+    """Return the first signal where the second meets a threshold, else the third."""
+
+    def pick(first: Value, test: Value, other: Value) -> Value:
+        if not isinstance(test, Form):
+            return first if _COMPARED[operator](test, threshold) else other
+        limit = {"threshold": threshold} if threshold else {}
+        return computed("switch", first, test, other, operator=operator, **limit)
+
+    return mapped(pick, *fitted(node, yes, by, no))
+
+
+def limited(value: Value, lower: float, upper: float, kind: str = "saturation") -> Value:
+    """Return a value within limits, or with ``dead_zone`` what it is beyond them; infinite ones are none."""
+    bounds = {"lower": lower, "upper": upper}
+    return computed(kind, value, **{name: float(bound) for name, bound in bounds.items() if np.isfinite(bound)})
+
+
+def inputs_of(reader: SignalReader, node: Node, default: str = "2") -> list[Signal]:
+    """Return all inputs of a block whose parameter ``Inputs`` is their number, their widths or names."""
+    text = node.text("Inputs", node.text("NumInputs", default)).replace("|", "").replace(" ", "")
+    if text and set(text) <= set("+-*/"):
+        number = len(text)
+    elif "," in text and "[" not in text:  # names of signals
+        number = text.count(",") + 1
+    else:
+        sizes = node.numbers("Inputs" if "Inputs" in node.block.parameters else "NumInputs", default)
+        number = int(sizes[0]) if sizes.size == 1 else sizes.size
+    return [reader.input(node, place + 1) for place in range(min(number, _MOST_INPUTS))]
+
+
+def _signs(node: Node, default: str, letters: str) -> str:
+    text = node.text("Inputs", default).replace("|", "").replace(" ", "")
+    if text.isdecimal():
+        return letters[0] * min(int(text), _MOST_INPUTS)
+    if not text or any(letter not in letters for letter in text):
+        raise node.refusal(f"Inputs is '{text}'; it must be a number or signs such as {letters}")
+    return text
+
+
+def _gain(reader: SignalReader, node: Node, _: int) -> Signal:
+    gain, values = node.matrix("Gain" if "Gain" in node.block.parameters else "gain", "1"), reader.input(node)
+    if gain.size == 1:
+        return scaled(values, float(gain[0, 0]))
+    mode = node.text("Multiplication", "Element-wise(K.*u)")
+    if mode.startswith("Element-wise"):
+        if values.size not in (1, gain.size):
+            raise node.refusal(f"Gain has {gain.size} numbers for a signal of {values.size}")
+        factors = gain.reshape(-1, order="F") if 1 in gain.shape and values.ndim == 1 else gain
+        return mapped(lambda k, one: k * one, *fitted(node, factors.astype(object), values))
+    if mode.startswith("Matrix(u*K)"):
+        return _times(node, values.reshape(1, -1) if values.ndim == 1 else values, gain.astype(object)).reshape(-1)
+    return _times(node, gain.astype(object), values)
+
+
+def _times(node: Node, left: Signal, right: Signal) -> Signal:
+    """Return a product of matrices, of which a vector is a column."""
+    if 1 in (left.size, right.size) and not (left.ndim == 2 and left.shape[1] == 1 and right.ndim == 2):
+        if left.ndim == 2 and left.shape[1] != 1:
+            right = widened(right, left.shape[1])
+        else:
+            return mapped(lambda one, other: one * other, left, right)
+    columns = right.reshape(-1, 1) if right.ndim == 1 else right
+    rows = left.reshape(-1, 1) if left.ndim == 1 else left
+    if rows.shape[1] != columns.shape[0] and columns.size == rows.shape[1]:
+        columns = columns.reshape(-1, 1)
+    if rows.shape[1] != columns.shape[0]:
+        shape = " × ".join(map(str, rows.shape))
+        raise node.refusal(f"Gain is {shape} for a signal of {right.size}")
+    product = np.asarray(rows.dot(columns), dtype=object)
+    return product.reshape(-1) if right.ndim == 1 else product
+
+
+def _sum(reader: SignalReader, node: Node, _: int) -> Signal:
+    signs = _signs(node, "++", "+-")
+    signals = [reader.input(node, place + 1) for place in range(len(signs))]
+    total = [scaled(one, 1.0 if sign == "+" else -1.0) for sign, one in zip(signs, signals, strict=True)]
+    if len(total) == 1:
+        return signal([sum(flat(total[0]), start=0.0)])
+    return mapped(lambda *values: sum(values[1:], start=values[0]), *fitted(node, *total))
+
+
+def _product(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    signs = _signs(node, "2", "*/")
+    signals = [reader.input(node, place + 1) for place in range(len(signs))]
+    if node.text("Multiplication", "Element-wise(.*)").startswith("Matrix"):
+        factors = [one if sign == "*" else _inverse(one) for sign, one in zip(signs, signals, strict=True)]
+        product = factors[0]
+        for other in factors[1:]:
+            if product is None or other is None:
+                return None
+            product = _times(node, product, other)
+        return product
+    if len(signals) == 1:
+        signals, signs = [signal([value]) for value in flat(signals[0])], signs * signals[0].size
+
+    def product_of(*values: Value) -> Value:
+        constant, rest = 1.0, []
+        for sign, value in zip(signs, values, strict=True):
+            if isinstance(value, Form) or (sign == "/" and not value):
+                rest.append((sign, value))
+            else:
+                constant = constant * value if sign == "*" else constant / value
+        if [sign for sign, _ in rest] in ([], ["*"]):
+            return constant * rest[0][1] if rest else constant
+        divides = [place for place, (sign, _) in enumerate(rest) if sign == "/"]
+        made = computed("product", *(value for _, value in rest), **({"divides": divides} if divides else {}))
+        return constant * made
+
+    return mapped(product_of, *fitted(node, *signals))
+
+
+def _inverse(values: Signal) -> Signal | None:
+    """Return the inverse of a matrix of at most 3 × 3, by its cofactors; None of a larger one."""
+    if values.size == 1:
+        return mapped(lambda one: 1.0 / one, values)
+    size = values.shape[0]
+    if values.shape != (size, size) or size > 3:
+        return None
+
+    def cofactor(row: int, column: int) -> Value:
+        rest = np.delete(np.delete(values, row, 0), column, 1)
+        minor: Value = rest[0, 0] if size == 2 else rest[0, 0] * rest[1, 1] - rest[0, 1] * rest[1, 0]
+        return minor if (row + column) % 2 == 0 else -minor
+
+    cofactors = np.array([[cofactor(i, j) for j in range(size)] for i in range(size)], dtype=object)
+    determinant = sum(values[0, j] * cofactors[0, j] for j in range(size))
+    return mapped(lambda one: one / determinant, cofactors.T)
+
+
+def _dot_product(reader: SignalReader, node: Node, _: int) -> Signal:
+    first, second = fitted(node, reader.input(node), reader.input(node, 2))
+    return signal([sum((one * other for one, other in zip(flat(first), flat(second), strict=True)), start=0.0)])
+
+
+def _cross_product(reader: SignalReader, node: Node, _: int) -> Signal:
+    a, b = (flat(one) for one in fitted(node, reader.input(node), reader.input(node, 2)))
+    if len(a) != 3:
+        raise node.refusal(f"needs vectors of 3 elements, not {len(a)}")
+    return signal(a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3))
+
+
+def _truncated(value: Value) -> Value:
+    return applied("sign", value) * applied("floor", applied("abs", value))
+
+
+_DEFAULTS = {"Abs": "abs", "Signum": "sign", "Sqrt": "sqrt", "Trigonometry": "sin", "Math": "exp", "MinMax": "min",
+             "Rounding": "floor"}  # fmt: skip
+MATH: dict[str, Callable[..., Value]] = {
+    "square": lambda u: u * u,
+    "magnitude^2": lambda u: u * u,
+    "reciprocal": lambda u: 1.0 / u if isinstance(u, Form) or u else math.inf,
+    "10^u": lambda u: applied("pow", 10.0, u),
+    "log10": lambda u: applied("log", u) * (1 / math.log(10)),
+    "hypot": lambda u, v: applied("sqrt", u * u + v * v),
+    "mod": lambda u, v: u - v * applied("floor", u / v),
+    "rem": lambda u, v: u - v * _truncated(u / v),
+    "round": lambda u: applied("sign", u) * applied("floor", applied("abs", u) + 0.5),
+    "fix": _truncated,
+    "signedsqrt": lambda u: applied("sign", u) * applied("sqrt", applied("abs", u)),
+    "rsqrt": lambda u: 1.0 / applied("sqrt", u),
+    "conj": lambda u: u,
+    "real": lambda u: u,
+}
+_TWO = ("atan2", "pow", "mod", "rem", "hypot")
+
+
+def _function(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    default = _DEFAULTS[node.kind]
+    name = default if node.kind in ("Abs", "Signum") else (node.text("Operator", node.text("Function")) or default)
+    name = name.lower()
+    if name in ("transpose", "hermitian"):
+        values = reader.input(node)
+        return values.T if values.ndim == 2 else values.reshape(1, -1)
+    if node.kind == "MinMax":
+        signals = inputs_of(reader, node, "1")
+        signals = [signal([value]) for value in flat(signals[0])] if len(signals) == 1 else fitted(node, *signals)
+    else:
+        signals = fitted(node, *(reader.input(node, place) for place in ((1, 2) if name in _TWO else (1,))))
+    if name in ("min", "max"):
+        found = signals[0]
+        for other in signals[1:]:
+            found = mapped(lambda one, next_: applied(name, one, next_), found, other)
+        return found
+    if name in MATH:
+        return mapped(MATH[name], *signals)
+    return mapped(lambda *values: applied(name, *values), *signals) if name in FUNCTIONS else None
+
+
+def _limits(kind: str, lower: tuple[str, str], upper: tuple[str, str]) -> Rule:
+    """Return the rule of a block with limits, whose parameters are these, by default these."""
+
+    def rule(reader: SignalReader, node: Node, _: int) -> Signal:
+        bounds = [node.matrix(*named).reshape(-1, order="F").astype(object) for named in (lower, upper)]
+        return mapped(
+            lambda value, low, high: limited(value, low, high, kind), *fitted(node, reader.input(node), *bounds)
+        )
+
+    return rule
+
+
+def _limited_by_inputs(reader: SignalReader, node: Node, _: int) -> Signal:
+    upper, values, lower = fitted(node, *(reader.input(node, place) for place in (1, 2, 3)))
+    return mapped(lambda u, x, low: applied("max", low, applied("min", x, u)), upper, values, lower)
+
+
+def table_of(points: Any, values: Any, *, clip: bool) -> dict[str, Any]:
+    """Return the parameters of a lookup table."""
+    listed = {name: [float(one) for one in np.asarray(column).reshape(-1)] for name, column in
+              (("points", points), ("values", values))}  # fmt: skip
+    return {**listed, "clip": True} if clip else listed
+
+
+def _lookup(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    if node.text("NumberOfTableDimensions", "1") != "1":
+        return None
+    points = "BreakpointsForDimension1" if "BreakpointsForDimension1" in node.block.parameters else "InputValues"
+    values = "Table" if "Table" in node.block.parameters else "OutputValues"
+    clip = "Clip" in node.text("ExtrapMethod") or "Use End Values" in node.text("LookUpMeth")
+    if node.text("BreakpointsSpecification", "Explicit values") == "Explicit values":
+        parameters = table_of(node.numbers(points, "[-5:5]"), node.numbers(values, "tanh([-5:5])"), clip=clip)
+    else:
+        heights = node.numbers(values, "tanh([-5:5])")
+        first, step = (node.number(f"BreakpointsForDimension1{what}", "1") for what in ("FirstPoint", "Spacing"))
+        parameters = table_of(first + step * np.arange(heights.size), heights, clip=clip)
+    return mapped(lambda value: computed("lookup", value, **parameters), reader.input(node))
+
+
+def _compare(reader: SignalReader, node: Node, _: int) -> Signal:
+    first = reader.input(node)
+    operator = OPERATORS.get(node.text("relop", node.text("Operator", "<=")), "<=")
+    if node.kind == "RelationalOperator":
+        second = reader.input(node, 2)
+    else:
+        text = node.matrix("const", "3") if node.kind == "Compare To Constant" else np.zeros((1, 1))
+        second = text.reshape(-1, order="F").astype(object)
+    return mapped(lambda one, other: compared(operator, one, other), *fitted(node, first, second))
+
+
+def _within(reader: SignalReader, node: Node, _: int) -> Signal:
+    low, high = node.number("lowlimit", "-0.5"), node.number("uplimit", "0.5")
+    below, above = (("<=" if node.text(f"IntervalClosed{side}", "on") == "on" else "<") for side in ("Left", "Right"))
+    return mapped(lambda u: joined("and", compared(below, low - u, 0.0), compared(above, u, high)), reader.input(node))
+
+
+def _logic(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    operator = node.text("Operator", "AND").lower()
+    if operator not in ("and", "or", "nand", "nor", "xor", "not"):
+        return None  # such as NXOR
+    if operator == "not":
+        return mapped(lambda value: joined("not", value), reader.input(node))
+    signals = inputs_of(reader, node)
+    if len(signals) == 1:
+        return signal([joined(operator, *flat(signals[0]))])
+    return mapped(lambda *values: joined(operator, *values), *fitted(node, *signals))
+
+
+def _switch(reader: SignalReader, node: Node, _: int) -> Signal:
+    criteria = node.text("Criteria", "u2 >= Threshold")
+    operator = OPERATORS[next((sign for sign in (">=", ">", "~=") if sign in criteria), ">=")]
+    threshold = 0.0 if operator == "!=" else node.number("Threshold", "0")
+    yes, by, no = (reader.input(node, place) for place in (1, 2, 3))
+    return switched(node, yes, by, no, operator, threshold)
+
+
+def _polynomial(reader: SignalReader, node: Node, _: int) -> Signal:
+    coefficients = node.numbers("coefs", "[0]")
+
+    def value_at(u: Value) -> Value:
+        total: Value = 0.0
+        for coefficient in coefficients:
+            total = total * u + float(coefficient)
+        return total
+
+    return mapped(value_at, reader.input(node))
+
+
+def _quantized(reader: SignalReader, node: Node, _: int) -> Signal:
+    step = node.number("QuantizationInterval", "0.5")
+    return mapped(lambda u: step * applied("floor", u * (1 / step) + 0.5), reader.input(node))
+
+
+def times(factor: float) -> Rule:
+    """Return the rule of a block that multiplies."""
+    return lambda reader, node, _: scaled(reader.input(node), factor)
+
+
+ARITHMETIC: dict[str, Rule] = {
+    **dict.fromkeys(("Gain", "Slider Gain"), _gain),
+    "Sum": _sum,
+    "Product": _product,
+    "DotProduct": _dot_product,
+    "Cross Product": _cross_product,
+    "UnaryMinus": times(-1.0),
+    "Degrees to Radians": times(math.pi / 180),
+    "Radians to Degrees": times(180 / math.pi),
+    **dict.fromkeys(_DEFAULTS, _function),
+    "Saturate": _limits("saturation", ("LowerLimit", "-0.5"), ("UpperLimit", "0.5")),
+    "DeadZone": _limits("dead_zone", ("LowerValue", "-0.5"), ("UpperValue", "0.5")),
+    "Saturation Dynamic": _limited_by_inputs,
+    **dict.fromkeys(("Lookup_n-D", "Lookup"), _lookup),
+    **dict.fromkeys(("RelationalOperator", "Compare To Constant", "Compare To Zero"), _compare),
+    "Interval Test": _within,
+    "Logic": _logic,
+    "Switch": _switch,
+    "Polyval": _polynomial,
+    "Quantizer": _quantized,
+}

@@ -1,0 +1,347 @@
+"""Blocks that remember: integrators, transfer functions, delays, PID controllers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.forms import (
+    ONE,
+    Form,
+    Primitive,
+    Rule,
+    Signal,
+    SignalReader,
+    Term,
+    TermKind,
+    Value,
+    fitted,
+    flat,
+    mapped,
+    scaled,
+    signal,
+    terms_of,
+)
+from simrob_drake.simulink.signals.frame_sensing import PARTS
+
+Parameters = dict[str, Any]
+LAG = 1e-3
+"""Time constant [s] of what stands for a derivative of something that is not measured, or breaks an algebraic loop."""
+_FOLLOWING: dict[TermKind, TermKind] = {"q": "w", "w": "a"}
+_PLACES = 3
+_LONGEST_WAY = 50
+_FINEST = 1e-3  # s, between the samples of a Transport Delay
+_MOST_SAMPLES = 2000
+
+
+def with_states(reader: SignalReader, node: Node, kind: str, *parameters: Parameters) -> Signal:
+    """Return a block whose outputs depend on states alone, element by element; its inputs are followed later."""
+    shape = reader.shape(node)
+    size = max(len(parameters), math.prod(shape))
+
+    def made(index: int) -> Value:
+        def inputs() -> list[Value]:
+            values = flat(reader.input(node))
+            return [values[min(index, len(values) - 1)]]
+
+        own = parameters[min(index, len(parameters) - 1)]
+        return Primitive(kind, own, inputs, node, place=index if size > 1 else None).outputs[0]
+
+    found = signal(made(index) for index in range(size))
+    return found.reshape(shape, order="F") if size == math.prod(shape) else found
+
+
+def filtered(node: Node | None, value: Value, numerator: Sequence[float], denominator: Sequence[float]) -> Value:
+    """Return a transfer function of a value that is known."""
+    parameters = {"numerator": [float(one) for one in numerator], "denominator": [float(one) for one in denominator]}
+    return Primitive("transfer_function", parameters, lambda: [value], node).outputs[0]
+
+
+def rate_of(node: Node, value: Value, lag: float = LAG) -> Value:
+    """Return how fast a value changes: as it is measured, or else by a filter of time constant ``lag`` [s]."""
+    rate: dict[Term, float] = {}
+    for term, factor in terms_of(value).items():
+        still = isinstance(term.of, Node) and term.of.text("MeasurementFrame").startswith("NonRotating")
+        if term.kind == "time":
+            rate[ONE] = factor
+        elif term.kind in _FOLLOWING:
+            rate[Term(_FOLLOWING[term.kind], term.of)] = factor
+        elif term.kind == "sensed" and term.index < _PLACES and not still:
+            rate[Term("sensed", term.of, term.index + PARTS.index("vx"))] = factor
+        elif term.kind != "one":
+            node.findings.report.add("approximated", node.path, f"its derivative is filtered, by {lag:g} s")
+            return filtered(node, value, [1.0, 0.0], [lag, 1.0])
+    return Form(rate) if rate.keys() - {ONE} else rate.get(ONE, 0.0)
+
+
+def period_of(reader: SignalReader, node: Node) -> float | None:
+    """Return the time between samples [s] of a block, or of what it inherits it from; None where nothing says it."""
+    waiting, known = [node], [node]
+    while waiting and len(known) < _LONGEST_WAY:
+        here = waiting.pop(0)
+        for name in ("SampleTime", "OutPortSampleTime", "st", "samptime"):
+            if name in here.block.parameters:
+                period = float(here.matrix(name, "-1").reshape(-1)[0])
+                if 0 < period < math.inf:
+                    return period
+        number = 1
+        while (source := reader.network.source(here, number)) is not None:
+            if source[0] not in known:
+                known.append(source[0])
+                waiting.append(source[0])
+            number += 1
+    return reader.fixed_step
+
+
+def _integrator(reader: SignalReader, node: Node, _: int) -> Signal:
+    if node.text("ExternalReset", "none") != "none":
+        node.findings.report.add("approximated", node.path, "its reset is left out")
+    start = node.numbers("InitialCondition", "0")
+    if node.text("InitialConditionSource", "internal") == "external":
+        external = reader.input(node, 2 if node.text("ExternalReset", "none") == "none" else 3)
+        known = [one for one in flat(external) if not isinstance(one, Form)]
+        if len(known) < external.size:
+            node.findings.report.add("approximated", node.path, "it begins at 0, not at its input")
+        start = np.array(known if len(known) == external.size else [0.0], dtype=float)
+    return with_states(reader, node, "integrator", *({"initial": float(one), **_limits(node)} for one in start))
+
+
+def _limits(node: Node) -> Parameters:
+    """Return the finite limits of an output that may have them."""
+    if not node.is_on("LimitOutput"):
+        return {}
+    sides = {"lower": ("LowerSaturationLimit", "-inf"), "upper": ("UpperSaturationLimit", "inf")}
+    bounds = {name: float(node.matrix(*side).reshape(-1)[0]) for name, side in sides.items()}
+    return {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
+
+
+def _discrete_integrator(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    period = period_of(reader, node)
+    if period is None:
+        return None
+    method, gain = node.text("IntegratorMethod", "Integration: Forward Euler"), node.number("gainval", "1")
+    if method.startswith("Accumulation"):
+        gain /= period
+    starts = node.numbers("InitialCondition", "0")
+    if "Forward" in method or node.is_on("LimitOutput"):
+        if "Forward" not in method:
+            node.findings.report.add("approximated", node.path, "as forward Euler, with its limits")
+        limits = {name: one / gain for name, one in _limits(node).items()}
+        parameters = [{"initial": float(one) / gain, **limits, "period": period} for one in starts]
+        return scaled(with_states(reader, node, "integrator", *parameters), gain)
+    through = gain * period * (0.5 if "Trapezoidal" in method else 1.0)
+    values = reader.input(node)
+    matrices: Parameters = {"A": [[1.0]], "B": [[gain * period]], "C": [[1.0]], "D": [[through]], "period": period}
+    parameters = [matrices | {"initial": [float(one)]} for one in np.resize(starts, values.size)]
+    return _each(node, "state_space", parameters, values)
+
+
+def _each(node: Node, kind: str, parameters: Sequence[Parameters], values: Signal) -> Signal:
+    """Return a block for each element of a signal that is known: its output may depend on its input at once."""
+    several = values.size > 1
+    made = [
+        Primitive(kind, own, partial(tuple[Value, ...], [one]), node, place=index if several else None).outputs[0]
+        for index, (own, one) in enumerate(zip(parameters, flat(values), strict=True))
+    ]
+    return signal(made).reshape(values.shape, order="F")
+
+
+def _derivative(reader: SignalReader, node: Node, _: int) -> Signal:
+    return mapped(lambda value: rate_of(node, value), reader.input(node))
+
+
+def _transfer_function(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    sampled = _sampled(reader, node, "Discrete" in node.kind)
+    several = any(len(node.matrix(name, "1")) > 1 for name in ("Numerator", "Denominator"))
+    if sampled is None or several:  # outputs of one input
+        return None
+    if "ZeroPole" in node.kind:
+        zeros, poles = (node.numbers(name, default) for name, default in (("Zeros", "[]"), ("Poles", "[]")))
+        numerator, denominator = node.number("Gain", "1") * np.atleast_1d(np.poly(zeros)), np.atleast_1d(np.poly(poles))
+    elif node.kind == "Discrete Derivative":
+        gain = node.number("gainval", "1") / sampled["period"]
+        numerator, denominator = np.array([gain, -gain]), np.array([1.0, 0.0])
+    else:
+        numerator, denominator = node.numbers("Numerator", "[1]"), node.numbers("Denominator", "[1 1]")
+        if node.kind == "DiscreteFir":
+            numerator, denominator = node.numbers("Coefficients", "[0.5 0.5]"), np.array([1.0])
+        if node.kind in ("DiscreteFilter", "DiscreteFir"):  # powers of 1/z
+            size = max(numerator.size, denominator.size)
+            numerator, denominator = (np.append(one, np.zeros(size - one.size)) for one in (numerator, denominator))
+    return _linear(reader, node, numerator, denominator, sampled)
+
+
+def _linear(reader: SignalReader, node: Node, numerator: Vector, denominator: Vector, sampled: Parameters) -> Signal:
+    parameters = {"numerator": _listed(numerator), "denominator": _listed(denominator), **sampled}
+    if np.trim_zeros(numerator, "f").size < denominator.size:
+        return with_states(reader, node, "transfer_function", parameters)
+    values = reader.input(node)
+    return _each(node, "transfer_function", [parameters] * values.size, values)
+
+
+def _state_space(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    sampled = _sampled(reader, node, "Discrete" in node.kind)
+    if sampled is None:
+        return None
+    parameters: Parameters = {name: node.matrix(name, "1").tolist() for name in "ABCD"}
+    start = node.numbers("X0" if "X0" in node.block.parameters else "InitialCondition", "0")
+    states, outputs = len(parameters["A"]), len(parameters["C"])
+    if start.any():
+        parameters["initial"] = _listed(np.resize(start, states) if start.size == 1 else start)
+    through = any(map(any, parameters["D"]))
+    known = reader.input(node) if through else None
+
+    def inputs() -> list[Value]:
+        return flat(reader.input(node) if known is None else known)
+
+    return signal(Primitive("state_space", parameters | sampled, inputs, node, outputs, 0).outputs)
+
+
+def _delay(reader: SignalReader, node: Node, _: int) -> Signal:
+    period, steps = period_of(reader, node), 1
+    if node.kind == "Delay":
+        known = node.text("DelayLengthSource", "Dialog") == "Dialog"
+        steps = int(node.number("DelayLength", "2")) if known else 1
+    if period is None or node.kind == "Memory" or steps < 1:
+        if steps >= 1:
+            node.findings.report.add("approximated", node.path, "its delay of one step of the solver is left out")
+        return reader.input(node)
+    name = next((name for name in ("InitialCondition", "vinit", "X0") if name in node.block.parameters), "")
+    starts = node.numbers(name, "0") if name else np.zeros(1)
+    parameters = [
+        {"period": period, **({"steps": steps} if steps > 1 else {}), "initial": float(one)} for one in starts
+    ]
+    return with_states(reader, node, "delay", *parameters)
+
+
+def _hold(reader: SignalReader, node: Node, _: int) -> Signal:
+    period, values = period_of(reader, node), reader.input(node)
+    if period is None:
+        return values
+    return _each(node, "hold", [{"period": period}] * values.size, values)
+
+
+def _transport_delay(reader: SignalReader, node: Node, _: int) -> Signal:
+    late, start = node.number("DelayTime", "1"), node.number("InitialOutput", "0")
+    if late <= 0:
+        return reader.input(node)
+    steps = int(np.clip(math.ceil(late / _FINEST), 1, _MOST_SAMPLES))
+    node.findings.report.add("approximated", node.path, f"its delay is sampled, each {late / steps:g} s")
+    return with_states(reader, node, "delay", {"period": late / steps, "steps": steps, "initial": start})
+
+
+def _rate_limiter(reader: SignalReader, node: Node, _: int) -> Signal:
+    named = {name: f"{name}SlewLimit" for name in ("rising", "falling")}
+    rising, falling = (
+        node.number(own if own in node.block.parameters else own[0].upper() + own[1:], default)
+        for own, default in zip(named.values(), ("1", "-1"), strict=True)
+    )
+    parameters = {"rising": rising, "falling": -falling, "initial": node.number("InitialCondition", "0")}
+    node.findings.report.add("approximated", node.path, f"is late by {LAG:g} s where it follows")
+    return with_states(reader, node, "rate_limiter", parameters)
+
+
+def _sampled(reader: SignalReader, node: Node, discrete: bool) -> Parameters | None:
+    """Return the period of a sampled block, and nothing of a continuous one; None where nothing says it."""
+    period = period_of(reader, node) if discrete else 0.0
+    return None if period is None else {"period": period} if period else {}
+
+
+def _listed(values: Vector) -> list[float]:
+    return [float(value) for value in values]
+
+
+_METHODS = {"Forward Euler": 0.0, "Backward Euler": 1.0, "Trapezoidal": 0.5}
+
+
+def _pid(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    """Return a PID controller of one or two degrees of freedom."""
+    if node.text("ControllerParametersSource", "internal") != "internal":
+        return None
+    letters = node.text("Controller", "PID")
+    gains = {name: node.numbers(name, "1" if name in "PI" else "0") for name in "PID" if name in letters}
+    both = "2" in node.kind or "2DOF" in node.text("SourceType")
+    errors = [reader.input(node)]
+    if both:
+        setpoint, measured = fitted(node, errors[0], reader.input(node, 2))
+        weights = node.numbers("b", "1"), np.ones(1), node.numbers("c", "1")
+        errors = [mapped(lambda r, y, b: b * r - y, setpoint, measured, one.astype(object)) for one in weights]
+    errors = fitted(node, *errors, *(gain.astype(object) for gain in gains.values()))[: len(errors)]
+    for what, name, default in (("reset", "ExternalReset", "none"), ("tracking input", "TrackingMode", "off")):
+        if node.text(name, default) != default:
+            node.findings.report.add("approximated", node.path, f"its {what} is left out")
+    parameters = _pid_parameters(reader, node, letters)
+    if parameters is None:
+        return None
+    found = []
+    for index, parts in enumerate(zip(*(flat(one) for one in errors), strict=True)):
+        own = {name.lower(): float(np.resize(gain, index + 1)[index]) for name, gain in gains.items()}
+        if node.text("Form", "Parallel") != "Parallel":
+            own |= {name: own[name] * own.get("p", 1.0) for name in ("i", "d") if name in own}
+        extra: Value = 0.0
+        block_parameters = parameters | own
+        if "d" in own and node.text("UseFilter", "on") == "off" and not parameters.get("period"):
+            extra, rest = _unfiltered(node, parts[-1], own["d"], parameters)
+            block_parameters |= rest
+        place = index if errors[0].size > 1 else None
+        made = Primitive("pid", block_parameters, partial(tuple[Value, ...], parts), node, place=place).outputs[0]
+        found.append(made + extra)
+    return signal(found).reshape(errors[0].shape, order="F")
+
+
+def _unfiltered(node: Node, error: Value, gain: float, parameters: Parameters) -> tuple[Value, Parameters]:
+    """Return what a derivative without a filter adds to a controller, and its parameters: none, or a fast filter."""
+    measured = all(term.kind in (*_FOLLOWING, "one", "time") for term in terms_of(error))
+    if measured and not {"lower", "upper"} & parameters.keys():
+        return gain * rate_of(node, error), {"d": 0.0}
+    node.findings.report.add("approximated", node.path, f"its derivative is filtered, by {LAG:g} s")
+    return 0.0, {"filter": 1 / LAG}
+
+
+def _pid_parameters(reader: SignalReader, node: Node, letters: str) -> Parameters | None:
+    """Return what a controller has beyond its gains; None where nothing says its period."""
+    parameters: Parameters = {}
+    discrete = node.text("TimeDomain", "Continuous-time").startswith("Discrete")
+    if discrete:
+        period = period_of(reader, node)
+        if period is None:
+            return None
+        parameters["period"] = period
+    if "D" in letters and (not discrete or node.text("UseFilter", "on") == "on"):
+        parameters["filter"] = max(node.number("N", "100"), 1e-3)
+    for part, name, key in (("I", "Integrator", "integration"), ("D", "Filter", "filtering")):
+        if part in letters:
+            start = node.number(f"InitialConditionFor{name}", "0")
+            parameters |= {f"{key}_initial": start} if start else {}
+            method = _METHODS.get(node.text(f"{name}Method", "Forward Euler"), 0.0)
+            parameters |= {f"{key}_weight": method} if discrete and method else {}
+    if node.is_on("LimitOutput"):
+        parameters |= _limits(node)
+        mode = node.text("AntiWindupMode", "none")
+        if "I" in letters and mode != "none":
+            parameters["anti_windup"] = "clamping" if mode == "clamping" else "back_calculation"
+            parameters |= {"back_calculation": node.number("Kb", "1")} if mode != "clamping" else {}
+    return parameters
+
+
+DYNAMICS: dict[str, Rule] = {
+    "Integrator": _integrator,
+    "DiscreteIntegrator": _discrete_integrator,
+    "Derivative": _derivative,
+    **dict.fromkeys(
+        ("TransferFcn", "ZeroPole", "DiscreteTransferFcn", "DiscreteZeroPole", "DiscreteFilter", "DiscreteFir",
+         "Discrete Derivative"), _transfer_function,
+    ),
+    **dict.fromkeys(("StateSpace", "DiscreteStateSpace"), _state_space),
+    **dict.fromkeys(("UnitDelay", "Delay", "Memory"), _delay),
+    "ZeroOrderHold": _hold,
+    "TransportDelay": _transport_delay,
+    "RateLimiter": _rate_limiter,
+    **dict.fromkeys(("PID Controller", "PID Controller (2DOF)", "PID 1dof", "PID 2dof"), _pid),
+}  # fmt: skip

@@ -1,0 +1,373 @@
+"""MATLAB code of blocks as blocks of a signal flow, where it is plain arithmetic: nothing is run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.parts.controllers.flow_block import FUNCTIONS
+from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.reading.model_file import SCRIPT
+from simrob_drake.simulink.signals.arithmetic import (
+    MATH,
+    OPERATORS,
+    applied,
+    chosen,
+    compared,
+    joined,
+    table_of,
+)
+from simrob_drake.simulink.signals.forms import Form, Rule, Signal, SignalReader, Value, computed, flat, mapped, signal
+from simrob_drake.simulink.values.code import CodeRun, statements
+from simrob_drake.simulink.values.evaluate import NUMBERS, Algebra, UndefinedVariable, evaluate
+from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.syntax import NotUnderstood, parse
+
+_SIGNATURE = re.compile(r"function\s+(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
+_SEVERAL = re.compile(r"\[([^\]=]+)\]\s*=(?!=)\s*(.+)", re.DOTALL)
+_CALL = re.compile(r"(\w+)\s*\((.*)\)\s*", re.DOTALL)
+_MOST_CALLS = 50
+_ENDED = "return"
+"""Where it is kept whether a function has returned."""
+_PARTIAL = ("sqrt", "log", "asin", "acos", "pow")
+"""Functions that are not there for every number."""
+
+
+class Translation(CodeRun):
+    """One run of a function over values that only a run of the model has: what it does is what blocks compute.
+
+    Where a condition is such a value both branches are translated, and a switch takes what each leaves. What could fail
+    in the branch that is not taken gets 1 there.
+    """
+
+    def __init__(
+        self, variables: dict[str, Any], lookup: Callable[[str], Any], functions: Mapping[str, ScriptFunction]
+    ) -> None:
+        """Take the variables that are there, where others are found, and the functions of the same script."""
+        super().__init__(variables, lookup)
+        self._functions, self._guards, self.depth = functions, list[Value](), 0
+        own = {name: partial(self._first_of, function) for name, function in functions.items()}
+        self._algebra = Algebra(self._operators(), {**NUMBERS.functions, **self._own_functions(), **own})
+
+    def _operators(self) -> dict[str, Callable[..., Any]]:
+        each: dict[str, Callable[..., Value]] = {
+            "./": lambda a, b: a / self._guarded(b),
+            ".^": lambda a, b: _power(self._guarded(a), b),
+            "&": lambda a, b: _both("and", a, b),
+            "|": lambda a, b: _both("or", a, b),
+            **{sign: partial(compared, flow) for sign, flow in OPERATORS.items()},
+        }
+        each |= {"&&": each["&"], "||": each["|"]}
+        return {**NUMBERS.operators, **{name: _on_symbols(NUMBERS.operators[name], one) for name, one in each.items()}}
+
+    def _own_functions(self) -> dict[str, Callable[..., Any]]:
+        each: dict[str, Callable[..., Value]] = {
+            **{name: partial(self._applied, name) for name in FUNCTIONS if name not in ("min", "max", "pow")},
+            **{name: MATH[name] for name in ("mod", "rem", "hypot", "fix", "round")},
+            **{f"{name}d": (lambda u, name=name: applied(name, u * (np.pi / 180))) for name in ("sin", "cos", "tan")},
+            "power": lambda a, b: _power(self._guarded(a), b),
+            "not": lambda u: joined("not", u),
+            "isnan": lambda u: 0.0,
+            **dict.fromkeys(("double", "single", "logical", "boolean"), lambda u: u),
+            **dict.fromkeys(("int8", "int16", "int32", "uint8", "uint16", "uint32"), MATH["round"]),
+        }
+        found = {name: _on_symbols(NUMBERS.functions.get(name), one) for name, one in each.items()}
+        return {
+            **found,
+            **{name: partial(_extreme, name) for name in ("min", "max")},
+            "norm": _norm, "interp1": _table,
+        }  # fmt: skip
+
+    def _guarded(self, value: Value) -> Value:
+        for guard in self._guards if isinstance(value, Form) else ():
+            value = chosen(guard, value, 1.0)
+        return value
+
+    def _applied(self, name: str, *values: Value) -> Value:
+        return applied(name, *(map(self._guarded, values) if name in _PARTIAL else values))
+
+    def _value(self, text: str) -> Any:
+        return evaluate(parse(text), self._lookup, self._algebra)
+
+    def _pass_over(self, part: list[str], problem: Exception) -> None:
+        raise problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"{part[0][:60]}: {problem}")
+
+    def _block(self, lines: list[str]) -> None:
+        place = 0
+        while place < len(lines):
+            place = self._next(lines, place)
+            ended = self.variables.get(_ENDED, 0.0)
+            if ended:
+                if isinstance(ended, Form):  # what follows is for those who did not return
+                    self._split_by(ended, lambda: None, partial(self._go_on, lines[place:]))
+                return
+
+    def _go_on(self, lines: list[str]) -> None:
+        self.variables[_ENDED] = 0.0
+        self._block(lines)
+
+    def _statement(self, keyword: str, part: list[str]) -> None:
+        if keyword == "break":
+            raise NotUnderstood(keyword)
+        if keyword == "return":
+            self.variables[_ENDED] = 1.0
+        super()._statement(keyword, part)
+
+    def _assign(self, text: str) -> None:
+        several = _SEVERAL.fullmatch(text)
+        call = _CALL.fullmatch(several[2]) if several else None
+        if several is None:
+            super()._assign(text)
+        elif call is None or call[1] not in self._functions:
+            raise NotUnderstood(text[:60])
+        else:
+            arguments = [self._value(argument) for argument in _split(call[2])]
+            names = [name for name in re.split(r"[\s,]+", several[1].strip()) if name]
+            for name, value in zip(names, self.called(self._functions[call[1]], arguments), strict=False):
+                if name != "~":
+                    self.variables[name] = value
+
+    def _first_of(self, function: ScriptFunction, *arguments: Any) -> Any:
+        return self.called(function, list(arguments))[0]
+
+    def called(self, function: ScriptFunction, arguments: list[Any]) -> list[Any]:
+        """Return the outputs of a function of the script."""
+        if self.depth > _MOST_CALLS:
+            raise NotUnderstood(f"{function.name} calls itself")
+        inner = Translation(dict(zip(function.inputs, arguments, strict=False)), self._outside, self._functions)
+        inner._guards, inner.depth = self._guards, self.depth + 1
+        inner._block(function.body)
+        missing = [name for name in function.outputs if name not in inner.variables]
+        if missing:
+            raise NotUnderstood(f"{function.name} gives no {missing[0]}")
+        return [inner.variables[name] for name in function.outputs]
+
+    def _condition(self, text: str) -> Value:
+        condition: Value = 1.0
+        for one in flat(np.asarray(matrix(self._value(text)), dtype=object)):
+            condition = _both("and", condition, one)
+        return condition
+
+    def _split_by(self, condition: Value, yes: Callable[[], None], no: Callable[[], None]) -> None:
+        """Run one of two ways, or by a condition of the model both, and leave what a switch takes of them."""
+        if not isinstance(condition, Form):
+            super()._split_by(condition, yes, no)
+            return
+        before, left = dict(self.variables), []
+        for way, guard in ((yes, condition), (no, joined("not", condition))):
+            self.variables.clear()
+            self.variables.update(before)
+            with self._guard(guard):
+                way()
+            left.append(dict(self.variables))
+        first, second = left
+        ended = chosen(condition, *(one.get(_ENDED, 0.0) for one in left))
+        for name in (first.keys() & second.keys()) - {_ENDED}:
+            if first[name] is not second[name]:
+                self.variables[name] = _merged(condition, first[name], second[name])
+        self.variables.update({name: value for name, value in (*first.items(), *second.items())
+                               if name not in first or name not in second})  # fmt: skip
+        self.variables[_ENDED] = ended
+
+    @contextmanager
+    def _guard(self, condition: Value) -> Iterator[None]:
+        self._guards.append(condition)
+        yield
+        self._guards.pop()
+
+
+class ScriptFunction:
+    """A function of a script: its name, its inputs and outputs by name, and its statements."""
+
+    def __init__(self, signature: re.Match[str], body: list[str]) -> None:
+        """Take what a function's first line says, and what follows."""
+        several, one, self.name, inputs = signature.groups()
+        self.inputs = _split(inputs or "")
+        self.outputs = [name for name in re.split(r"[\s,]+", several or one or "") if name]
+        self.body = body
+
+
+def functions_of(code: str) -> dict[str, ScriptFunction]:
+    """Return the functions of a script by name, the first of them first."""
+    lines = statements(re.sub(r"(function[^\n(]*\([^)]*\))", r"\1\n", code))
+    starts = [place for place, line in enumerate(lines) if _SIGNATURE.match(line) and line.startswith("function")]
+    found: dict[str, ScriptFunction] = {}
+    for begin, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        signature = _SIGNATURE.match(lines[begin])
+        assert signature is not None
+        body = lines[begin + 1 : end]
+        opened = sum(bool(re.match(r"(if|for|while|switch|try)\b", line)) for line in body)
+        if sum(bool(re.match(r"end\b", line)) for line in body) > opened:
+            del body[max(place for place, line in enumerate(body) if re.match(r"end\b", line)) :]
+        found[signature[3]] = ScriptFunction(signature, body)
+    return found
+
+
+def _both(operator: str, first: Value, second: Value) -> Value:
+    for one, other in ((first, second), (second, first)):
+        if not isinstance(one, Form):
+            if bool(one) == (operator == "and"):
+                return other if isinstance(other, Form) else float(bool(other))
+            return float(operator == "or")
+    return joined(operator, first, second)
+
+
+def _power(base: Value, exponent: Value) -> Value:
+    if isinstance(exponent, Form) or not isinstance(base, Form) or exponent not in (1, 2, 3, 4):
+        return applied("pow", base, exponent)
+    result: Value = base
+    for _ in range(int(exponent) - 1):
+        result = result * base
+    return result
+
+
+def _on_symbols(numeric: Callable[..., Any] | None, symbolic: Callable[..., Value]) -> Callable[..., Any]:
+    """Return a function of matrices: numeric where all are of numbers, else element by element."""
+
+    def function(*arrays: Any) -> Any:
+        values = [matrix(array) for array in arrays]
+        if numeric is not None and not any(array.dtype == object for array in values):
+            return numeric(*values)
+        return mapped(symbolic, *(array.astype(object) for array in values))
+
+    return function
+
+
+def _norm(array: Any) -> Any:
+    if matrix(array).dtype != object:
+        return NUMBERS.functions["norm"](array)
+    return matrix(signal([applied("sqrt", sum((one * one for one in _elements(array)), start=0.0))]))
+
+
+def _elements(array: Any) -> list[Value]:
+    return flat(matrix(array).astype(object))
+
+
+def _extreme(name: str, first: Any, second: Any = None, axis: Any = None) -> Any:
+    if second is not None and matrix(second).size:
+        return mapped(partial(applied, name), matrix(first).astype(object), matrix(second).astype(object))
+    values = matrix(first)
+    if axis is not None or 1 not in values.shape:
+        raise NotUnderstood(f"{name} of a matrix")
+    found, *rest = _elements(values)
+    for one in rest:
+        found = applied(name, found, one)
+    return matrix(signal([found]))
+
+
+def _table(points: Any, values: Any, at: Any, method: Any = "linear", *_: Any) -> Any:
+    if matrix(points).dtype == object or matrix(values).dtype == object or method != "linear":
+        raise NotUnderstood(f"interp1 by {method}, or of a table that changes")
+    parameters = table_of(matrix(points), matrix(values), clip=False)
+    return mapped(lambda u: computed("lookup", u, **parameters), matrix(at).astype(object))
+
+
+def _merged(condition: Value, yes: Any, no: Any) -> Any:
+    if isinstance(yes, str | dict) or isinstance(no, str | dict):
+        raise NotUnderstood("a text or structure that depends on a condition")
+    first, second = matrix(yes), matrix(no)
+    if first.shape != second.shape:
+        raise NotUnderstood("a matrix whose size depends on a condition")
+    return mapped(partial(chosen, condition), first.astype(object), second.astype(object))
+
+
+def _split(text: str) -> list[str]:
+    """Split arguments at their commas, and not at those within brackets."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter in "([{") - (letter in ")]}")
+        if letter == "," and not depth:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts if part.strip()]
+
+
+def _columns(values: Signal) -> Any:
+    return values.reshape(-1, 1) if values.ndim == 1 else values
+
+
+def _as_signal(value: Any) -> Signal:
+    array = matrix(value).astype(object)
+    return array.reshape(-1, order="F") if array.shape[1] == 1 else array
+
+
+def _matlab_function(reader: SignalReader, node: Node, number: int) -> Signal | None:
+    """Return an output of a MATLAB Function: of the S-Function in it, whose first output is for order alone."""
+    block = node.parent
+    code = block.text(SCRIPT) if block is not None else ""
+    if block is None or not code:
+        return None
+
+    def translated() -> list[Signal]:
+        functions = functions_of(code)
+        (main, *_) = functions.values()
+        ports = {child.block.name: child for child in block.children.values() if child.kind == "Inport"}
+        arguments = [
+            _columns(reader.input(node, _place(ports[name]))) if name in ports else block.workspace.lookup(name)
+            for name in main.inputs
+        ]
+        return [_as_signal(value) for value in Translation({}, _unknown, functions).called(main, arguments)]
+
+    outputs = _understood(block, lambda: reader.once(node, translated))
+    return outputs[number - 2] if 0 <= number - 2 < len(outputs) else None
+
+
+def _place(port: Node) -> int:
+    return int(port.text("Port", "1") or "1")
+
+
+def _unknown(name: str) -> Any:
+    raise UndefinedVariable(name)
+
+
+def _understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal]:
+    """Return what code comes to.
+
+    Raises:
+        InvalidModel: what is not understood.
+    """
+    try:
+        return translate()
+    except UndefinedVariable as problem:
+        raise node.refusal(f"its code uses {problem.name}, which is not known") from problem
+    except (NotUnderstood, ValueError, TypeError, IndexError, KeyError) as problem:
+        raise node.refusal(f"its code is not plain arithmetic: {' '.join(str(problem).split())[:120]}") from problem
+
+
+def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Value:
+    """Return whether all of a condition on signals holds, as a value that is not 0.
+
+    Raises:
+        InvalidModel: what is not understood.
+    """
+    run = _over(node, variables)
+    return flat(_understood(node, lambda: [signal([run._condition(text)])])[0])[0]
+
+
+def _over(node: Node, variables: Mapping[str, Signal]) -> Translation:
+    return Translation({name: _columns(values) for name, values in variables.items()}, node.workspace.lookup, {})
+
+
+def _expression(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    """Return an expression of the input ``u``, of a Fcn or Interpreted MATLAB Function."""
+    text = node.text("Expr", node.text("Expression", node.text("MATLABFcn", "")))
+    values = reader.input(node)
+    if node.kind == "Fcn":
+        text = text.replace("[", "(").replace("]", ")")
+    elif text in FUNCTIONS:
+        text = f"{text}(u)"
+
+    run = _over(node, {"u": values})
+    return _understood(node, lambda: [_as_signal(run._value(text))])[0] if text else None
+
+
+MATLAB: dict[str, Rule] = {
+    "S-Function": _matlab_function,
+    **dict.fromkeys(("Fcn", "MATLABFcn"), _expression),
+}

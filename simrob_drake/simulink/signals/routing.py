@@ -1,0 +1,217 @@
+"""Blocks that hand signals on: ports, vectors, matrices, buses, choices among inputs."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from simrob_drake.simulink.model.nodes import Node
+from simrob_drake.simulink.signals.arithmetic import inputs_of, switched
+from simrob_drake.simulink.signals.forms import (
+    MOST_ELEMENTS,
+    Form,
+    Rule,
+    Signal,
+    SignalReader,
+    Term,
+    flat,
+    mapped,
+    signal,
+    widened,
+)
+from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.functions import matrix
+from simrob_drake.simulink.values.syntax import NotUnderstood
+
+_MOST_INPUTS = 1000
+_BETWEEN = re.compile(r",(?![^\[]*\])")
+"""The commas between the indices of a matrix, and not those within brackets."""
+
+
+def _inport(_: SignalReader, node: Node, __: int) -> Signal:
+    dimensions = node.numbers("PortDimensions", "-1")
+    size = int(abs(np.prod(dimensions))) if dimensions.size else 1
+    return signal(Form({Term("input", node, index): 1.0}) for index in range(max(1, min(size, MOST_ELEMENTS))))
+
+
+def _pass(reader: SignalReader, node: Node, _: int) -> Signal:
+    return reader.input(node)
+
+
+def _mux(reader: SignalReader, node: Node, _: int) -> Signal:
+    return signal(value for part in inputs_of(reader, node) for value in flat(part))
+
+
+def _concatenated(reader: SignalReader, node: Node, _: int) -> Signal:
+    parts = inputs_of(reader, node)
+    if node.text("Mode", "Vector") == "Vector" and all(part.ndim == 1 for part in parts):
+        return np.concatenate(parts)
+    axis = 1 if node.text("ConcatenateDimension", "1") == "2" else 0
+    columns = [part.reshape(-1, 1) if part.ndim == 1 else part for part in parts]
+    if len({part.shape[1 - axis] for part in columns}) > 1:
+        raise node.refusal(f"its inputs have shapes {', '.join(str(part.shape) for part in columns)}: they do not fit")
+    return np.concatenate(columns, axis=axis)
+
+
+def _demux(reader: SignalReader, node: Node, number: int) -> Signal:
+    sizes = node.numbers("Outputs", "2")
+    values = reader.input(node).ravel(order="F")
+    if sizes.size == 1:
+        count = int(sizes[0])
+        values = widened(values, count)
+        width, rest = divmod(len(values), count)
+        if not width:
+            raise node.refusal(f"splits a signal of {len(values)} elements in {count}")
+        sizes = np.array([width + 1] * rest + [width] * (count - rest))
+    if number > sizes.size:
+        raise node.refusal(f"has no output {number}")
+    if np.any(sizes < 0):
+        sizes = np.where(sizes < 0, max(len(values) - sizes[sizes > 0].sum(), 1), sizes)
+    values = widened(values, int(sizes.sum()))
+    start = int(sizes[: number - 1].sum())
+    taken = values[start : start + int(sizes[number - 1])]
+    return taken if len(taken) else signal([0.0])
+
+
+def _selector(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    values = reader.input(node)
+    first = 1 if node.text("IndexMode", "One-based") == "One-based" else 0
+    if node.text("NumberOfDimensions", "1") == "1":
+        places = node.numbers("Indices", node.text("IndexParamArray", "1") or "1").astype(int) - first
+        values = widened(values.ravel(order="F"), int(places.max(initial=0)) + 1)
+        if places.size and places.max() >= len(values):
+            raise node.refusal(f"selects element {places.max() + first} of a signal of {len(values)}")
+        return None if not places.size or np.any(places < 0) else values[places]
+    options = node.text("IndexOptions").split(",")
+    parts = _BETWEEN.split(node.text("Indices"))
+    if values.ndim != 2 or len(parts) != 2:
+        return None
+    try:
+        chosen = [
+            np.arange(values.shape[axis])
+            if "all" in "".join(options[axis : axis + 1]).lower()
+            else matrix(node.workspace.value(part)).astype(int).reshape(-1) - first
+            for axis, part in enumerate(parts)
+        ]
+    except (UndefinedVariable, NotUnderstood, ValueError, TypeError, IndexError):
+        return None
+    if any(
+        one.max(initial=0) >= size or one.min(initial=0) < 0 for one, size in zip(chosen, values.shape, strict=True)
+    ):
+        return None
+    found: Signal = values[np.ix_(*chosen)]
+    return found
+
+
+def _reshape(reader: SignalReader, node: Node, _: int) -> Signal:
+    values = reader.input(node)
+    mode = node.text("OutputDimensionality", "1-D array")
+    if mode.startswith("Customize"):
+        size = node.numbers("OutputDimensions", "[1,1]").astype(int)
+        shape: tuple[int, ...] = tuple(int(one) for one in size)
+    else:
+        shape = {"C": (values.size, 1), "R": (1, values.size)}.get(mode[:1], (values.size,))
+    if int(np.prod(shape)) != values.size:
+        values = widened(values.ravel(order="F"), int(np.prod(shape)))
+    if int(np.prod(shape)) != values.size:
+        raise node.refusal(f"makes {shape} of a signal of {values.size} elements")
+    return values.reshape(shape, order="F")
+
+
+def _bus_selector(reader: SignalReader, node: Node, number: int) -> Signal | None:
+    """Return the signals that a selector takes by name out of a bus, the ``number``-th or all of them."""
+    names = [name.strip() for name in node.text("OutputSignals").split(",")]
+    sources = [
+        _selected(reader, node, name) for name in (names if node.is_on("OutputAsBus") else names[number - 1 : number])
+    ]
+    if None in sources or not sources:
+        return None
+    return signal(value for source in sources if source is not None for value in flat(reader.output(*source)))
+
+
+def _selected(reader: SignalReader, selector: Node, names: str) -> tuple[Node, int] | None:
+    """Return what feeds a bus under a name, ``outer.inner`` of a bus in a bus."""
+    source = reader.network.source(selector)
+    for name in names.split("."):
+        source = None if source is None else _in_bus(reader, *source, name)
+    return source
+
+
+def _in_bus(reader: SignalReader, bus: Node, output: int, name: str) -> tuple[Node, int] | None:
+    """Return what feeds a bus under a name: its input's own, its line's, or ``signal3`` for the third."""
+    network = reader.network
+    if bus.kind == "BusSelector":
+        picked = bus.text("OutputSignals").split(",")[output - 1 : output]
+        source = _selected(reader, bus, picked[0].strip()) if picked else None
+        return None if source is None else _in_bus(reader, *source, name)
+    assigned = [part.strip() for part in bus.text("AssignedSignals").split(",")] if bus.kind == "BusAssignment" else []
+    if name in assigned:
+        return network.source(bus, 2 + assigned.index(name))
+    if bus.kind in PASSING or bus.kind == "BusAssignment":
+        source = network.source(bus)
+        return None if source is None else _in_bus(reader, *source, name)
+    text = bus.text("Inputs", "2")
+    named = [part.strip(" '") for part in text.split(",")] if "," in text else []
+    count = len(named) or (int(text) if text.isdecimal() else 1)
+    for place in range(1, min(count, _MOST_INPUTS) + 1) if bus.kind == "BusCreator" else ():
+        own = named[place - 1] if named else network.signal_name(bus, place)
+        if name in (own.strip("<>"), f"signal{place}"):
+            return network.source(bus, place)
+    return None
+
+
+def _stored(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    """Return what is written to a data store, or what it begins with where nothing writes."""
+    name, nodes = node.text("DataStoreName", "A"), reader.network.expanded.nodes
+    same = {kind: [one for one in nodes if one.kind == kind and one.text("DataStoreName", "A") == name] for kind in
+            ("DataStoreWrite", "DataStoreMemory")}  # fmt: skip
+    if len(same["DataStoreWrite"]) == 1:
+        node.findings.report.add("approximated", node.path, f"the data store {name} holds what is written at that time")
+        return reader.input(same["DataStoreWrite"][0])
+    if same["DataStoreWrite"] or not same["DataStoreMemory"]:
+        return None
+    return signal(float(value) for value in same["DataStoreMemory"][0].numbers("InitialValue", "0"))
+
+
+def _manual_switch(reader: SignalReader, node: Node, _: int) -> Signal:
+    return reader.input(node, 1 if node.text("sw", "1") == "1" else 2)
+
+
+def _multiport_switch(reader: SignalReader, node: Node, _: int) -> Signal | None:
+    if node.text("DataPortOrder", "One-based contiguous") not in ("One-based contiguous", "Zero-based contiguous"):
+        return None
+    first = 0 if node.text("DataPortOrder", "One").startswith("Zero") else 1
+    choices = [reader.input(node, 2 + place) for place in range(min(int(node.number("Inputs", "3")), _MOST_INPUTS))]
+    chosen, index = choices[-1], reader.input(node)
+    for place in reversed(range(len(choices) - 1)):
+        chosen = switched(node, choices[place], index, chosen, "<=", place + first)
+    return chosen
+
+
+def _bias(reader: SignalReader, node: Node, _: int) -> Signal:
+    bias = node.matrix("Bias", "0").astype(object)
+    return mapped(lambda one, other: one + other, reader.input(node), bias.reshape(-1) if 1 in bias.shape else bias)
+
+
+PASSING = {
+    "SignalConversion", "SignalSpecification", "DataTypeConversion", "RateTransition", "UnitConversion", "BusToVector",
+    "Width Conversion", "IC", "Signal Copy",
+}  # fmt: skip
+"""Blocks whose output is their input."""
+
+ROUTING: dict[str, Rule] = {
+    **dict.fromkeys(PASSING, _pass),
+    **dict.fromkeys(("Inport", "InportShadow"), _inport),
+    **dict.fromkeys(("Mux", "BusCreator"), _mux),
+    "Concatenate": _concatenated,
+    "Demux": _demux,
+    "Selector": _selector,
+    "Reshape": _reshape,
+    "BusSelector": _bus_selector,
+    "BusAssignment": _pass,
+    "ManualSwitch": _manual_switch,
+    "MultiPortSwitch": _multiport_switch,
+    "Bias": _bias,
+    "DataStoreRead": _stored,
+}

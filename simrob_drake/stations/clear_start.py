@@ -1,0 +1,235 @@
+"""How a robot that is held may begin and move at first: clear of floor and self, and so that its motors hold it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from pydrake.multibody.tree import JacobianWrtVariable, RigidBody
+
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationRobot
+from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, span, turned, untangled
+
+_STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
+_ROOM = 0.4  # and at most this part of the way to the joint's limit
+_SWIFT = 0.4  # and in its time with this part of the axis' largest speed: its peak is 1.9 times as fast
+_LOAD = 0.9  # part of a motor's torque that holding may take
+_OVER = 0.05  # how high links stay over the floor that can [m]
+_HANGS = 0.25  # part of its reach by which a robot that hangs reaches below its foot
+_ABOVE = 0.1  # and how high it is held then
+_RANDOM = 40  # postures of chance, which tell what the robot can reach
+_CHAIN = 5  # axes one behind the other: from as many on a singular posture is no good start
+_DEXTERITY = 0.25  # part of what a good posture of chance has
+_TRIED, _MOVED = 150, 8  # postures that change as many axes; and of how many of them the motion is looked at
+_EASED = 8  # axes that are turned where all that fails
+_PARTS = np.linspace(0.0, 1.0, 6)
+_ROUNDING = 1e-3  # m
+_FAULTS = {  # how a comment tells them of home, and with their figures
+    "in the floor, or near it": "m below the height that it should keep over the floor",
+    "in itself": "m in itself",
+    "too heavy for its motors": "of its motors' torque short",
+}
+
+
+@dataclass(frozen=True)
+class Start:
+    """How a robot begins.
+
+    Attributes:
+        posture: of its axes, shape (n,) [rad or m].
+        target: where its first move leads, shape (n,).
+        height: of its root over the floor [m].
+        remarks: what was looked at, and what is wrong, in words, a line each.
+    """
+
+    posture: Vector
+    target: Vector
+    height: float
+    remarks: tuple[str, ...]
+
+
+class ClearStart:
+    """The search for a start, drawn with one seed.
+
+    It begins at home and goes on to postures that change one axis, two, three; of those with as few changes as possible
+    it takes the one that is farthest from a singularity.
+
+    Attributes:
+        height: of the root over the floor [m]: it stands on what does not move, or hangs over the floor.
+        hangs: whether the robot reaches so far below its root that it does.
+    """
+
+    def __init__(self, clearance: Clearance, robot: StationRobot, duration: float, *, torque: bool) -> None:
+        """Look at a station's robot, whose root is held at the origin.
+
+        Args:
+            clearance: the station.
+            robot: of it.
+            duration: of the first move [s].
+            torque: whether its motors have to hold it.
+        """
+        self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
+        self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
+        self._postures = self._random.uniform(*span(robot), (_RANDOM, len(robot.axes)))
+        bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
+        moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
+        seen = np.array([self._heights(posture) for posture in [self._home, *self._postures]])
+        foot, reach = float(seen[0][~moves].min(initial=0.0)), float(np.ptp(seen)) if seen.size else 0.0
+        highest = seen.max(axis=0)
+        self.hangs = bool(seen[0].min(initial=0.0) < foot - _HANGS * reach)
+        self.height = _ABOVE * reach - float(seen.min()) if self.hangs else -float(highest.min(initial=min(foot, 0.0)))
+        self._highest = np.where(moves, highest + self.height, -np.inf)
+        self._keep_over(_OVER)
+
+    def find(self) -> Start:
+        """Return the best start that was found: with links well over the floor, or else just over it."""
+        for over in (_OVER, 0.0):
+            self._keep_over(over)
+            for postures in self._candidates():
+                for posture in postures[:_MOVED]:
+                    target = self._target(posture)
+                    if target is not None:
+                        return Start(posture, target, self.height, self._remarks(posture, target))
+        least = self._eased(min([self._home, self._near, *self._postures], key=self._fault))
+        target = None if any(self._faults(least)) else self._target(least)
+        target = least if target is None else target
+        return Start(least, target, self.height, self._remarks(least, target))
+
+    def _eased(self, posture: Vector) -> Vector:
+        """Return a posture from which faults are taken step by step, always by the axis that takes most."""
+        for _ in range(_EASED):
+            near = [posture, *turned(self._robot, posture, range(len(posture)))]
+            best = min(near, key=self._fault)
+            if best is posture:
+                break
+            posture = best
+        return posture
+
+    def _fault(self, posture: Vector) -> float:
+        return sum(self._faults(posture))
+
+    def _keep_over(self, height: float) -> None:
+        """Have all that moves stay at a height over the floor [m], as far as it can."""
+        self._least = np.minimum(height, self._highest) - _ROUNDING
+
+    def _heights(self, posture: Vector) -> Vector:
+        """Return how high the bodies with shapes are over the root's own floor [m]."""
+        self._clearance.place_robots({self._robot.name: posture})
+        return np.array(list(self._clearance.lowest(self._robot).values()))
+
+    def _faults(self, posture: Vector) -> tuple[float, float, float]:
+        """Return how far a posture is in the floor and in itself [m], and what its motors lack, by their torque.
+
+        The robot is in this posture then.
+        """
+        low = float((self._least - self.height - self._heights(posture)).max(initial=0.0))
+        own = [overlap.depth for overlap in self._clearance.overlaps() if overlap.robot == self._robot.name]
+        return low, max(own, default=0.0), max(self._load() - _LOAD, 0.0)
+
+    def _load(self) -> float:
+        """Return the largest part of its torque that a motor needs to hold the present posture."""
+        if not self._torque:
+            return 0.0
+        gravity = self._clearance.plant.CalcGravityGeneralizedForces(self._clearance.context)
+        return float(np.max(np.abs(self._robot.axis_map.efforts(gravity)) / self._robot.model.efforts))
+
+    def _candidates(self) -> Iterator[list[Vector]]:
+        """Yield postures that are clear, the best first: home, those with few changes, those with more, any."""
+        good = _DEXTERITY * float(np.quantile([self._dexterity(posture) for posture in self._postures], 0.8))
+        first = untangled(self._clearance, self._robot, self._home, range(len(self._home)))
+        self._near = first
+        for postures in ([self._home], [first], *map(self._changed, (1, 2, 3)), list(self._postures)):
+            rated = [(self._dexterity(posture), row) for row, posture in enumerate(postures)]
+            ordered = [postures[row] for dexterity, row in sorted(rated, reverse=True) if dexterity >= good]
+            yield [posture for posture in ordered if not any(self._faults(posture))]
+
+    def _changed(self, count: int) -> list[Vector]:
+        """Return postures in which as many axes are elsewhere than at home, within the limits."""
+        axes = len(self._home)
+        found = {}
+        for _ in range(_TRIED):
+            posture = self._near.copy()
+            for axis in self._random.choice(axes, min(count, axes), replace=False):
+                slides = self._robot.model.prismatic[axis]
+                posture[axis] += self._random.choice(SLIDES if slides else np.deg2rad(TURNS))
+            if self._within(posture):
+                found[posture.tobytes()] = posture
+        return list(found.values())
+
+    def _within(self, posture: Vector) -> bool:
+        lower, upper = self._robot.model.axis_limits
+        return bool(((posture >= lower) & (posture <= upper)).all())
+
+    @cached_property
+    def _chain(self) -> tuple[RigidBody, list[int]]:
+        """The body at the end of the most axes that stand one behind the other, and these."""
+        chains = self._clearance.chains(self._robot)
+        return max(chains, key=lambda chain: len(chain[1]))
+
+    def _dexterity(self, posture: Vector) -> float:
+        """Return the least singular value of the Jacobian of the longest chain, its lengths by its reach; else 1."""
+        body, axes = self._chain
+        if len(axes) < _CHAIN:
+            return 1.0
+        self._clearance.place_robots({self._robot.name: posture})
+        plant, world = self._clearance.plant, self._clearance.plant.world_frame()
+        jacobian = plant.CalcJacobianSpatialVelocity(
+            self._clearance.context, JacobianWrtVariable.kV, body.body_frame(), np.zeros(3), world, world
+        )
+        columns = self._robot.axis_map.velocities(jacobian)[:, axes]
+        columns[3:] /= max(float(np.abs(columns[3:]).max()), _ROUNDING)
+        return float(np.linalg.svd(columns, compute_uv=False)[min(6, len(axes)) - 1])
+
+    def _target(self, posture: Vector) -> Vector | None:
+        """Return where a clear move leads: all axes to the side with more room, else each to where it is clear."""
+        step = self._steps(posture)
+        if self._is_clear(posture, step):
+            return posture + step
+        moved = np.zeros_like(step)
+        for axis in range(len(step)):
+            for way in (step[axis], -step[axis]):
+                tried = moved.copy()
+                tried[axis] = way
+                if self._within(posture + tried) and self._is_clear(posture, tried, _PARTS[1::2]):
+                    moved = tried
+                    break
+        return posture + moved if moved.any() and self._is_clear(posture, moved) else None
+
+    def _steps(self, posture: Vector) -> Vector:
+        """Return how far each axis goes, to the side where it has more room, shape (n,) [rad or m]."""
+        model = self._robot.model
+        lower, upper = model.axis_limits
+        room = np.where(upper - posture >= posture - lower, upper - posture, lower - posture)
+        most = np.minimum(model.bounds(*_STEP), _SWIFT * model.speed_limits * self._duration)
+        return np.asarray(np.sign(room) * np.minimum(most, _ROOM * np.abs(room)))
+
+    def _is_clear(self, posture: Vector, step: Vector, parts: Vector = _PARTS) -> bool:
+        return not any(any(self._faults(posture + part * step)) for part in parts)
+
+    def _remarks(self, posture: Vector, target: Vector) -> tuple[str, ...]:
+        """Say what was chosen, looked at and found."""
+        remarks = [] if self._least.size else ["Not looked at whether it is clear: it has no shapes that collide."]
+        if self.hangs:
+            remarks.append(f"Held {self.height:.3g} m over the floor, for it reaches below its root.")
+        elif self.height > _ROUNDING:
+            remarks.append(f"Raised by {self.height:.3g} m, so that it stands on the floor.")
+        if not np.array_equal(posture, self._home):
+            why = [text for text, fault in zip(_FAULTS, self._faults(self._home), strict=True) if fault]
+            remarks.append(f"Not at home, where it is {', '.join(why) or 'outstretched, or its move is not clear'}.")
+        return *remarks, *self._looked_at(posture, target)
+
+    def _looked_at(self, posture: Vector, target: Vector) -> list[str]:
+        """Say what was looked at of a move, and what is wrong with it."""
+        postures = [posture + part * (target - posture) for part in _PARTS]
+        faults, loads = zip(*((self._faults(each), self._load()) for each in postures), strict=True)
+        if any(worst := np.max(faults, axis=0)):
+            faults_text = ", ".join(
+                f"{fault:.2g} {text}" for text, fault in zip(_FAULTS.values(), worst, strict=True) if fault
+            )
+            return [f"No start was found that is clear: this one is {faults_text}."]
+        good = ["clear of the floor and of itself"] if self._least.size else []
+        good += [f"its motors hold it with {max(loads):.0%} of their torque at most"] if self._torque else []
+        return [f"Looked at in {len(postures)} postures of its move: {', and '.join(good)}."] if good else []

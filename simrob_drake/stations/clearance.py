@@ -1,0 +1,155 @@
+"""How near the robots of a station come to the ground, to themselves and to other things, without stepping."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property, partial
+
+import numpy as np
+from pydrake.multibody.tree import RigidBody
+
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.targets import FLOOR, owner_and_robot
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.contact_config import ContactConfig
+from simrob_drake.stations.posed import PosedStation
+from simrob_drake.stations.standing import shape_points
+
+TOUCH = 5e-3
+"""How deep shapes may lie in each other before it counts [m]: what stands, or is held, touches, and hulls are rough."""
+
+TURNS, SLIDES = (15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0), (0.1, 0.2, 0.4)
+"""By how much an axis is moved to see whether another posture is better [deg, m]."""
+
+_STEPS = 10  # axes that are turned to take links apart
+_RANDOM, _MOSTLY = 24, 0.9  # postures of chance, and in which part of them shapes overlap that are made so
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Two bodies that lie in each other.
+
+    Attributes:
+        depth: of the deepest pair of their shapes [m]; through thin shapes it is too large.
+        bodies: their names, in alphabetical order.
+        robot: whose links, or pieces in hand, both are; empty if they are of two owners.
+    """
+
+    depth: float
+    bodies: tuple[str, str]
+    robot: str
+
+
+class Clearance(PosedStation):
+    """A station in which it is seen what lies in what, links of one robot, too. Meshes count as convex hulls.
+
+    Attributes: those of :class:`PosedStation`, and:
+        config: of the station.
+    """
+
+    def __init__(self, config: StationConfig) -> None:
+        """Build the station with its shapes, in its initial configuration.
+
+        Raises:
+            InvalidModel: a robot that cannot be built.
+        """
+        self.config = config
+        contact = (config.contact or ContactConfig()).model_copy(update={"self_collision": True})
+        super().__init__(config.model_copy(update={"contact": contact}))
+        self._owner = cache(partial(owner_and_robot, self.station))
+
+    def lowest(self, robot: StationRobot) -> dict[str, float]:
+        """Return how high each body of a robot that has shapes is over the ground beneath it [m], by its name."""
+        found: dict[str, float] = {}
+        for body, points in shape_points(self.station, robot, self.context):
+            height = float((points[:, 2] - self.station.ground.beneath(points)).min())
+            found[body.name()] = min(height, found.get(body.name(), height))
+        return found
+
+    def chains(self, robot: StationRobot) -> list[tuple[RigidBody, list[int]]]:
+        """Return the bodies of a robot, and which of its axes move each, from its root outward."""
+        inboard = {joint.child_body().index(): (axis, joint) for axis, joint in enumerate(robot.joints)}
+        found = []
+        for index in self.plant.GetBodyIndices(robot.instance):
+            axes, at = list[int](), index
+            while at in inboard:
+                axis, joint = inboard[at]
+                axes.insert(0, axis)
+                at = joint.parent_body().index()
+            found.append((self.plant.get_body(index), axes))
+        return found
+
+    def overlaps(self) -> list[Overlap]:
+        """Return what lies in what, but for the floor and for links whose shapes are made so; the deepest first."""
+        found = self._all_overlaps()
+        return sorted(
+            (overlap for overlap in found.values() if overlap.bodies not in self.made_so), key=lambda one: -one.depth
+        )
+
+    @cached_property
+    def made_so(self) -> Mapping[tuple[str, str], str]:
+        """The pairs of links that overlap in nearly every posture, with their robot: shapes in sockets."""
+        before, random = self.plant.GetPositions(self.context), np.random.default_rng(0)
+        counts = Counter[tuple[tuple[str, str], str]]()
+        for _ in range(_RANDOM):
+            self.place_robots({name: random.uniform(*span(robot)) for name, robot in self.station.robots.items()})
+            counts.update((bodies, overlap.robot) for bodies, overlap in self._all_overlaps().items() if overlap.robot)
+        self.place(before)
+        return {bodies: robot for (bodies, robot), count in counts.items() if count >= _MOSTLY * _RANDOM}
+
+    def _all_overlaps(self) -> dict[tuple[str, str], Overlap]:
+        found: dict[tuple[str, str], Overlap] = {}
+        for pair in self.query().ComputePointPairPenetration():
+            (first, one), (second, other) = sorted((self._owner(pair.id_A), self._owner(pair.id_B)))
+            if pair.depth > TOUCH and FLOOR not in (first, second):
+                overlap = Overlap(float(pair.depth), (first, second), one if one == other else "")
+                found[first, second] = max(overlap, found.get((first, second), overlap), key=lambda known: known.depth)
+        return found
+
+
+def span(robot: StationRobot) -> tuple[Vector, Vector]:
+    """Return between what postures of chance lie, each (n,) [rad or m]: the limits, but a turn or a metre at most."""
+    most = np.where(robot.model.prismatic, 1.0, np.pi)
+    lower, upper = robot.model.axis_limits
+    return np.clip(lower, -most, most), np.clip(upper, -most, most)
+
+
+def turned(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterator[Vector]:
+    """Yield postures (n,) in which one of some axes is elsewhere, within the limits."""
+    lower, upper = robot.model.axis_limits
+    for axis in axes:
+        for way in SLIDES if robot.model.prismatic[axis] else np.deg2rad(TURNS):
+            tried = posture.copy()
+            tried[axis] += way
+            if lower[axis] <= tried[axis] <= upper[axis]:
+                yield tried
+
+
+def untangled(clearance: Clearance, robot: StationRobot, posture: Vector, axes: Collection[int]) -> Vector:
+    """Return a posture (n,) whose links lie in each other less than in another one, if a turn of some axes does that.
+
+    Step by step that axis is turned, or slid, which takes the deepest overlap apart best.
+    """
+    chains = {f"{robot.prefix}{body.name()}": set(order) for body, order in clearance.chains(robot)}
+
+    def overlaps(tried: Vector) -> list[Overlap]:
+        clearance.place_robots({robot.name: tried})
+        return [overlap for overlap in clearance.overlaps() if overlap.robot == robot.name]
+
+    def depth(tried: Vector) -> float:
+        return sum(overlap.depth for overlap in overlaps(tried))
+
+    for _ in range(_STEPS):
+        found = overlaps(posture)
+        if not found:
+            break
+        first, second = (chains.get(body, set()) for body in found[0].bodies)
+        tried = [posture, *turned(robot, posture, sorted((first ^ second) & set(axes)))]
+        best = min(tried, key=depth)
+        if best is posture:
+            break
+        posture = best
+    return posture

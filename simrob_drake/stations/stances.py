@@ -1,0 +1,234 @@
+"""Postures in which a robot with a free base may stand on its feet, found by geometry and statics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.multibody.tree import RigidBody
+
+from simrob_drake.frames import Vector
+from simrob_drake.parts.site import StationRobot
+from simrob_drake.stations.clearance import Clearance, span, untangled
+from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight
+from simrob_drake.stations.standing import KNEELING, Standing, standing
+
+_BENT = 0.9, 0.85, 0.8, 0.95, 0.7, 0.6  # parts of their length to which legs are bent, in the order of trial
+_SEEDS, _SOLUTIONS = 6, 3  # postures of chance from which a leg is bent; how many ways of bending are tried
+_REACHED = 2e-3  # part of a leg's length by which its foot may miss its place
+_INNER = 1e-4  # part of its range by which an axis begins within its limits
+_REST = 0.01  # weight of staying near home, where a leg may be bent in many ways
+_LOW = 0.02  # part of a leg's length that all but the feet stay over the ground
+_LEVEL = 1e-3  # m: feet at one height
+_STEADY = 0.04  # part of its height by which the centre of mass is within the support area: an angle of 2.3 deg
+_UNDER = 0.02  # part of a leg's length by which feet may be off the centre of mass
+_LOAD = 0.9  # part of a motor's torque that standing may take
+_SHIFTS = 3  # how often the feet are put under the centre of mass
+
+
+@dataclass(frozen=True)
+class Stance:
+    """A robot as it may stand.
+
+    Attributes:
+        posture: of its axes, shape (n,) [rad or m].
+        height: of its root over the floor [m].
+        standing: what it stands on, and what that takes.
+        how: in words.
+    """
+
+    posture: Vector
+    height: float
+    standing: Standing
+    how: str
+
+
+class Stances:
+    """The stances of a robot of a station: home if it stands there, else legs bent so that the feet are lowest.
+
+    A robot stands on the ends of its chains of axes; one that has no legs may stand on its base, too.
+    """
+
+    def __init__(self, clearance: Clearance, robot: StationRobot) -> None:
+        """Look at a station's robot."""
+        self._clearance, self._robot, self._plant = clearance, robot, clearance.plant
+        self._home = robot.model.home
+        self._random = np.random.default_rng(0)
+        self._looked_at = list[tuple[float, list[str]]]()
+
+    @property
+    def lacking(self) -> str:
+        """What is lacking in the best of the stances that :meth:`find` looked at and did not yield, in words."""
+        failed = [(len(lacks), -margin, "; ".join(lacks)) for margin, lacks in self._looked_at if lacks]
+        return f"In the best of {len(failed)} that were tried {min(failed)[2]}." if failed else ""
+
+    def find(self) -> Iterator[Stance]:
+        """Yield stances that hold by statics, the most natural first."""
+        home, groups = self.as_it_is(), legs_of(self._clearance, self._robot)
+        if home is not None:
+            feet = {body.name() for body, _ in ends_of(self._clearance, self._robot)}
+            yield from self._good(home, [], feet if groups else feet | {self._robot.root.body().name()}, 0.0)
+        for legs in groups:
+            yield from self._bent(legs)
+
+    def as_it_is(self) -> Stance | None:
+        """Return how it stands at home, whatever it stands on; None without shapes."""
+        return self._stance(self._home, "at home")
+
+    def _place(self, posture: Vector, height: float = 0.0) -> None:
+        put_upright(self._clearance, self._robot, posture, height)
+
+    def _origin(self, link: RigidBody) -> Vector:
+        """Return where the joint of a link is in the present configuration, shape (3,) [m]."""
+        return np.asarray(self._plant.EvalBodyPoseInWorld(self._clearance.context, link).translation())
+
+    def _feet(self, legs: list[Leg], posture: Vector) -> Vector:
+        """Return where feet are in a posture with the root at the origin, shape (k, 3) [m]."""
+        self._place(posture)
+        return np.array([foot_place(self._clearance, leg) for leg in legs])
+
+    def _stance(self, posture: Vector, how: str) -> Stance | None:
+        """Return how the robot stands in a posture, its root upright."""
+        self._place(posture)
+        height = -min(self._clearance.lowest(self._robot).values(), default=0.0)
+        self._place(posture, height)
+        found = standing(self._clearance.station, self._robot, self._clearance.context)
+        return None if found is None else Stance(posture, height, found, how)
+
+    def _good(self, stance: Stance, legs: list[Leg], feet: set[str], length: float) -> Iterator[Stance]:
+        """Yield a stance in which nothing is lacking.
+
+        What lies in itself of it is taken apart, as far as its legs have no part in that.
+        """
+        still = {axis for leg in legs for axis in leg.axes}
+        posture = untangled(self._clearance, self._robot, stance.posture, set(range(len(self._home))) - still)
+        apart = "" if np.array_equal(posture, stance.posture) else " but for links that are turned apart"
+        tidy = self._stance(posture, f"{stance.how}{apart}")
+        if tidy is None:
+            return
+        lacks = list(self._lacks(tidy.standing, feet, length))
+        self._looked_at.append((tidy.standing.margin, lacks))
+        if not lacks:
+            yield tidy
+
+    def _lacks(self, found: Standing, feet: set[str], length: float) -> Iterator[str]:
+        """Yield what keeps the robot, which is placed in a stance, from standing there steadily, on its feet alone."""
+        if others := found.ends.keys() - feet:
+            yield f"it stands on {', '.join(sorted(others))}, too"
+        if min(found.ends.values()) < KNEELING:
+            yield "it kneels"
+        lowest = self._clearance.lowest(self._robot).items()
+        low = {name: height for name, height in lowest if name not in feet | others and height <= _LOW * length}
+        if low:
+            yield f"{min(low, key=low.__getitem__)} is too near to the ground"
+        if found.margin <= _STEADY * found.height:
+            side = "inside" if found.margin >= 0 else "outside"
+            place = f"its centre of mass is {abs(found.margin) * 1e3:.0f} mm {side} of the support"
+            yield f"{place}, and steady from {_STEADY * found.height * 1e3:.0f} mm inside on"
+        loads = np.abs(found.torque) / self._robot.gains.torque_limit
+        worst = int(np.argmax(loads))
+        if loads[worst] > _LOAD:
+            axis, unit = self._robot.axes[worst], self._robot.model.effort_units[worst]
+            has = self._robot.gains.torque_limit[worst]
+            yield f"{axis} takes {abs(found.torque[worst]):.3g} {unit} and has {has:.3g} {unit}"
+
+    def _bent(self, legs: list[Leg]) -> Iterator[Stance]:
+        """Yield stances on some legs, bent more or less, with the feet under where straight legs have them."""
+        self._place(self._home)
+        hips = np.array([self._origin(leg.links[0]) for leg in legs])
+        chance = self._random.uniform(*span(self._robot), (10 * _SEEDS, len(self._home)))
+        feet = np.array([self._feet(legs, posture) for posture in (straight(self._robot), self._home, *chance)])
+        length = float((hips - feet.min(axis=0))[:, 2].min())
+        if length <= 0:
+            return
+        for below in (feet[0], hips):
+            for part in _BENT:
+                targets = np.column_stack(
+                    [below[:, 0], feet[0][:, 1], np.full(len(legs), hips[:, 2].min() - part * length)]
+                )
+                yield from self._with_feet_at(legs, targets, length, part)
+
+    def _with_feet_at(self, legs: list[Leg], targets: Vector, length: float, part: float) -> Iterator[Stance]:
+        """Yield stances whose feet are about at places below the root, shape (k, 3) [m], moved under the mass."""
+        ways = [self._solutions(leg, target, length) for leg, target in zip(legs, targets, strict=True)]
+        if not all(ways):
+            return
+        feet = {leg.foot.name() for leg in legs}
+        for first in ways[0][:_SOLUTIONS]:
+            posture = self._home.copy()
+            posture[legs[0].axes] = first
+            shape = self._bend(legs[0], posture)
+            for leg, solutions in zip(legs[1:], ways[1:], strict=True):
+                tried = []
+                for solution in solutions:
+                    posture[leg.axes] = solution
+                    tried.append(float(np.linalg.norm(self._bend(leg, posture) - shape)))
+                posture[leg.axes] = solutions[int(np.argmin(tried))]
+            stance = self._balanced(legs, posture, targets, length, f"with its legs bent to {part:.0%} of their length")
+            if stance is not None:
+                yield from self._good(stance, legs, feet, length)
+
+    def _bend(self, leg: Leg, posture: Vector) -> Vector:
+        """Return where the links of a leg are, seen from the side, ahead of and under its hip, shape (2 k,) [m]."""
+        self._place(posture)
+        places = np.array([self._origin(link) for link in leg.links])
+        return np.asarray((places - places[0])[:, [0, 2]].ravel())
+
+    def _balanced(self, legs: list[Leg], posture: Vector, targets: Vector, length: float, how: str) -> Stance | None:
+        """Return a stance whose feet are at one height and under the centre of mass."""
+        targets = targets.copy()
+        for _ in range(_SHIFTS):
+            posture = posture.copy()
+            for leg, target in zip(legs, targets, strict=True):
+                bent = self._solve(leg, target, length, posture[leg.axes])
+                if bent is None:
+                    return None
+                posture[leg.axes] = bent
+            ahead = self._feet(legs, posture)[:, 0].mean()
+            lowest = self._clearance.lowest(self._robot)
+            heights = np.array([lowest[leg.foot.name()] for leg in legs])
+            com = self._plant.CalcCenterOfMassPositionInWorld(self._clearance.context, [self._robot.instance])
+            if np.ptp(heights) < _LEVEL and abs(com[0] - ahead) < _UNDER * length:
+                break
+            targets[:, 0] += com[0] - ahead
+            targets[:, 2] -= heights - heights.mean()
+        return self._stance(posture, how)
+
+    def _solutions(self, leg: Leg, target: Vector, length: float) -> list[Vector]:
+        """Return ways in which a leg brings its foot to a place, those near home first, each shape (k,) [rad or m]."""
+        lower, upper = (limit[leg.axes] for limit in span(self._robot))
+        chance = self._random.uniform(lower, upper, (_SEEDS, len(leg.axes)))
+        found: list[Vector] = []
+        for seed in (self._home[leg.axes], (lower + upper) / 2, *chance):
+            solution = self._solve(leg, target, length, seed)
+            if solution is not None and all(np.abs(solution - other).max() > 0.1 for other in found):
+                found.append(solution)
+        return sorted(found, key=lambda solution: float(np.abs(solution - self._home[leg.axes]).sum()))
+
+    def _solve(self, leg: Leg, target: Vector, length: float, seed: Vector) -> Vector | None:
+        """Return angles (k,) of a leg whose foot is at a place, its sole down if it has one; None if it can't be."""
+        from scipy.optimize import least_squares
+
+        plant, context, robot = self._plant, self._clearance.context, self._robot
+        self._place(self._home)
+        places, signs = robot.axis_map.position_places[leg.axes], robot.axis_map.signs[leg.axes]
+        positions, rest = plant.GetPositions(context), self._home[leg.axes]
+        lower, upper = (limit[leg.axes] for limit in span(robot))
+        scale = upper - lower
+        down = np.array([0.0, 0.0, -1.0])
+
+        def missed(angles: Vector) -> Vector:
+            positions[places] = signs * angles
+            plant.SetPositions(context, positions)
+            pose = plant.EvalBodyPoseInWorld(context, leg.foot)
+            off = (pose @ leg.point - target) / length
+            return off if leg.normal is None else np.concatenate([off, pose.rotation() @ leg.normal - down])
+
+        def cost(angles: Vector) -> Vector:
+            return np.concatenate([missed(angles), _REST * (angles - rest) / scale])
+
+        bounds, inside = (lower, upper), (lower + _INNER * scale, upper - _INNER * scale)
+        near = least_squares(cost, np.clip(seed, *inside), bounds=bounds, max_nfev=40).x
+        exact = least_squares(missed, np.clip(near, *inside), bounds=bounds, max_nfev=20).x
+        return np.asarray(exact) if np.abs(missed(exact)).max() < _REACHED else None

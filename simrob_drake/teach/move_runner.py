@@ -1,0 +1,312 @@
+"""Running what is taught: what is tried runs from where the robot is, the program from the start.
+
+One thing is run at a time. What is asked for while something runs is done when that has ended; of several the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import Any, Literal
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.programs.moves.move import Move
+from simrob_drake.programs.moves.play import PlayMove
+from simrob_drake.programs.moves.wait import WaitMove
+from simrob_drake.programs.program import Program
+from simrob_drake.programs.timeline import GRID, Change
+from simrob_drake.sections import validated
+from simrob_drake.teach.pages.words import Notice
+from simrob_drake.teach.program_editor import ProgramEditor
+from simrob_drake.teach.run_client import HandOver, MakeLive, News, done
+from simrob_drake.teach.run_log import RunLog
+from simrob_drake.teach.taught import Taught, entries_of, with_change
+
+Tried = tuple[Move, ...]
+Then = Callable[[], object]
+Kind = Literal["", "program", "tried", "free"]
+"""What is run: the program, what is tried, or something that is neither stored nor waits to be."""
+
+
+class MoveRunner(ProgramEditor):
+    """What is tried, and how the robot gets there and back."""
+
+    ending: News | None = None
+    """How the last run ended, as its news told; None before."""
+    _next: tuple[Callable[[], Future[Any]], Future[Any]] | None = None
+
+    def undo(self) -> bool:
+        """Take back the last change of program, tested moves, targets or settings."""
+        return self._stepped(self._history.undo, self.can_undo)
+
+    def redo(self) -> bool:
+        """Bring back what :meth:`undo` took."""
+        return self._stepped(self._history.redo, self.can_redo)
+
+    def stop(self) -> Future[Any]:
+        """End the run where it is."""
+        return self._ask("stop")
+
+    def close(self) -> None:
+        """End the run and its process."""
+        super().close()
+        self._forget_next()
+
+    # How
+
+    def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
+        """Begin with nothing run."""
+        super().__init__(live, hand_over)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Count nothing as run."""
+        self._run_log = RunLog()
+        self._kind: Kind = ""
+        self._fell: Then = lambda: None
+        self._last_kind: Kind = ""
+        self._rewound = False
+        self._start_time = 0.0  # of the next run, where the robot is [s]; after a fall that is not what is shown
+        self._failed_try: tuple[Tried, Tried] = (), ()  # what was tried when that fell, and before
+        self._travels: set[object] = set()
+
+    def _try_moves(self, moves: Callable[[], Sequence[Move]]) -> Future[Any]:
+        return self._try(lambda: self._without_fallen.with_tried(*moves()))
+
+    @property
+    def _without_fallen(self) -> Taught:
+        """What is taught without a try that fell; another one takes its place."""
+        now, (fell, before) = self._history.present, self._failed_try
+        return now.replaced(pending=before) if now.pending == fell else now
+
+    def _try(self, make: Callable[[], Taught]) -> Future[Any]:
+        """Run what is tried from where it is, or from before that with which it goes together."""
+        before = self._history.present
+        try:
+            tried = make()
+        except SimrobError as problem:
+            self._wrong(problem)
+            return done(None)
+        self._record(tried)
+        count = len(before.pending)
+        longer = len(tried.pending) > count and tried.pending[:count] == before.pending
+        return self._when_idle(lambda: self._run_tried(before), wait=longer)
+
+    def _run_tried(self, before: Taught) -> Future[Any]:
+        """Run what of the tried moves is not done yet; where that cannot be, they are as ``before``."""
+        now = self._history.present
+        again = now.pending == before.pending  # the last of them is run once more
+        back, kept = self._run_log.back_to(now.pending[:-1] if again else now.pending)
+        moves = now.pending[kept:]
+        if not moves:
+            return done()
+        if self._rewound and back is None:
+            self._run_log.append([None], self._start_time, free=True)  # no more what the program would do
+        begin = self._start_time if back is None else back
+        self._run_log.append(moves, begin)
+        kept_changes = tuple(change for change in now.changes if change.time < begin)
+        if kept_changes != now.changes:  # what was changed then is not changed again
+            now = now.replaced(changes=kept_changes)
+            self._record(now)
+
+        def undone() -> None:
+            self._run_log.back_to(now.pending[:kept])
+
+        def fell() -> None:
+            undone()
+            new = max(1, len(now.pending) - len(before.pending))
+            self._failed_try = now.pending, now.pending[:-new]
+
+        def give_up() -> None:
+            undone()
+            if self._history.present == now:
+                self._history.withdraw()
+                self._save()
+            else:
+                tried = {"pending": before.pending, "joins": before.joins, "changes": before.changes}
+                self._record(self._history.present.replaced(**tried))
+
+        def run(_: Any = None) -> Future[Any]:
+            self._start_time = begin
+            if self._next is not None:  # which is newer, and runs what these would
+                undone()
+                return done(None)
+            return self._do("tried", moves, give_up, fell)
+
+        return run() if back is None else self._travel("rewind", run, give_up, time=back)
+
+    def _run_free(self, moves: Sequence[Move]) -> Future[Any]:
+        """Run what is neither stored nor waits to be."""
+        self._run_log.append([None] if self._rewound else [], self._start_time)
+        self._run_log.append(moves, self._start_time, free=True)
+        return self._do("free", moves)
+
+    def _do(self, kind: Kind, moves: Sequence[Move], *came_to_nothing: Then) -> Future[Any]:
+        """Run moves from where the robot is; those that take no time are followed by a moment, to be seen."""
+        if not any(move.takes_time for move in moves):
+            moves, self._run_log.in_time = [*moves, WaitMove(duration=self.program.grid or GRID)], False
+        return self._start(kind, "do", *came_to_nothing, moves=entries_of(moves))
+
+    def _go_back(self) -> Future[Any]:
+        """Show where the robot was before what is not tried any more."""
+        back, _ = self._run_log.back_to(self._history.present.pending)
+        if back is None and self.time != self._start_time:  # a fall is shown
+            back = self._start_time
+        return done() if back is None else self._travel("rewind", lambda _: self._stand(back), time=back)
+
+    def _play(self) -> Future[Any]:
+        program = self._whole_program()
+        self._run_log.restart_with(program.moves)
+        return self._start("program", "play", self._begin, self._begin, program=program.text())
+
+    def _whole_program(self) -> Program:
+        """Return the program; an empty one leaves the station to the references of its file."""
+        if self.program.moves or self.program.references:
+            return self.program
+        return self.program.added(PlayMove(duration=self.config.duration))
+
+    def _restart(self) -> Future[Any]:
+        self._begin()
+
+        def begun(_: Any) -> bool:
+            self.reach = 0.0
+            return self._stand(0.0)
+
+        return self._travel("restart", begun)
+
+    def _stand(self, time: float) -> bool:
+        """Tell that the robot stands where it was at a time [s]."""
+        self.time = self._start_time = time
+        self._rewound = False
+        self._tell("tick")
+        return True
+
+    def _travel(
+        self, method: str, then: Callable[[Any], Any], failed: Then = lambda: None, **arguments: Any
+    ) -> Future[Any]:
+        """Ask for another moment of the run to be shown; until it is, nothing else is begun."""
+        way = object()
+        self._travels.add(way)
+
+        def arrived(result: Any) -> Any:
+            self._travels.discard(way)
+            found = then(result)
+            self._do_next()
+            return found
+
+        def refused() -> None:
+            self._travels.discard(way)
+            failed()
+            self._do_next()
+
+        return self._ask(method, arrived, refused, **arguments)
+
+    def _start(
+        self, kind: Kind, method: str, failed: Then = lambda: None, fell: Then = lambda: None, **arguments: Any
+    ) -> Future[Any]:
+        """Ask for a run; ``failed`` is called if it cannot be, ``fell`` if it came to nothing."""
+        self._kind, self._fell, self._rewound = kind, fell, False
+        self._set_phase("running")
+
+        def refused() -> None:
+            failed()
+            self._set_phase("idle")
+
+        def ran(ended: Any) -> Any:
+            if ended is None:  # there was nothing to go on with
+                self._set_phase("idle")
+            return True if ended is None else ended
+
+        return self._ask(method, ran, refused, **arguments)
+
+    def _when_idle(self, action: Callable[[], Future[Any]], *, wait: bool = False) -> Future[Any]:
+        """Do something once nothing runs; what runs is waited for, or else ended. Of several the last is done."""
+        if self.phase == "idle" and not self._travels:
+            return action()
+        answer: Future[Any] = Future()
+        self._forget_next()
+        self._next = action, answer
+        if self.phase == "gone":
+            self._reopen()
+        elif self.phase in ("running", "paused") and wait:
+            self._say(Notice("waits"))
+            self._ask("go_on")
+        elif self.phase in ("running", "paused"):
+            self.stop()
+        return answer
+
+    def _stepped(self, go: Callable[[], None], can: bool) -> bool:
+        if not can:
+            return False
+        before = self._history.present
+        go()
+        now = self._history.present
+        self._run_log.align_with(now.program.moves)
+        if now.settings != before.settings:
+            self.config = self._loaded(now.settings)
+        self._save()
+        if now.settings != before.settings:
+            self._forget_next()
+            self._reopen()
+        elif self._run_log.has_others(now.pending):
+            self._when_idle(self._go_back)
+        return True
+
+    def _forget_next(self) -> None:
+        if self._next is not None:
+            self._next[1].set_result(None)
+        self._next = None
+
+    def _set_phase(self, phase: str) -> None:
+        super()._set_phase(phase)
+        self._do_next()
+
+    def _do_next(self) -> None:
+        """Do what waits, if nothing runs any more."""
+        if self.phase == "idle" and not self._travels and self._next is not None:
+            (action, answer), self._next = self._next, None
+            action().add_done_callback(lambda one: answer.set_result(one.result()))
+
+    # News
+
+    def _ended(self, news: News) -> None:
+        self.ending, jogged = news, self._kind == "free"
+        if not self._rewound:
+            self.time = self.reach = news["reached"]
+            self._start_time = news["time"]
+        if news["ending"] == "stopped":
+            self._run_log.append([None], news["time"])
+        elif not news["goes_on"]:
+            self._fell()
+        self._kind, self._fell, self._last_kind = "", lambda: None, self._kind
+        if news["ending"] != "stopped":
+            warnings, well = news["warnings"], news["ending"] == "completed"
+            judged = [] if jogged else [news["verdict"], *warnings]
+            text = "\n".join([news["message"], *judged])
+            wrong = not well or bool(judged and warnings)
+            self._say(Notice() if well and jogged else Notice(fills={"text": text}, wrong=wrong))
+
+    def _noted(self, change: dict[str, Any]) -> None:
+        """Put a change of the run into the program, or to what is tried, if its time is theirs."""
+        now, made = self._history.present, validated(Change, change, "the change")
+        label = " ".join(made.set or ())  # a slider that is moved is one step
+        of_program = self._kind == "program" or not now.pending
+        known = of_program and self._kind == "program"
+        if not (known or self._run_log.at_start() or self._run_log.is_program(now.program.moves)):
+            self._say(Notice("not_stored"))
+        elif of_program and made not in now.program.changes:
+            self._record(now.with_program(changes=with_change(now.program.changes, made)), label)
+        elif not of_program and made not in now.changes:
+            self._record(now.replaced(changes=with_change(now.changes, made)), label)
+
+    def _revive(self, *, often: bool) -> None:
+        self._begin()
+        self._forget_next()
+        if not often:
+            self._reopen()
+
+    def _reopen(self, failed: Callable[[], object] | None = None) -> None:
+        """Open the station anew in the run; ``failed`` is called if that cannot be."""
+        self._begin()
+        how = {"station": self.station, "settings": self.settings, "robot": self.robot or None}
+        self._open_live(failed or (lambda: self._set_phase("gone")), **how, allow_code=self._allow_code)

@@ -1,0 +1,257 @@
+"""What a session stands on: the client of the run in a process of its own, and those who listen. Nothing here waits."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from time import monotonic
+from typing import Any, Literal, Protocol
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.teach.messages import RunLost
+from simrob_drake.teach.pages.words import Notice
+
+News = dict[str, Any]
+Topic = Literal["program", "phase", "tick", "message", "description", "history"]
+MakeLive = Callable[[Callable[[News], None]], "Running"]
+HandOver = Callable[[Callable[[], None]], object]
+
+_DEATHS, _SOON = 3, 60.0  # so many in so many seconds, and it is not started again by itself
+_KEPT = 2400
+"""Values of a signal that are kept: two minutes of simulated time."""
+
+
+class Running(Protocol):
+    """A run in a process of its own, as :class:`~simrob_drake.teach.live.Live`."""
+
+    def call(self, method: str, /, **arguments: Any) -> Future[Any]:
+        """Ask for something; the future has the result, or a SimrobError."""
+
+    def close(self) -> object:
+        """End it."""
+
+
+class RunClient:
+    """Asks the run, takes its news, and tells listeners what changed.
+
+    Attributes: those of :class:`~simrob_drake.teach.session.Session` that tell of the run.
+    """
+
+    def __init__(self, live: MakeLive | None = None, hand_over: HandOver | None = None) -> None:
+        """Begin without a run; see :meth:`Session.open` for the arguments."""
+        self._make_live = live
+        self._live: Running | None = None
+        self._generation = 0
+        self._deaths: deque[float] = deque(maxlen=_DEATHS)
+        self._waiting: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._hand_over = hand_over or self._waiting.put
+        self._listeners: list[Callable[[Topic], None]] = []
+        self._viewers: list[Callable[[News], None]] = []
+        self._watched: dict[object, tuple[str, ...]] = {}
+        self.description: dict[str, Any] = {}
+        self.phase, self.time, self.reach, self.ratio = "opening", 0.0, 0.0, 0.0
+        self.pace: float | None = 1.0
+        self.message = Notice()
+        self.values: dict[str, Any] = {}
+        self.history: dict[str, deque[tuple[float, Any]]] = {}
+
+    def hear(self, timeout: float = 0.0) -> None:
+        """Take the news that have come, waiting for the first so long [s]: for scripts, which hand nothing over."""
+        with suppress(Empty):
+            news = self._waiting.get(timeout > 0, timeout or None)
+            while True:
+                news()
+                news = self._waiting.get_nowait()
+
+    def close(self) -> None:
+        """End the run and its process."""
+        self._generation += 1
+        live, self._live, self.phase = self._live, None, "gone"
+        if live is not None:
+            live.close()
+
+    def listen(self, callback: Callable[[Topic], None]) -> Callable[[], None]:
+        """Let something be called after each change with what changed; returns what ends that.
+
+        ``program``: program, pending, undo, targets; ``description``: description and settings.
+        """
+        return _enlisted(self._listeners, callback)
+
+    def listen_to_view(self, callback: Callable[[News], None]) -> Callable[[], None]:
+        """Let something have each news ``view`` ``{subject, commands}``; returns what ends that."""
+        return _enlisted(self._viewers, callback)
+
+    def watch(self, signals: Any, viewer: object = None) -> Future[Any]:
+        """Have these signals in ``values`` and ``history``, beside those that other viewers watch.
+
+        Args:
+            signals: their names; none ends it for this viewer.
+            viewer: who, such as the id of a tab.
+        """
+        self._watched = {**self._watched, viewer: tuple(signals)}
+        if not self._watched[viewer]:
+            del self._watched[viewer]
+        names = list(dict.fromkeys(name for own in self._watched.values() for name in own))
+        self.history = {name: self.history.get(name, deque(maxlen=_KEPT)) for name in names}
+        self.values = {name: value for name, value in self.values.items() if name in names}
+        self._tell("history")
+        return done() if self._live is None else self._ask("watch", signals=names)  # else it is told these first
+
+    # The run
+
+    def _open_live(self, failed: Callable[[], object], **how: Any) -> Future[Any]:
+        """Open a station in the run, which is started if it is not there; ``failed`` is called if that cannot be."""
+        if self._live is None:
+            self._generation += 1
+            here = self._generation
+            if self._make_live is None:
+                from simrob_drake.teach.live import Live  # which who brings another run does without
+
+                self._make_live = Live
+            self._live = self._make_live(
+                lambda news: self._later(lambda: self._take(news) if here == self._generation else None)
+            )
+        self._set_phase("opening")
+        opened = self._ask("open", self._described, failed, **how)
+        self._ask("pace", factor=self.pace)
+        self.watch(self._watched.get(None, ()))
+        return opened
+
+    def _described(self, description: dict[str, Any]) -> dict[str, Any]:
+        self.description, self.time, self.reach, self.ratio = description, 0.0, 0.0, 0.0
+        for ring in self.history.values():
+            ring.clear()
+        if self.phase == "opening":
+            self._set_phase("idle")
+        self._tell("description")
+        return description
+
+    def _ask(
+        self,
+        method: str,
+        then: Callable[[Any], Any] = lambda result: True if result is None else result,
+        failed: Callable[[], object] = lambda: None,
+        **arguments: Any,
+    ) -> Future[Any]:
+        """Ask the run for something.
+
+        Args:
+            method: of the run.
+            then: makes of its result that of the future; a future of its own is waited for. None is for what is wrong.
+            failed: is called where something is wrong, after it was told.
+            arguments: of the method.
+        """
+        answer: Future[Any] = Future()
+        if self._live is None:
+            self._say(Notice("gone", wrong=True))
+            failed()
+            answer.set_result(None)
+            return answer
+        asked = self._live.call(method, **arguments)
+
+        def finish() -> None:
+            result = None
+            try:
+                result = then(asked.result())
+            except RunLost:
+                pass  # of which news come, too
+            except SimrobError as problem:
+                self._wrong(problem)
+                failed()
+            if isinstance(result, Future):
+                result.add_done_callback(lambda done: answer.set_result(done.result()))
+            else:
+                answer.set_result(result)
+
+        asked.add_done_callback(lambda _: self._later(finish))
+        return answer
+
+    def _later(self, action: Callable[[], None]) -> None:
+        with suppress(RuntimeError):  # the page's loop has ended
+            self._hand_over(action)
+
+    def _take(self, news: News) -> None:
+        match news["news"]:
+            case "view":
+                for viewer in list(self._viewers):
+                    viewer(news)
+            case "tick":
+                self._ticked(news)
+            case "phase":
+                self._set_phase(news["phase"])
+            case "noted":
+                self._noted(news["change"])
+            case "ended":
+                self._ended(news)
+            case "warned":
+                self._wrong(news["text"])
+            case "died":
+                self._died(str(news["why"]))
+
+    def _ticked(self, news: News) -> None:
+        self.time = self.reach = news["time"]
+        self.ratio = news["ratio"]
+        for name, value in news["values"].items():
+            self.values[name] = value
+            if name in self.history:
+                self.history[name].append((self.time, value))
+        self._tell("tick")
+
+    def _died(self, why: str) -> None:
+        """Start the run again, unless that has not helped."""
+        live, self._live, self.description = self._live, None, {}
+        if live is not None:
+            live.close()
+        now = monotonic()
+        often = len(self._deaths) == _DEATHS and now - self._deaths[0] < _SOON
+        self._deaths.append(now)
+        self._say(Notice("lost" if often else "died", {"why": why}, wrong=True))
+        self._set_phase("gone")
+        self._revive(often=often)
+
+    def _revive(self, *, often: bool) -> None:
+        """Begin again after the run died, as the session knows."""
+
+    def _noted(self, change: dict[str, Any]) -> None:
+        """Take a change of the run with its time."""
+
+    def _ended(self, news: News) -> None:
+        """Take how a run ended."""
+
+    # Telling
+
+    def _set_phase(self, phase: str) -> None:
+        if phase != self.phase:
+            self.phase = phase
+            self._tell("phase")
+
+    def _tell(self, topic: Topic) -> None:
+        for callback in list(self._listeners):
+            callback(topic)
+
+    def _say(self, notice: Notice) -> None:
+        self.message = notice
+        self._tell("message")
+
+    def _wrong(self, problem: object) -> None:
+        self._say(Notice(fills={"text": str(problem)}, wrong=True))
+
+
+def done(result: Any = True) -> Future[Any]:
+    """Return what is there already; None of what was wrong."""
+    future: Future[Any] = Future()
+    future.set_result(result)
+    return future
+
+
+def _enlisted(listeners: list[Any], callback: Any) -> Callable[[], None]:
+    listeners.append(callback)
+
+    def forget() -> None:
+        with suppress(ValueError):
+            listeners.remove(callback)
+
+    return forget

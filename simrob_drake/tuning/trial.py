@@ -1,0 +1,95 @@
+"""One of many trials: what is run, and the record that it leaves, whatever becomes of it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from pydantic import Field
+
+from simrob_drake.errors import SimrobError
+from simrob_drake.sections import Strict
+
+Row = dict[str, Any]
+"""Of a table, by column."""
+COMPLETED, REFUSED, KILLED = "completed", "refused", "killed"
+"""How trials end: at their end; or never begun, their station cannot be; or with their process."""
+_LARGEST = 2**63
+
+
+class Record(Strict):
+    """What a trial came to."""
+
+    of_any_size = True
+    number: int = Field(strict=True, ge=1)
+    """Of the trial."""
+    rows: list[Row] = Field(min_length=1)
+    """Its rows in the table."""
+
+
+@dataclass(frozen=True)
+class Trial(ABC):
+    """One of many trials.
+
+    Attributes:
+        number: from 1.
+    """
+
+    number: int
+
+    @property
+    @abstractmethod
+    def columns(self) -> list[Row]:
+        """What identifies each of its rows among those of all trials."""
+
+    @abstractmethod
+    def measured(self) -> list[Row]:
+        """Run it and return the other columns of its rows: ``ended`` and ``message``, and what was measured.
+
+        Raises:
+            SimrobError: what cannot be run.
+        """
+
+    def record(self, measured: Sequence[Row]) -> Record:
+        """Return its record, of plain values, as JSON keeps them."""
+        rows = [plain({**columns, **more}) for columns, more in zip(self.columns, measured, strict=True)]
+        return Record(number=self.number, rows=rows)
+
+    def lost(self, ended: str, message: str) -> Record:
+        """Return its record if it never came to an end."""
+        return self.record([{"ended": ended, "message": message}] * len(self.columns))
+
+
+def made(trial: Trial) -> Record:
+    """Make a trial, whatever becomes of it."""
+    try:
+        return trial.record(trial.measured())
+    except SimrobError as problem:
+        return trial.lost(REFUSED, str(problem))
+
+
+def killed(trial: Trial) -> Record:
+    """Return the record of a trial whose process was killed, and once more when it was alone."""
+    return trial.lost(KILLED, "its process was killed, twice")
+
+
+def table(records: Sequence[Record]) -> list[Row]:
+    """Return the rows of all records, each with the number of its trial."""
+    return [{"number": record.number, **row} for record in records for row in record.rows]
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON keeps it: None for what is no finite number, a text for what it does not know."""
+    match value:
+        case Mapping():
+            return {str(key): plain(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [plain(inner) for inner in value]
+        case float():
+            return float(value) if isfinite(value) else None
+        case int() if abs(value) >= _LARGEST:
+            return str(value)
+        case None | str() | int():
+            return value
+    return str(value)

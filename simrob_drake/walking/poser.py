@@ -1,0 +1,59 @@
+"""The posture of a robot for a moment of its walk: the legs put the feet where they shall be."""
+
+from __future__ import annotations
+
+import math
+from cmath import exp as turned_by
+from collections.abc import Sequence
+from operator import mul
+
+import numpy as np
+
+from simrob_drake.frames import Vector
+from simrob_drake.walking.body import Body, Rows
+from simrob_drake.walking.parameters import Bearing
+from simrob_drake.walking.stance import StanceFeet, uphill
+from simrob_drake.walking.stride import Stride
+
+
+class Poser:
+    """Finds postures by the robot's kinematics, each from the one that the body was in."""
+
+    def __init__(self, body: Body, stance: StanceFeet, bearing: Bearing) -> None:
+        """Prepare."""
+        self.body, self._stance, self._bearing = body, stance, bearing
+
+    def posture(self, stride: Stride, centre: Sequence[float], lift: float, rounds: int = 1) -> Vector:
+        """Return the posture (n,) of a stride whose foot is ``lift`` high, from the one that the body took."""
+        bearing, body, (step, swing, _, trunk, ground, learnt) = self._bearing, self.body, stride
+        pitch = math.radians(bearing.pitch_deg) + trunk.pitch + learnt.counter.imag
+        turn = turned(trunk.lean + learnt.counter.real, pitch, trunk.heading)
+        x, y = (sum(map(mul, row, centre)) for row in turn[:2])
+        root = trunk.com.real - x, trunk.com.imag - y, bearing.height + trunk.rise
+        roll, pitch = math.atan(ground.slope.imag), -math.atan(ground.slope.real)
+        (here, there), yaw = step.sides, turned_by(1j * swing.yaw)
+        stands, swings = self._stance.about[here], [swing.place + yaw * each for each in self._stance.about[there]]
+
+        def places(group: int, places: Sequence[complex], height: float, tilt: complex) -> list[list[float]]:
+            up = body.over + height
+            return [
+                [place.real, place.imag, up + uphill(ground.slope, place) + uphill(tilt, about)]
+                for place, about in zip(places, self._stance.about[group], strict=True)
+            ]
+
+        feet = np.empty((2, len(stands), 3, 4))
+        feet[here, :, :, :3] = flat = np.array(turned(roll, pitch, 0.0))
+        feet[there, :, :, :3] = flat @ turned(0.0, 0.0, swing.yaw) if swing.yaw else flat
+        feet[here, :, :, 3] = places(here, stands, 0.0, ground.tilt)
+        feet[there, :, :, 3] = places(there, swings, ground.height + lift, ground.foot_tilt)
+        return body.reached(turn, root, feet.reshape(-1, 3, 4), rounds)
+
+
+def turned(roll: float, pitch: float, yaw: float) -> Rows:
+    """Return the matrix of a turn about x, then about the fixed y, then about the fixed z [rad], in plain numbers."""
+    a, b, c, d, e, f = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+    return (
+        (e * c, e * d * b - f * a, e * d * a + f * b),
+        (f * c, f * d * b + e * a, f * d * a - e * b),
+        (-d, c * b, c * a),
+    )

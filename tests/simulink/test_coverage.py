@@ -1,0 +1,80 @@
+"""Every block of a model is in the report, and what is lost is counted in its first line."""
+
+import json
+import re
+import zipfile
+
+import pytest
+from slx_files import REVOLUTE, TRANSFORM, WORLD, pendulum, write_model
+from test_mechanics import mechanism
+
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.app import run_command
+from simrob_drake.simulink.importing import import_simulink
+from simrob_drake.simulink.model.block_types import FATES, block_types
+
+GEAR = "sm_lib/Gears and Couplings/Gears/Worm and Gear Constraint"
+
+
+def blocks_of(folder):
+    return {block["path"]: block for block in json.loads((folder / "report.json").read_text())["blocks"]}
+
+
+def test_the_table_holds_known_fates_only():
+    assert {row.fate for row in block_types().values()} <= set(FATES)
+    assert block_types()["Revolute Joint"].fate == "exact"
+
+
+def test_every_block_in_the_file_is_in_the_report(tmp_path):
+    """Of what is drawn on all levels, also what is commented out, and what feeds a scope alone."""
+    file = pendulum(tmp_path / "a.slx")
+    level, _ = mechanism()
+    level.block("Scope", "Look")
+    level.block("SubSystem", "Old", Commented="on", inner='<System><Block BlockType="Gain" Name="G" SID="9"/></System>')
+    level.block("MadeUp", "Alone")
+    for number, model in enumerate((file, write_model(tmp_path / "b.slx", level))):
+        import_simulink(model, tmp_path / str(number))
+        with zipfile.ZipFile(model) as archive:
+            text = "".join(archive.read(name).decode() for name in archive.namelist() if "systems" in name)
+        names = re.findall(r'<Block [^>]*Name="([^"]*)"', text)
+        assert sorted(names) == sorted(path.rpartition("/")[2] for path in blocks_of(tmp_path / str(number)))
+    blocks = blocks_of(tmp_path / "1")
+    assert [blocks[name]["fate"] for name in ("Look", "Old", "Old/G", "Alone", "Joint1")] == ["ignored"] * 4 + ["exact"]
+
+
+def lossy(tmp_path):
+    level, blocks = mechanism()
+    for name in ("Worm", "Screw"):
+        gear = level.block(GEAR, name)
+        level.connect(f"{blocks['world']}#rconn:1", f"{gear}#lconn:1")
+        level.connect(blocks["end"], f"{gear}#rconn:1")
+    thing = level.block("sm_lib/New/Thing of Next Year", "Thing")
+    level.connect(blocks["end"], f"{thing}#rconn:1")
+    return write_model(tmp_path / "a.slx", level)
+
+
+def test_losses_stand_in_the_first_line_and_in_the_exit_code(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run_command(["import", str(lossy(tmp_path)), "--out", "out"]) == ExitCode.BEYOND
+    shown = capsys.readouterr()
+    assert shown.out.splitlines()[0] == "2 gears and 1 Thing of Next Year lost"
+    assert "Worm, Screw" in shown.err
+    assert (tmp_path / "out" / "a.yaml").is_file()
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["fidelity"] == shown.out.splitlines()[0]
+    again = ["import", str(tmp_path / "a.slx"), "--out", "out", "--force", "--allow-losses"]
+    assert run_command(again) == ExitCode.DONE
+
+
+def test_a_complete_import_says_so(tmp_path):
+    assert import_simulink(pendulum(tmp_path / "a.slx"), tmp_path / "out").fidelity == "mechanics complete"
+
+
+@pytest.mark.parametrize(("kind", "side"), [(REVOLUTE, "lconn:9"), (TRANSFORM, "rconn:2"), (WORLD, "lconn:3")])
+def test_a_physical_port_that_nothing_reads_is_a_loss(tmp_path, kind, side):
+    level, blocks = mechanism()
+    extra = level.block(kind, "Extra")
+    level.connect(blocks["end"], f"{extra}#{side}")
+    outcomes = import_simulink(write_model(tmp_path / "a.slx", level), tmp_path / "out").outcomes
+    (extra_one,) = (outcome for outcome in outcomes if outcome.path == "Extra")
+    assert extra_one.fate == "lost"
+    assert extra_one.text == f"nothing reads its port {side.replace(':', ' ')}"

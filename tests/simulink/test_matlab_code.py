@@ -1,0 +1,72 @@
+"""Code of MATLAB Functions as blocks of a signal flow, against the same functions in Python."""
+
+import numpy as np
+import pytest
+
+from simrob_drake.simulink.signals.forms import TIME, flat, signal
+from simrob_drake.simulink.signals.matlab import Translation, functions_of
+from simrob_drake.simulink.values.evaluate import UndefinedVariable
+from simrob_drake.simulink.values.syntax import NotUnderstood
+from simrob_drake.simulink.writing.references import over_time
+
+TIMES = np.linspace(0, 2, 81)
+"""The argument u runs over these, less 1."""
+
+
+def unknown(name):
+    raise UndefinedVariable(name)
+
+
+def translated(code):
+    functions = functions_of(code)
+    (main, *_) = functions.values()
+    outputs = Translation({}, unknown, functions).called(main, [signal([TIME - 1.0]).reshape(1, 1)])
+    return over_time([value for output in outputs for value in flat(np.asarray(output, dtype=object))], TIMES)
+
+
+@pytest.mark.parametrize(
+    ("code", "equation"),
+    [
+        ("function y = f(u)\ny = 3*u^2 - 2/(u + 5) + sin(u)*cosd(60*u);",
+         lambda u: [3 * u**2 - 2 / (u + 5) + np.sin(u) * np.cos(np.deg2rad(60 * u))]),
+        ("function y = f(u)\nif u < -0.5\n y = -1;\nelseif u < 0.25 && u > -0.25\n y = u*2;\nelse\n"
+         " y = sqrt(u + 1);\nend",
+         lambda u: [np.select([u < -0.5, (u < 0.25) & (u > -0.25)], [-1.0, 2 * u], np.sqrt(u + 1))]),
+        ("function y = f(u)\ny = 0;\nif u <= 0.01\n return;\nend\ny = 1/u;",  # 1/0 stands where nobody goes
+         lambda u: [np.where(u <= 0.01, 0, 1 / np.where(u <= 0.01, 1, u))]),
+        ("function y = f(u)\nif u > 0.0126 % a comment\n  y = log(u);\nelse\n  y = 0;\nend\nend",
+         lambda u: [np.where(u > 0.0126, np.log(np.where(u > 0.0126, u, 1)), 0)]),
+        ("function [a, b] = f(u)\n[a, b] = g(u, 2);\nend\nfunction [x, y] = g(u, k)\nx = k*u; y = x - 1;\nend",
+         lambda u: [2 * u, 2 * u - 1]),
+        ("function y = f(u)\nR = [cos(u) -sin(u); sin(u) cos(u)];\ny = R*R*[1; 0];",
+         lambda u: [np.cos(2 * u), np.sin(2 * u)]),
+        ("function y = f(u)\ny = zeros(3,1);\nfor k = 1:3\n y(k) = k*max(u, 0);\nend",
+         lambda u: [k * np.maximum(u, 0) for k in (1, 2, 3)]),
+        ("function y = f(u)\nswitch sign(u)\ncase {1, 0}\n y = abs(u);\notherwise\n y = 7;\nend",
+         lambda u: [np.where(u >= 0, u, 7.0)]),
+        ("function y = f(u)\ny = mod(u, 0.31) + atan2(u, 2) + norm([u; 1]);",
+         lambda u: [np.mod(u, 0.31) + np.arctan2(u, 2) + np.hypot(u, 1)]),
+    ],
+)  # fmt: skip
+def test_code_is_what_it_computes(code, equation):
+    u = TIMES - 1.0
+    u[np.abs(u) < 1e-12] = 0.0
+    with np.errstate(all="ignore"):
+        expected = equation(u)
+    np.testing.assert_allclose(translated(code), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("function y = f(u)\npersistent n\ny = u;", "persistent"),
+        ("function y = f(u)\ny = 0;\nwhile y < u\n y = y + 1;\nend", "while"),
+        ("function y = f(u)\ny = eval('system(1)');", "eval"),
+        ("function y = f(u)\ny = f(u);", "calls itself"),
+        ("function y = f(u)\nx = u;", "gives no y"),
+        ("function y = f(u)\nif u > 0\n y = [1 2];\nelse\n y = 1;\nend", "size depends"),
+    ],
+)
+def test_what_is_more_than_arithmetic_is_not_understood(code, told):
+    with pytest.raises(NotUnderstood, match=told):
+        translated(code)

@@ -1,0 +1,129 @@
+"""Forces and torques that a model's signals apply to bodies, against the equations of motion."""
+
+import numpy as np
+import pytest
+import yaml
+from scipy.integrate import solve_ivp
+from slx_files import BRICK, FROM_PHYSICS, INERTIA, MECHANISM, TO_PHYSICS, TRANSFORM, WORLD, Level, write_model
+
+from simrob_drake import simulate
+from simrob_drake.simulink.importing import import_simulink
+
+PUSH = "sm_lib/Forces and\nTorques/External Force\nand Torque"
+FREE = "sm_lib/Joints/6-DOF Joint"
+SENSOR = "sm_lib/Frames and Transforms/Transform Sensor"
+
+
+class Body(Level):
+    """A body that nothing holds; what senses it and what pushes it is added."""
+
+    def __init__(self, kind=BRICK, *, gravity="[0 0 0]", at="[0 0 0]", turn="0", **figures):
+        super().__init__()
+        self.world, put = self.block(WORLD, "World"), self.transform("Put", at, turn)
+        joint, self.body = self.block(FREE, "Free"), self.block(kind, "Body", **figures)
+        self.connect(
+            f"{self.world}#rconn:1", f"{self.block(MECHANISM, 'G', GravityVector=gravity)}#rconn:1", f"{put}#lconn:1"
+        )
+        self.connect(f"{put}#rconn:1", f"{joint}#lconn:1")
+        self.connect(f"{joint}#rconn:1", f"{self.body}#rconn:1")
+        self.frame = f"{joint}#rconn:1"
+
+    def transform(self, name, place, turn="0"):
+        return self.block(
+            TRANSFORM, name, TranslationMethod="Cartesian", TranslationCartesianOffset=place,
+            RotationMethod="StandardAxis", RotationStandardAxis="+X", RotationAngle=turn, RotationAngleUnits="deg",
+        )  # fmt: skip
+
+    def chain(self, kind, name, *sources, **parameters):
+        sid = self.block(kind, name, **parameters)
+        for number, source in enumerate(sources):
+            self.wire(source, f"{sid}#in:{number + 1}")
+        return f"{sid}#out:1"
+
+    def sense(self, *signals):
+        """Return what a sensor from the world to the body measures."""
+        sensor = self.block(SENSOR, "Sensor", MeasurementFrame="World", **{f"Sense{name}": "on" for name in signals})
+        self.connect(f"{self.world}#rconn:1", f"{sensor}#lconn:1")
+        self.connect(self.frame, f"{sensor}#rconn:1")
+        outputs = []
+        for number, name in enumerate(signals):
+            out = self.block(FROM_PHYSICS, name, Unit="inherit")
+            self.connect(f"{sensor}#rconn:{number + 2}", f"{out}#lconn:1")
+            outputs.append(f"{out}#out:1")
+        return outputs
+
+    def push(self, frame, *signals, name="Push", **parameters):
+        push = self.block(PUSH, name, **parameters)
+        self.connect(frame, f"{push}#rconn:1")
+        for number, signal in enumerate(signals, start=1):
+            into = self.block(TO_PHYSICS, f"{name} {number}", Unit="1")
+            self.wire(signal, f"{into}#in:1")
+            self.connect(f"{into}#rconn:1", f"{push}#lconn:{number}")
+
+    def imported(self, tmp_path, stop):
+        return import_simulink(write_model(tmp_path / "a.slx", self, stop=stop), tmp_path / "out")
+
+
+def test_a_ball_bounces_by_the_forces_that_the_model_computes(tmp_path):
+    """A spring and a damper below z = 0, along the axes of the world, on a body that lies on its side."""
+    mass, stiffness, damping = 2.0, 4e3, 12.0
+    body = Body(INERTIA, Mass=mass, MomentsOfInertia="[1 1 1]", gravity="[0 0 -9.81]", at="[0 0 0.2]", turn="90")
+    z, speed = body.sense("Z", "ZDot")
+    depth = body.chain("Gain", "Depth", z, Gain="-1")
+    spring = body.chain("Gain", "k", depth, Gain=str(stiffness))
+    damper = body.chain("Gain", "b", speed, Gain=str(damping))
+    both = body.chain("Sum", "Both", spring, damper, Inputs="+-")
+    touching = body.chain(
+        "Switch", "Touching", both, depth, body.chain("Constant", "None", Value="0"), Criteria="u2 > Threshold",
+        Threshold="0",
+    )  # fmt: skip
+    body.push(body.frame, touching, EnableForceZ="on", ForceResolutionFrame="World")
+    imported = body.imported(tmp_path, "1.6")
+    assert imported.fidelity == "mechanics complete"
+    result = simulate(imported.station, progress=False)
+
+    def motion(t, y):
+        force = -stiffness * y[0] - damping * y[1] if y[0] < 0 else 0.0
+        return y[1], force / mass - 9.81
+
+    exact = solve_ivp(motion, (0, 1.6), [0.2, 0], rtol=1e-9, atol=1e-10, max_step=1e-3, t_eval=result.times)
+    height = result.piece_pose("Body")[:, 2]
+    for begin, end in ((0.25, 0.6), (0.6, 0.95), (0.95, 1.25)):  # the first three rebounds
+        during = (begin < result.times) & (result.times < end)
+        assert height[during].max() == pytest.approx(exact.y[0][during].max(), rel=0.01)
+    assert 0.02 < height[(result.times > 0.3) & (result.times < 0.6)].max() < 0.15
+    assert np.abs(result["applied_force.Push.y"]).max() > 100  # its own y is the world's z
+
+
+def test_a_force_off_the_centre_turns_a_body_that_carries_its_axes_along(tmp_path):
+    body = Body(BRICK, BrickDimensions="[0.3 0.3 0.1]", BasedOnType="Mass", Mass="3")
+    edge = body.transform("Edge", "[0 0.1 0]", "90")
+    body.connect(body.frame, f"{edge}#lconn:1")
+    size = body.chain("Step", "Size", Time="0.25", After="6")
+    body.push(f"{edge}#rconn:1", size, body.chain("Constant", "Twist", Value="0.05"), EnableForceX="on",
+              EnableTorqueY="on")  # fmt: skip
+    imported = body.imported(tmp_path, "1")
+    result = simulate(imported.station, progress=False)
+    inertia = 3 * (0.3**2 + 0.3**2) / 12
+
+    def motion(t, y):
+        force = 6.0 * (t >= 0.25)
+        return *y[3:], force * np.cos(y[2]) / 3, force * np.sin(y[2]) / 3, (0.05 - 0.1 * force) / inertia
+
+    exact = solve_ivp(motion, (0, 1), np.zeros(6), rtol=1e-9, atol=1e-9, max_step=1e-3, t_eval=result.times)
+    np.testing.assert_allclose(result.piece_pose("Body")[:, :2].T, exact.y[:2], atol=2e-4)
+    assert abs(exact.y[2][-1]) > 1
+
+
+def test_a_force_on_the_world_moves_nothing_and_one_from_an_input_is_a_port(tmp_path):
+    body = Body(INERTIA, Mass="1", MomentsOfInertia="[1 1 1]")
+    one = body.chain("Constant", "One", Value="1")
+    body.push(f"{body.world}#rconn:1", one, name="Fixed", EnableForceX="on")
+    body.push(body.frame, one, body.chain("Constant", "Vector", Value="[0 2 0]"), EnableForceX="on", EnableForce="on")
+    imported = body.imported(tmp_path, "0.5")
+    assert [entry.text for entry in imported.report.of("dropped") if entry.element == "Fixed"]
+    (section,) = yaml.safe_load(imported.station.read_text())["controllers"]["law"]["forces"].values()
+    assert (section["at"], section["force"]) == ("Body", [{"one": 1.0}, {"one": 2.0}, {}])
+    np.testing.assert_allclose(
+        simulate(imported.station, progress=False).piece_pose("Body")[-1, :3], [0.125, 0.25, 0], atol=1e-6
+    )

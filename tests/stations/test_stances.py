@@ -1,0 +1,153 @@
+"""How a robot with a free base is put on its feet, against its geometry and statics; what a trial says of it."""
+
+import numpy as np
+import pytest
+
+from simrob_drake.parts.site import StationRobot
+from simrob_drake.stations import draft
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.clearance import Clearance
+from simrob_drake.stations.draft import draft_station, stands
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.stances import Stance, Stances
+from tests.stations.conftest import joint, link
+
+DYNAMIC = {
+    "contact": {"model": "point"},
+    "solver": {"kind": "discrete", "scheme": "sap", "time_step": 2e-3},
+    "servo": {"realization": "implicit", "kp": 100.0, "kd": 5.0},
+}
+
+
+def first_of(clearance: Clearance) -> tuple[StationRobot, Stance | None]:
+    robot = clearance.station.robots["robot"]
+    return robot, next(Stances(clearance, robot).find(), None)
+
+
+def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, clearance_of):
+    """Knees at -97 deg bring its shanks level, forward of the knees, which are lowest then."""
+    robot, stance = first_of(clearance_of(quadruped(), **DYNAMIC))
+    assert stance is not None
+    thighs, shanks = stance.posture[::2], stance.posture[1::2]
+    knees = stance.height - 0.2 * np.cos(thighs)
+    feet = knees - 0.2 * np.cos(thighs + shanks)
+    assert np.ptp(feet) < 1.5e-3
+    assert np.abs(feet).max() < 0.02  # the middle of a shank's end; its corner, up to 14 mm farther, is on the floor
+    assert knees.min() > 0.1
+    assert stance.standing.gap == pytest.approx(0.0, abs=1e-9)
+    assert set(stance.standing.ends) == {f"shank{number}" for number in range(4)}
+    lower, upper = robot.model.axis_limits
+    assert ((stance.posture >= lower) & (stance.posture <= upper)).all()
+    places = np.array([0.18, 0.18, -0.18, -0.18]) - 0.2 * (np.sin(thighs) + np.sin(thighs + shanks))
+    assert np.abs(places.mean()) < 0.02  # the trunk's centre of mass is over the feet
+
+
+def test_a_robot_that_stands_at_home_stays_as_it_is(quadruped, clearance_of):
+    _, stance = first_of(clearance_of(quadruped(knees_deg=0.0, most_deg=10.0), **DYNAMIC))
+    assert stance is not None
+    assert stance.how == "at home"
+    assert stance.height == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("effort", [3.0, 1.0])
+def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effort):
+    """A level bar of 1 kg, 0.4 m long, takes 1.96 N m; the robot has no legs, and stands on its trunk."""
+    parts = link("trunk", "0.2 0.2 1.0", "0 0 0.5", 20.0), link("bar", "0.4 0.05 0.05", "0.2 0 0")
+    urdf = robot_of(*parts, joint("bar", "trunk", "0 0 0.5", effort=effort), base="floating", axes=["bar_joint"])
+    clearance = clearance_of(urdf, **DYNAMIC)
+    stances = Stances(clearance, clearance.station.robots["robot"])
+    found = list(stances.find())
+    if effort > 2.0:
+        assert [(stance.how, list(stance.standing.ends)) for stance in found] == [("at home", ["trunk"])]
+        assert stances.lacking == ""
+        texts = [finding.text for finding in check_station(clearance.config)]
+        assert not any("as on knees" in text for text in texts)  # though its trunk stands near its own origin
+    else:
+        assert found == []
+        assert stances.lacking == "In the best of 1 that were tried bar_joint takes 1.96 N·m and has 1 N·m."
+
+
+def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearance_of):
+    """The hand of an arm whose elbow is folded lies in the trunk."""
+    parts = link("trunk", "0.5 0.5 0.2", "0 0 0.1", 20.0), link("arm", "0.1 0.02 0.02", "0.05 0 0", 0.1)
+    parts += (link("hand", "0.2 0.04 0.04", "-0.1 0 0", 0.1), joint("arm", "trunk", "0.2 0 0.22"))
+    urdf = robot_of(*parts, joint("hand", "arm", "0.12 0 -0.03"), base="floating", axes=["arm_joint", "hand_joint"])
+    _, stance = first_of(clearance_of(urdf, **DYNAMIC))
+    assert stance is not None
+    assert stance.posture.any()
+    assert stance.how == "at home but for links that are turned apart"
+
+
+def test_check_says_that_a_robot_kneels(quadruped, clearance_of):
+    urdf = quadruped()
+    clearance = clearance_of(urdf, **DYNAMIC)
+    kneeling = Stances(clearance, clearance.station.robots["robot"]).as_it_is()
+    assert kneeling is not None
+    base = {"base": [0.0, 0.0, kneeling.height, 0.0, 0.0, 0.0]}
+    texts = [finding.text for finding in check_station(clearance_of(urdf, base, **DYNAMIC).config)]
+    assert any(text.startswith("it stands on the near end of shank0") and "as on knees" in text for text in texts)
+
+
+def test_the_draft_of_a_quadruped_was_tried_and_has_a_fall_monitor(quadruped, tmp_path):
+    text = draft_station(quadruped(), folder=tmp_path)
+    (file := tmp_path / "first.yaml").write_text(text)
+    config = load_station(file)
+    assert "# It stands with its legs bent to 90% of their length, on shank" in text
+    assert "# It was tried: after 2 s it leans by 0.0 deg" in text
+    fall = config.monitors["fall"]
+    assert fall.height == pytest.approx(0.6 * config.robots["robot"].base[2], abs=1e-3)
+    assert fall.tilt_deg == 40
+    assert [finding.text for finding in check_station(config) if finding.level == "warning"] == []
+
+
+def test_a_stance_that_does_not_hold_is_no_stance(quadruped, tmp_path, monkeypatch):
+    tried = []
+
+    def fell(config):
+        tried.append(config.robots["robot"].initial_deg)
+        return False, f"it fell at {len(tried)} s"
+
+    monkeypatch.setattr(draft, "stands", fell)
+    text = draft_station(quadruped(knees_deg=-60.0), folder=tmp_path)
+    assert "# By statics it would stand " in text
+    assert "# But when it was tried, it fell at 1 s." in text  # the first is kept
+    assert 1 < len(tried) <= 4
+    assert len({str(posture) for posture in tried}) == len(tried)
+
+
+def test_of_a_robot_that_finds_no_stance_the_draft_says_so(quadruped, tmp_path):
+    text = draft_station(quadruped(legs=1), folder=tmp_path)
+    assert "# No posture was found in which it stands on its feet. In the best of " in text
+    assert "its centre of mass is" in text
+    assert "when it was tried, it fell at 0." in text
+
+
+def test_a_robot_that_nothing_could_carry_is_held(robot_of, tmp_path):
+    bare = [
+        part.partition("<collision>")[0] + "</link>" for part in (link("trunk", "1 1 1"), link("bar", "1 1 1", "0 0 1"))
+    ]
+    urdf = robot_of(*bare, joint("bar", "trunk", "0 0 0"), base="floating", axes=["bar_joint"])
+    text = draft_station(urdf, folder=tmp_path)
+    assert "no shapes that collide" in text
+    assert "base: fixed" in text
+
+
+TOP = [link("trunk", "0.1 0.1 0.5", "0 0 0.25", 2.0), link("arm", "0.02 0.02 0.1", "0 0 0.05", 0.1)]
+
+
+@pytest.mark.parametrize(
+    ("tilt", "monitors", "held", "told"),
+    [
+        (0.0, {}, True, "after 2 s it leans by 0.0 deg, and its root is 0 mm lower"),
+        (20.0, {}, False, "after 2 s it leans by 70.0 deg"),
+        (20.0, {"fall": {"tilt_deg": 40.0}}, False, "it fell at 0."),
+    ],
+)
+def test_a_trial_tells_what_stands_from_what_falls(robot_of, clearance_of, tilt, monitors, held, told):
+    """A box of 0.1 m by 0.5 m tips over beyond 11.3 deg."""
+    urdf = robot_of(*TOP, joint("arm", "trunk", "0 0 0.5"), base="floating", axes=["arm_joint"])
+    pitch = np.deg2rad(tilt)
+    base = {"base": [0.0, 0.0, 0.05 * np.sin(pitch), 0.0, pitch, 0.0]}
+    config = clearance_of(urdf, base, monitors=monitors, **DYNAMIC).config
+    stood, text = stands(config)
+    assert (stood, text.startswith(told)) == (held, True), text
