@@ -58,9 +58,9 @@ def reference_tools(result: RecordedRun, robot: StationRobot) -> Vector:
     return matrices
 
 
-def _nearest(wanted: Vector, reached: Vector) -> Vector:
-    """Return angles Rz, Ry and Rx (m, 3) [rad] of the same orientations as those wanted, near those reached."""
-    same = np.stack([wanted, wanted * (1.0, -1.0, 1.0) + np.pi])
+def _nearest(angles: Vector, reached: Vector) -> Vector:
+    """Return the angles Rz, Ry and Rx (m, 3) [rad] of the same orientations that lie nearest to those reached."""
+    same = np.stack([angles, angles * (1.0, -1.0, 1.0) + np.pi])
     same += 2 * np.pi * np.round((reached - same) / (2 * np.pi))
     first, second = np.abs(same - reached).sum(axis=2)
     return np.asarray(np.where((second < first)[:, np.newaxis], same[1], same[0]))
