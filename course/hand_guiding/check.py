@@ -60,9 +60,8 @@ def stiffest(answer: ModuleType) -> Reading:
     axes, jacobian = as_transform(arm.pose(np.deg2rad(HOME))).rotation().matrix(), arm.jacobian(np.deg2rad(HOME))[:3]
     least = axes.T @ np.linalg.eigh(jacobian @ jacobian.T).eigenvectors[:, 0]
     direction = numbers(answer, "stiffest", shape=(3,))
-    speeds = []
-    for along in (direction / np.linalg.norm(direction), least):
-        speeds.append(abs(measured_speed(200.0, list(2.0 * along)) @ (axes @ along)))
+    ways = (direction / np.linalg.norm(direction), least)
+    speeds = [abs(measured_speed(200.0, list(2.0 * along)) @ (axes @ along)) for along in ways]
     return at_most(speeds[0] / speeds[1], 1.1)
 
 
