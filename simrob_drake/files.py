@@ -1,4 +1,4 @@
-"""Read the files that a user names: regular ones, of a size that somebody may have meant; and their tables of CSV."""
+"""The files that a user names, of a size that somebody may have meant, and their CSV; where those that ship are."""
 
 import csv
 import io
@@ -172,13 +172,13 @@ def _numbers(row: list[str], places: list[int], file: Path, line: int) -> list[f
     return values
 
 
-ROBOT_FILE, PIECE_FILE = "robot.yaml", "piece.yaml"
-"""What the files are called that describe a robot and a piece."""
+ROBOT_FILE, PIECE_FILE, EXERCISE_FILE = "robot.yaml", "piece.yaml", "exercise.yaml"
+"""What the files are called that describe a robot, a piece and an exercise of the course."""
 _PACKAGE = Path(__file__).resolve().parent
 
 
 def data_root() -> Path:
-    """Return the folder that holds ``models`` and ``diagrams``: inside the wheel, or the top of a checkout."""
+    """Return the folder with ``models``, ``diagrams`` and ``course``: inside the wheel, or the top of a checkout."""
     installed = _PACKAGE / "data"
     return installed if installed.is_dir() else _PACKAGE.parent
 
@@ -206,3 +206,8 @@ def robot_files() -> dict[str, Path]:
 def piece_files() -> dict[str, Path]:
     """Return the files of the pieces that come with the package, by name."""
     return {file.parent.name: file for file in sorted(models_root().glob(f"pieces/*/{PIECE_FILE}"))}
+
+
+def exercise_files() -> list[Path]:
+    """Return the files of the exercises of the course that come with the package."""
+    return sorted(data_root().glob(f"course/*/{EXERCISE_FILE}"))
