@@ -414,3 +414,10 @@ def test_check_says_what_a_file_is_that_is_no_station(file, said, capsys):
 def test_check_says_nothing_ok_that_is_none(station, setting, said, capsys):
     assert run_command(["check", station, "--set", setting]) == ExitCode.BAD_INPUT
     assert said in capsys.readouterr().err
+
+
+def test_the_main_job_is_one_command(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):  # the result before is replaced
+        assert run_command(["demo"]) == 0
+        assert (tmp_path / "runs/demo/recording.html").as_uri() in "".join(capsys.readouterr().out.split("\n"))
