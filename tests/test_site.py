@@ -6,11 +6,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+import simrob_drake
+
 pytest.importorskip("latex2mathml", reason="needs the extra docs")
 
-from docs.site import api, commands, keys, links, parts, places  # noqa: E402
-from docs.site.texts import markdown  # noqa: E402
-from simrob_drake.cli.app import whole_command  # noqa: E402
+from docs.site import api, commands, keys, links, parts, places
+from docs.site.texts import markdown
+from simrob_drake.cli.app import whole_command
 
 ROOT = Path(__file__).parent.parent
 
@@ -54,6 +56,7 @@ def test_every_public_name_and_every_module_of_blocks_has_a_page(texts):
     blocks = {file.stem for file in (ROOT / "simrob_drake" / "blocks").glob("*.py")} - {"__init__"}
     assert {f"reference/blocks/{block}.md" for block in blocks} <= set(texts)
     for name, module in api.places().items():
+        assert hasattr(simrob_drake, name), name
         assert f"::: {module}.{name}\n" in texts[f"reference/python/{name}.md"]
 
 
@@ -83,6 +86,19 @@ def test_formulas_and_roles_of_docstrings_become_markdown():
 )
 def test_links_lead_to_where_things_are_on_the_site(page, link, there):
     assert places.rewritten(f"[a]({link})", page) == f"[a]({there})"
+
+
+@pytest.mark.parametrize(
+    ("page", "twin"),
+    [
+        ("README.md", "README.es.md"),
+        ("docs/stations.md", "docs/es/stations.md"),
+        ("docs/course/01-kinematics.md", "docs/es/curso/01-cinematica.md"),
+        ("docs/course/teachers.md", "docs/es/curso/profesores.md"),
+    ],
+)
+def test_pages_of_both_languages_know_each_other(page, twin):
+    assert (places.twin(page), places.twin(twin)) == (twin, page)
 
 
 def test_the_links_of_a_finished_site_are_looked_at(tmp_path):

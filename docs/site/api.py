@@ -56,14 +56,14 @@ def further() -> dict[str, list[str]]:
     }
 
 
-def documented(identifier: str, level: int = 2) -> str:
-    """Return what makes mkdocstrings show an object below a heading of a level."""
-    return f"::: {identifier}\n    options:\n      heading_level: {level}\n"
+def documented(identifier: str, *, level: int = 1, more: str = "inherited_members") -> str:
+    """Return what makes mkdocstrings show an object below a heading of a level, with one more of its options."""
+    return f"::: {identifier}\n    options:\n      heading_level: {level}\n      {more}: true\n"
 
 
 def name_page(name: str, module: str) -> Page:
     """Return the page of one name of the package."""
-    return Page(f"{FOLDER}/python/{name}.md", f"---\ntitle: {name}\n---\n\n{documented(f'{module}.{name}', 1)}")
+    return Page(f"{FOLDER}/python/{name}.md", f"---\ntitle: {name}\n---\n\n{documented(f'{module}.{name}')}")
 
 
 def block_pages() -> Iterator[Page]:
@@ -72,11 +72,11 @@ def block_pages() -> Iterator[Page]:
     for module in iter_modules(simrob_drake.blocks.__path__):
         name = module.name
         source = Path(simrob_drake.blocks.__path__[0], f"{name}.py").read_text(encoding="utf-8")
-        rows.append([f"[`{name}`](blocks/{name}.md)", cell(sentence(ast.get_docstring(ast.parse(source)) or ""))])
-        shown = documented(f"simrob_drake.blocks.{name}", 1)
+        rows.append([f"[`{name}`]({name}.md)", cell(sentence(ast.get_docstring(ast.parse(source)) or ""))])
+        shown = documented(f"simrob_drake.blocks.{name}")
         yield Page(f"{FOLDER}/blocks/{name}.md", f"---\ntitle: {name}\n---\n\n{shown}")
     intro = "Blocks are plain Drake systems, or functions that add some to a builder; they know nothing of stations."
-    yield Page(f"{FOLDER}/blocks.md", f"# Blocks\n\n{intro}\n\n{table(['module', 'what it holds'], rows)}")
+    yield Page(f"{FOLDER}/blocks/index.md", f"# Blocks\n\n{intro}\n\n{table(['module', 'what it holds'], rows)}")
 
 
 def pages() -> Iterator[Page]:
@@ -85,10 +85,11 @@ def pages() -> Iterator[Page]:
     assert sorted(where) == sorted(name for names in GROUPS.values() for name in names), "GROUPS lacks a public name"
     parts = ["# Python", "What `import simrob_drake` shows; anything else may change from one version to the next."]
     for title, names in GROUPS.items():
-        parts += [f"## {title}", "\n".join(f"- [`{name}`](python/{name}.md)" for name in names)]
+        parts += [f"## {title}", "\n".join(f"- [`{name}`]({name}.md)" for name in names)]
         for name in names:
             yield name_page(name, where[name])
-    yield Page(f"{FOLDER}/python.md", "\n\n".join(parts) + "\n")
-    modules = "\n".join(documented(f"{module}.{name}", 2) for module, names in further().items() for name in names)
+    yield Page(f"{FOLDER}/python/index.md", "\n\n".join(parts) + "\n")
+    found = [f"{module}.{name}" for module, names in further().items() for name in names]
+    modules = "\n".join(documented(name, level=2, more="show_root_full_path") for name in found)
     yield Page(f"{FOLDER}/modules.md", f"# More modules\n\nWhat the pages and examples import besides.\n\n{modules}")
     yield from block_pages()

@@ -60,6 +60,6 @@ def pages() -> Iterator[Page]:
     """Yield the list of all commands, and the page of each."""
     rows = []
     for name, title in commands().items():
-        rows.append([f"[`simrob {name}`](commands/{name}.md)", title, sentence(whole_command(name).help)])
+        rows.append([f"[`simrob {name}`]({name}.md)", title, sentence(whole_command(name).help)])
         yield command_page(name, title)
-    yield Page("reference/commands.md", "# Commands\n\n" + table(["command", "group", "what it does"], rows))
+    yield Page(f"{FOLDER}/index.md", "# Commands\n\n" + table(["command", "group", "what it does"], rows))

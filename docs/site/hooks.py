@@ -16,8 +16,6 @@ TOP = {False: ("README.md", "CHANGELOG.md", "CONTRIBUTING.md"), True: ("README.e
 """Pages at the top of the repository that stand on each site; the second is the Spanish one."""
 
 
-LEARNT = ("lessons", "course")
-"""Folders whose pages all stand in the navigation, after the start: README.md first, then by name."""
 TITLES = {"Start": "Inicio", "Lessons": "Lecciones", "Course": "Curso", "How to": "Guías", "Results": "Resultados"}
 """Those of the navigation in Spanish."""
 SPANISH_ALONE = ("tablas_dh.md", "simrob.md")
@@ -47,17 +45,18 @@ def with_pages_below(entry: Any) -> Any:
     """Return an entry of the navigation with the pages of reference that lie in the folder of its page's name."""
     if isinstance(entry, dict):
         return {title: [with_pages_below(page) for page in pages] for title, pages in entry.items()}
-    folder = f"{entry.removesuffix('.md')}/"
-    below = [page.path for page in reference() if page.path.startswith(folder)]
+    folder = entry.removesuffix("index.md")
+    below = [page.path for page in reference() if page.path.startswith(folder) and page.path != entry]
     title = next((page.text.partition("\n")[0] for page in reference() if page.path == entry), "")
-    return {title.strip("# `"): [entry, *below]} if below else entry
+    return {title.strip("# `"): [entry, *below]} if entry.endswith("index.md") else entry
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the lessons into the navigation; the Spanish one is the English one, without what there is not in Spanish."""
     folder, entries = Path(config.docs_dir), list(config.nav or [])
-    for name in reversed(LEARNT):
-        if found := sorted(folder.glob(f"{name}/*.md"), key=lambda page: (page.stem != "README", page.stem)):
+    for name in reversed(places.FOLDERS):
+        below = folder / (places.FOLDERS[name] if is_spanish(config) else name)
+        if found := sorted(below.glob("*.md"), key=lambda page: (page.stem != "README", page.stem)):
             entries.insert(1, {name.capitalize(): [page.relative_to(folder).as_posix() for page in found]})
     if not is_spanish(config):
         entries = [with_pages_below(entry) for entry in entries]
@@ -68,8 +67,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
             for title, pages in entry.items()
             if title != "Reference"
         ]
-        entries.append({"Referencia (en inglés)": "../reference/python.html"})
-        entries[1]["Guías"] += SPANISH_ALONE
+        entries.append({"Referencia (en inglés)": "../reference/python/index.html"})
+        next(entry["Guías"] for entry in entries if "Guías" in entry).extend(SPANISH_ALONE)
     config.nav = entries
     return config
 
@@ -91,10 +90,10 @@ def on_page_markdown(markdown: str, page: SitePage, config: MkDocsConfig, **_: A
 
 def on_page_context(context: dict[str, Any], page: SitePage, config: MkDocsConfig, **_: Any) -> dict[str, Any]:
     """Let the choice of a language lead to the same page in it, where there is one."""
-    spanish, source = is_spanish(config), page.file.src_uri
-    other = places.ROOT / "docs" / ("" if spanish else "es") / source
-    there = page.file.dest_uri if other.is_file() or source == "readme.md" else "index.html"
+    spanish = is_spanish(config)
+    source = places.repository_path(page.file.src_uri, spanish=spanish)
+    other = places.place(places.twin(source) or ("docs/README.md" if spanish else "docs/es/README.md"))
     for entry in config.extra["alternate"]:
         own = (entry["lang"] == "es") == spanish
-        entry["link"] = page.file.dest_uri if own else f"{'../' if spanish else 'es/'}{there}"
+        entry["link"] = page.file.dest_uri if own else f"{'../' if spanish else ''}{other}"
     return context

@@ -133,11 +133,11 @@ def file_pages(file: str, schema: Schema) -> Iterator[Page]:
             yield key_page(file, schema, key)
         shown = "a section" if whole else shown_type(value)
         required = key in schema.get("required", ())
-        link = f"[`{key}`]({file}/{key}.md)" if whole else f"`{key}`"
+        link = f"[`{key}`]({key}.md)" if whole else f"`{key}`"
         rows.append([link, shown, _default(value, required), cell(value.get("description", ""))])
     columns = ["key", "may be", "unless given", "what it is"]
     text = f"# `{file}.yaml`\n\n{_told(schema.get('description', ''))}\n{table(columns, rows)}"
-    yield Page(f"{FOLDER}/{file}.md", text)
+    yield Page(f"{FOLDER}/{file}/index.md", text)
 
 
 def pages() -> Iterator[Page]:

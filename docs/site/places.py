@@ -14,6 +14,9 @@ from docs.site.texts import Page
 ROOT = Path(__file__).parents[2]
 SPANISH = "docs/es/"
 LINK = re.compile(r"(?<!\\)\]\((?!https?:|#|mailto:)([^)#\s]*)(#[^)\s]*)?\)")
+FOLDERS = {"lessons": "lecciones", "course": "curso"}
+"""Those whose pages all stand in the navigation, README.md first, then by name; and what they are called in Spanish."""
+ALIKE = {"teachers.md": "profesores.md", "profesores.md": "teachers.md"}
 AS_THEY_ARE = {".svg", ".png", ".webp", ".gif"}
 SELDOM_SOUGHT = "---\nsearch: {boost: 0.2}\n---\n\n"
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".json": "json"}
@@ -45,6 +48,24 @@ def place(path: str) -> str:
     if file.is_dir():
         return f"files/{path}/index.html"
     return f"files/{path}" if file.suffix in AS_THEY_ARE else f"files/{path}.html"
+
+
+def twin(path: str) -> str | None:
+    """Return the path of the same page in the other language; None where there is none.
+
+    Both are called alike, but for the folders of lessons and of the course, in which pages have numbers.
+    """
+    if path in ("README.md", "README.es.md"):
+        return "README.es.md" if path == "README.md" else "README.md"
+    if not path.startswith("docs/"):
+        return None
+    spanish = path.startswith(SPANISH)
+    inside = PurePosixPath(path).relative_to(SPANISH if spanish else "docs")
+    names = {there: here for here, there in FOLDERS.items()} if spanish else FOLDERS
+    folder = ROOT / ("docs" if spanish else SPANISH) / Path(*(names.get(part, part) for part in inside.parent.parts))
+    number = re.match(r"\d+-", inside.name)
+    others = sorted(folder.glob(f"{number[0]}*.md" if number else ALIKE.get(inside.name, inside.name)))
+    return others[0].relative_to(ROOT).as_posix() if others else None
 
 
 def target(page: str, link: str) -> str:

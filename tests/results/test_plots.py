@@ -139,7 +139,7 @@ def test_positions_are_in_degrees_with_reference_and_error(result, drawn):
 
 
 def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
-    """Against the pose that the plant tells for the reference, and the angle between the two orientations."""
+    """Against the pose that the plant tells for the reference; the strips tell the same angles as the curves."""
     figure = drawn(result)["tcp"]
     panels = figure.axes[::2]
     assert [panel.get_title(loc="left") for panel in panels] == ["x", "y", "z", "Rz", "Ry", "Rx"]
@@ -156,9 +156,27 @@ def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
         np.testing.assert_allclose(turn.matrix(), pose.rotation().matrix(), atol=1e-9)
     errors = [panel.get_lines()[0].get_ydata()[row] for panel in figure.axes[1::2]]
     np.testing.assert_allclose(errors[:3], 1e3 * (wanted.translation() - reached.translation()), atol=1e-9)
-    turned = (wanted.rotation() @ reached.rotation().inverse()).ToAngleAxis()
-    assert abs(turned.angle()) > np.deg2rad(0.1)
-    np.testing.assert_allclose(errors[:2:-1], np.rad2deg(turned.angle()) * turned.axis(), atol=1e-9)
+    asked, got = (
+        [curve(panel, of).get_ydata()[row] for panel in panels[3:]] for of in ("reference", "tool centre point")
+    )
+    assert np.abs(errors[3:]).max() > 0.1
+    np.testing.assert_allclose(errors[3:], np.subtract(asked, got), atol=1e-9)
+
+
+def test_angles_of_the_reference_are_those_nearest_to_the_tools(result, drawn):
+    """The tool's Ry goes through 90 degrees, where Rz and Rx jump by 180; the error does not."""
+    half = np.linspace(np.deg2rad(40), np.deg2rad(50), len(result.times))
+    q_ref = result.axes("q_ref")
+    still = {f"q_ref__{name}": np.zeros(len(half)) for name in result.plant.robots["robot"].axes}
+    assert q_ref.shape[1] == len(still)
+    nothing = np.zeros_like(half)
+    turning = changed(result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=np.sin(half), tcp__qz=nothing, **still)
+    panels = drawn(turning)["tcp"].axes
+    reference = np.array([curve(panel, "reference").get_ydata() for panel in panels[6::2]])
+    turns = [RollPitchYaw(*np.deg2rad(row[::-1])).ToRotationMatrix() for row in reference.T]
+    assert all(turn.IsNearlyEqualTo(turns[0], 1e-9) for turn in turns)  # written in other angles, but the same
+    lock = "large where Ry is near ±90"
+    assert [panel.get_title(loc="right") for panel in panels[6::2]] == [lock, "", lock]
 
 
 def test_angles_that_go_on_turning_do_not_jump(result, drawn):

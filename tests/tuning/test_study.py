@@ -17,8 +17,8 @@ import yaml
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
+from simrob_drake.files import diagrams_root
 from simrob_drake.folders import alone_in
-from simrob_drake.paths import diagrams_root
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning.doubts import drawn

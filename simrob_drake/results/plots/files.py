@@ -1,7 +1,6 @@
 """The plots of a run as files: joints, tool, a base that is free, and what pieces, sensors and blocks tell."""
 
 from collections.abc import Iterator
-from itertools import cycle, product
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,10 @@ from matplotlib.figure import Figure
 
 from simrob_drake.folders import writing
 from simrob_drake.parts.site import StationRobot
+from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.base_plot import base_figure
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
-from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, is_dense
+from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure, is_dense
 from simrob_drake.results.plots.joint_plots import position_stacks, torque_stacks
 from simrob_drake.results.plots.own import DPI, as_saved
 from simrob_drake.results.plots.tool_plots import tcp_stacks
@@ -22,7 +22,6 @@ from simrob_drake.signals import Panel
 
 _LONG = 10.0  # a run of more than so many seconds whose curves run together is shown a second time, in part
 _DETAIL = 3.0  # seconds of that part
-_LOOKS = [(colour, line) for line, colour in product(("-", "--", ":"), COLOURS)]
 _WIDTH, _HEIGHT = 9.0, 1.8  # inches, of a figure and of a frame
 _ENTRY, _HANDLE, _CHARACTER = 0.18, 0.45, 0.065  # inches: height of a legend's entry, width of its line and letters
 
@@ -94,7 +93,7 @@ def _stack(result: RecordedRun, panel: Panel) -> Stack:
     scale = np.rad2deg(1.0) if panel.label.endswith("[rad]") else 1.0  # angles are read in degrees
     curves = [
         Curve(scale * result[column], _part(column), colour, max(first - 0.3 * place, 0.8), line)
-        for place, (column, (colour, line)) in enumerate(zip(panel.columns, cycle(_LOOKS), strict=False))
+        for place, (column, (colour, line)) in enumerate(zip(panel.columns, looks(len(panel.columns)), strict=True))
     ]
     return Stack(panel.title, [Plot(panel.label.replace("[rad]", "[deg]"), curves, max(_HEIGHT, _ENTRY * len(curves)))])
 

@@ -17,17 +17,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from simrob_drake.frames import Vector
+from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 
-COLOURS = ("#1f6fb4", "#e08214", "#4d9221", "#8c2d7a", "#01a0a0", "#8c510a", "#f4729b", "0.35")
-"""Of curves that share a frame."""
-
-VALUE, REFERENCE, ERROR = COLOURS[0], COLOURS[1], COLOURS[3]
+VALUE, REFERENCE, ERROR = COLOURS[:3]
 ERROR_HEIGHT = 0.65
 """Of the plot of an error under that of its value [inches]."""
-
-RED = "#b2182b"
-"""The colour of notes, of limits, and of a run's stop and its reason."""
 
 Span = tuple[float, float]
 """Begin and end of the time that is shown [s]."""
@@ -49,7 +44,7 @@ _INK = 25.0  # curves that go up and down more often than this per plot are draw
 class Curve:
     """A signal over the time of a run: its values, shape (m,), what the legend calls it, and its looks.
 
-    Its weight is the width of its line, as a part of the usual; its line is matplotlib's "-", "--" or ":".
+    Its weight is the width of its line, as a part of the usual; its line is matplotlib's "-", "--", "-." or ":".
     """
 
     values: Vector
