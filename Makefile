@@ -9,10 +9,10 @@ export OPENBLAS_NUM_THREADS ?= 1
 # The tests start some hundred processes: none of them is to compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-long lint types check bench fuzz wheel pictures hooks lock clean
+.PHONY: demo test test-long lint types check bench fuzz wheel docs docs-serve pictures hooks lock clean
 
 demo: $(READY)  ## run the main job and print where its recording is
-	$(BIN)/simrob run irb120_dynamic --out runs/demo --force
+	$(BIN)/simrob demo
 
 test: $(READY)  ## run all tests, or those of TESTS=...
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)
@@ -37,6 +37,14 @@ fuzz: $(READY)  ## give a thousand hostile files and options to the command line
 
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --outdir dist .
+
+docs: $(READY)  ## build the site of docs/ in both languages into build/site; warnings are errors
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict --config-file mkdocs.es.yml
+	$(BIN)/python -m docs.site.links build/site
+
+docs-serve: docs  ## show the site on this machine
+	$(BIN)/python -m http.server --bind 127.0.0.1 --directory build/site 8000
 
 pictures: $(READY)  ## renew the block pictures beside the stations, the schemas, and the pictures of README and docs
 	$(BIN)/python -m simrob_drake.results.block_diagram.picture

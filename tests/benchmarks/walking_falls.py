@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from simrob_drake import simulate
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.registry import load_gaits

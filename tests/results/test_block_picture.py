@@ -17,7 +17,7 @@ from pydrake.systems.primitives import (
 from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.events import EventTimes, SteadySteps
 from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
-from simrob_drake.paths import diagrams_root
+from simrob_drake.files import diagrams_root
 from simrob_drake.results.block_diagram import picture as block_picture
 from simrob_drake.results.block_diagram.dot import dot_text
 from simrob_drake.results.block_diagram.graph import BlockGraph
