@@ -12,7 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: demo test test-long lint types check bench fuzz wheel docs docs-serve pictures hooks lock clean
 
 demo: $(READY)  ## run the main job and print where its recording is
-	$(BIN)/simrob run irb120_dynamic --out runs/demo --force
+	$(BIN)/simrob demo
 
 test: $(READY)  ## run all tests, or those of TESTS=...
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)

@@ -1,4 +1,4 @@
-"""Give a simulator the solver of a station, and say before a run what it cannot take: unstable servos, stops to creep through."""
+"""Give a simulator the solver of a station, and say before a run what it cannot take: steps, servos, stops."""
 
 from __future__ import annotations
 
