@@ -1,4 +1,4 @@
-"""Write results/verdicts.md, the verdicts of the package's stations as they are: ``python docs/verdicts.py`` renews it."""
+"""Write results/verdicts.md, the verdicts of the stations of the package: ``python docs/verdicts.py`` renews it."""
 
 from pathlib import Path
 from typing import Any
