@@ -121,3 +121,11 @@ def test_every_page_stands_in_the_navigation():
 def test_the_spanish_site_is_built_as_the_english_one():
     spanish = yaml.safe_load((ROOT / "mkdocs.es.yml").read_text(encoding="utf-8"))
     assert (spanish["INHERIT"], spanish["docs_dir"], spanish["theme"]["language"]) == ("mkdocs.yml", "docs/es", "es")
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "results").glob("*.md")), ids=lambda page: page.stem)
+def test_every_table_of_results_says_its_command(page):
+    whole, *sections = re.split(r"^#{2,} ", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    command = re.compile(r"`(simrob|python|make) [^`]+`")
+    assert all("|---" not in text or command.search(text) for text in sections), page
+    assert "| ---" not in whole or command.search(whole)
