@@ -24,6 +24,7 @@ from simrob_drake.constants import STANDARD_GRAVITY
 from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.files import read_columns
 from simrob_drake.frames import Vector
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 
 BALL = 0.9048  # kg
@@ -274,7 +275,7 @@ def picture(trace: BounceTrace, found: Identified, file: Path) -> Path:
     figure, ((axes,),) = panels("a ball that bounces, measured and computed", size=(9, 4))
     axes.plot(trace.times, 1e3 * trace.heights, ".", markersize=3, color="0.6", label="measured")
     text = f"computed with {found.stiffness:.4g} N/m and {found.dissipation:.3g} s/m"
-    axes.plot(trace.times, 1e3 * found.heights, color="#1f6fb4", label=text)
+    axes.plot(trace.times, 1e3 * found.heights, color=COLOURS[0], label=text)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("lowest point of the ball over the floor [mm]")
     return save_figure(figure, file)

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from simrob_drake import LeggedRobot, SimulationResult
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 
-LOOKS = {"right": ("-", "#1f6fb4", 2.5), "left": ("--", "#e08214", 1.5), "neck": ("-", "0.35", 2.0)}
+LOOKS = {"right": ("-", COLOURS[0], 2.5), "left": ("--", COLOURS[1], 1.5), "neck": ("-", COLOURS[2], 2.0)}
 
 
 def run() -> SimulationResult:

@@ -14,11 +14,12 @@ from simrob_drake import SimulationResult, simulate
 from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.sequences import posing, standing_height
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 from simrob_drake.results.record.walks import locomotion
 
 AREAS = ("A", "B", "C")
-LINES = {"A": ("#1f6fb4", "-", 1.5), "B": ("#e08214", "-", 1.5), "C": ("#2a8f57", "--", 2.5)}
+LINES = {"A": (COLOURS[0], "-", 1.5), "B": (COLOURS[1], "-", 1.5), "C": (COLOURS[2], "--", 2.5)}
 
 
 def run(areas: Sequence[str] = AREAS, duration: float | None = None) -> dict[str, SimulationResult]:

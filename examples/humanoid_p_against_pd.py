@@ -13,6 +13,7 @@ import numpy as np
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.programs.gaits.registry import load_gaits
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 from simrob_drake.results.record.walks import locomotion
 
@@ -49,7 +50,7 @@ def picture(results: dict[str, SimulationResult], file: Path) -> Path:
     """Draw the position in the upper row and the orientation below, a panel for each direction."""
     title = "the step of the thesis with a P and with a PD controller: how the base moves from its start"
     figure, frames = panels(title, 2, 3, size=(12, 6.5), titles=PANELS, sharex=True, sharey="row")
-    for (name, result), style in zip(results.items(), ("#e08214", "#1f6fb4"), strict=True):
+    for (name, result), style in zip(results.items(), COLOURS[1::-1], strict=True):
         for axes, values in zip(frames.flat, base_moves(result).T, strict=True):
             axes.plot(result.times, values, color=style, label=f"{name}: kp 100, kd {CONTROLLERS[name]:g}")
     for axes, label in zip(frames[:, 0], ("position of the base [mm]", "orientation of the base [deg]"), strict=True):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from simrob_drake import LeggedRobot, Program, SimulationResult, Workcell
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 
 PROGRAM = Program.model_validate(
@@ -39,12 +40,12 @@ def main() -> None:
     title = "one program on three humanoids"
     figure, frames = panels(title, 2, 3, size=(11, 6), titles=names, sharex=True, sharey="row")
     for (way_panel, torque_panel), robot in zip(frames.T, robots, strict=True):
-        for tool, colour in (("left_hand", "#1f6fb4"), ("right_foot", "#e08214")):
+        for tool, colour in zip(("left_hand", "right_foot"), COLOURS, strict=False):
             ahead, up = 1e3 * ways(result, robot, tool).T
             way_panel.plot(result.times, ahead, color=colour, label=f"{tool}, ahead")
             way_panel.plot(result.times, up, "--", color=colour, label=f"{tool}, up")
             print(f"{robot.name:10} {tool:10} {ahead[-1]:4.0f} mm ahead, {up[-1]:3.0f} mm up")
-        for axis, colour in (("left_shoulder_pitch", "#4d9221"), ("right_hip_pitch", "#8c2d7a")):
+        for axis, colour in zip(("left_shoulder_pitch", "right_hip_pitch"), COLOURS[2:], strict=False):
             torque_panel.plot(result.times, result[f"{robot.name}.tau.{axis}"], color=colour, label=f"{axis}, torque")
         torque_panel.set_xlabel("time [s]")
     frames[0, 0].set_ylabel("way [mm]")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 
 PUSHES = {
@@ -32,10 +33,9 @@ def run(*, admittance_gain: float = 1000.0, duration: float = 6.0) -> Simulation
 def picture(result: SimulationResult, file: Path) -> Path:
     """Draw the force felt against the force applied, and where the tool went."""
     figure, ((force,), (path,)) = panels("an arm that is guided by hand", 2, size=(10, 7), sharex=True)
-    colours = ("#1f6fb4", "#e08214", "#4d9221")
     felt, tool = result.vector("external_force.hand"), result.pose("tcp")
     applied = result.vector("applied_force.aside") + result.vector("applied_force.back")
-    for axis, colour in enumerate(colours):
+    for axis, colour in enumerate(COLOURS[:3]):
         force.plot(result.times, applied[:, axis], "--", color=colour, label=f"applied {'xyz'[axis]}")
         force.plot(result.times, felt[:, axis], color=colour, label=f"felt {'xyz'[axis]}")
         path.plot(result.times, 1e3 * (tool[:, axis] - tool[0, axis]), color=colour, label="xyz"[axis])

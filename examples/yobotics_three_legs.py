@@ -11,10 +11,11 @@ from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.feet import feet_of
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, three_legs
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 from simrob_drake.results.record.walks import locomotion
 
-ASKED, COLOURS = 0.02, ("#1f6fb4", "#e08214", "#2a8f57", "#8c2d7a")  # ASKED: how high a foot has to be [m]
+ASKED = 0.02  # m; how high a foot has to be
 
 
 def run(seconds: float = 5.0) -> dict[str, SimulationResult]:
@@ -51,7 +52,7 @@ def picture(results: dict[str, SimulationResult], file: Path) -> Path:
         times.append(result.times + number * result.stop_time)  # all take as long
         for foot, height in foot_heights(result, result.times).items():
             heights[foot].append(1e3 * height)
-    for (foot, height), colour in zip(heights.items(), COLOURS, strict=True):
+    for (foot, height), colour in zip(heights.items(), COLOURS, strict=False):
         upper.plot(np.hstack(times), np.hstack(height), color=colour, label=foot.replace("_", " "))
     upper.axhline(1e3 * ASKED, color="0.4", linestyle="--", linewidth=0.9, label="asked for: 20 mm for 5 s")
     upper.set_ylabel("foot over where it stands [mm]")

@@ -32,6 +32,7 @@ ROAD = [
     "learning",
     "simulink",
     "teach",
+    "course",
     "cli",
 ]
 BASE = {

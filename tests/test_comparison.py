@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simrob_drake import load_station, simulate
+from simrob_drake import extras, load_station, simulate
 from simrob_drake.cli.app import run_command
-from simrob_drake.comparison import engines
 from simrob_drake.comparison.account import Account, Quantity, apart, differences, quantities
 from simrob_drake.comparison.engines import _in_mujoco, compare_engines, other_scheme
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
@@ -93,13 +92,13 @@ def test_mujoco_knows_the_torques_of_a_given_motion(tmp_path: Path, capsys: pyte
 
 
 def test_who_cannot_tell_says_why(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(engines, "find_spec", lambda name: None)
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
     told = compare_engines(load_station("bouncing_ball", {"duration": 0.1}))
     assert [one.name for one in told.accounts] == ["Drake, runge_kutta3", "Drake, radau3"]
     assert "arms alone" in told.missing["inverse dynamics"]
     assert "extra mujoco" in told.missing["MuJoCo"]
     assert run_command(["compare", "bouncing_ball", "--set", "duration=0.1"]) == 0
-    assert "MuJoCo: it is not installed" in capsys.readouterr().out
+    assert "MuJoCo: it needs the extra mujoco: pip install" in capsys.readouterr().out
 
 
 def test_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -218,7 +218,7 @@ def test_a_readme_names_all_stations_and_robots(page):
     assert {*station_names(), *robot_names()} <= set(re.findall(r"`(\w+)`", PAGES[page]))
 
 
-@pytest.mark.parametrize("page", ["docs/stations.md", "docs/es/estaciones.md"])
+@pytest.mark.parametrize("page", ["docs/stations.md", "docs/es/stations.md"])
 def test_a_table_of_stations_names_them_all(page):
     rows = re.findall(
         r"^\| \[`(\w+)`\]\([./]+/diagrams/\1\.yaml\) .*/diagrams/\1\.svg\)\) \|$", PAGES[page], re.MULTILINE

@@ -3,6 +3,7 @@
 import ast
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import simrob_drake
@@ -33,7 +34,10 @@ PUBLIC = {
 OF_EQUAL_NAME = 3
 """So many names of classes that modules share have more than one meaning, at most."""
 
-MODULES = {str(file.relative_to(PACKAGE)): ast.parse(file.read_text()) for file in sorted(PACKAGE.rglob("*.py"))}
+
+@cache
+def modules() -> dict[str, ast.Module]:
+    return {str(file.relative_to(PACKAGE)): ast.parse(file.read_text()) for file in sorted(PACKAGE.rglob("*.py"))}
 
 
 def names(tree: ast.AST) -> Iterator[tuple[str, int]]:
@@ -52,19 +56,19 @@ def words(name: str) -> set[str]:
 
 def found(module: str) -> list[str]:
     """Return the names of a module that are to be others, and what they may be."""
-    own = {(Path(module).stem, 0), *names(MODULES[module])}
+    own = {(Path(module).stem, 0), *names(modules()[module])}
     bad = {(line, name, word) for name, line in own for word in words(name) if (module, word) not in PUBLIC}
     bad = {(line, name, word) for line, name, word in bad if word != "figures" or module not in FIGURES}
     return [f"{module}:{line}: {name}; {word}: {INSTEAD[word]}" for line, name, word in sorted(bad)]
 
 
 def test_names_are_the_terms_of_the_field():
-    assert [line for module in MODULES for line in found(module)] == []
+    assert [line for module in modules() for line in found(module)] == []
 
 
 def test_classes_have_names_of_their_own():
     places = defaultdict(list)
-    for module, tree in MODULES.items():
+    for module, tree in modules().items():
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(f"{module}:{node.lineno}")

@@ -1,9 +1,9 @@
 """The command line: ``simrob list | run | walk | act | check | linearize | diagram | import | view | station | teach``.
 
 Exit codes: 0 done, a monitor's stop included; 2 bad input, with one line on the error stream that says what, where and
-what would be right; 3 the simulation diverged, with the partial result saved; 4 an import lost mechanics or, with
-``--strict``, a result has warnings; 130 the user interrupted it. What was simulated until then is saved; what was being
-written is finished, unless the user interrupts again.
+what would be right; 3 the simulation diverged, with the partial result saved; 4 an import lost mechanics,
+with ``--strict`` a result has warnings, or an answer misses a point; 130 the user interrupted it. What was simulated
+until then is saved; what was being written is finished, unless the user interrupts again.
 
 Whatever else fails is told in one line, too, with exit code 2; ``SIMROB_DEBUG=1`` shows its traceback before that.
 """

@@ -30,6 +30,7 @@ _MODULES = {
     **dict.fromkeys(("robots", "teach"), "Robots"),
     **dict.fromkeys(("sweep", "tune", "prove", "pushes"), "Many runs"),
     **dict.fromkeys(("simulink", "engines"), "Exchange and other engines"),
+    "exercises": "Teaching",
 }
 """Those with commands, and under which title the help has them, in its order."""
 
@@ -80,7 +81,14 @@ class _Command(TyperCommand):
         return _shown(super().get_params(ctx))
 
 
-class _Commands(TyperGroup):
+class _Group(TyperGroup):
+    """Commands below one name, whose help shows the types of values alone."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _shown(super().get_params(ctx))
+
+
+class _Commands(_Group):
     """The commands; typer alone would leave without a word when a user interrupts one."""
 
     def __init__(self, **options: Any) -> None:
@@ -89,9 +97,6 @@ class _Commands(TyperGroup):
             name: TyperCommand(name, help=entry.help, rich_help_panel=entry.title) for name, entry in _entries().items()
         }
         super().__init__(**{**options, "commands": named})
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        return _shown(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that is called, whole."""
@@ -108,8 +113,14 @@ class _Commands(TyperGroup):
 def whole_command(name: str) -> Any:
     """Return a command of ``simrob`` by its name, with all of its options."""
     entry = _entries()[name]
-    alone = _typer(add_completion=False)
-    alone.command(name, cls=_Command)(getattr(import_module(f"simrob_drake.cli.{entry.module}"), entry.function))
+    alone, module = _typer(add_completion=False), import_module(f"simrob_drake.cli.{entry.module}")
+    function, parts = getattr(module, entry.function), getattr(module, "SUBCOMMANDS", {}).get(name, {})
+    if parts:
+        alone.callback(cls=_Group, no_args_is_help=True)(function)
+        for part, own in parts.items():
+            alone.command(part, cls=_Command)(own)
+    else:
+        alone.command(name, cls=_Command)(function)
     return typer.main.get_command(alone)
 
 

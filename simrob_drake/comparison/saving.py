@@ -11,6 +11,7 @@ import numpy as np
 from simrob_drake.arguments import as_path
 from simrob_drake.comparison.account import Account, Difference, Quantity, apart, together
 from simrob_drake.folders import filled_at_once
+from simrob_drake.results.colours import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,8 +44,7 @@ def save_comparison(
 
 def _save_picture(accounts: list[Account], found: list[Difference], file: Path) -> None:
     """Draw a panel for each quantity: over time how far each engine is from the first, and both errors as a line."""
-    from simrob_drake.results.plots.grid import COLOURS  # which loads matplotlib
-    from simrob_drake.results.plots.own import panels, save_figure
+    from simrob_drake.results.plots.own import panels, save_figure  # which load matplotlib
 
     first, *others = accounts
     shown = list(dict.fromkeys(one.quantity for one in found))

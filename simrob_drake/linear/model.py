@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import cycle, product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ from pydrake.systems.primitives import LinearSystem
 from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector, finite
+from simrob_drake.results.colours import looks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +26,6 @@ _MATRICES, _POINT, _NAMES = ("A", "B", "C", "D"), ("x0", "u0", "y0"), ("states",
 _POINTS = 600
 _BEYOND = 10.0
 """How many times slower and faster than the slowest and the fastest motion the frequencies go."""
-_LINES = "-", "--", ":"
 
 
 @dataclass(frozen=True)
@@ -196,9 +195,8 @@ def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = No
     """
     from matplotlib.figure import Figure  # it is loaded where it is needed
 
-    from simrob_drake.results.plots.grid import COLOURS, style
+    from simrob_drake.results.plots.grid import style
 
-    looks = cycle((colour, line) for line, colour in product(_LINES, COLOURS))
     chosen = list(_own_pairs(model) if pairs is None else pairs)
     sizes = np.abs(model.poles[model.poles != 0]) / (2 * np.pi)
     slowest, fastest = (sizes.min(), sizes.max()) if sizes.size else (1.0, 1.0)
@@ -207,7 +205,7 @@ def bode_figure(model: LinearModel, pairs: Sequence[tuple[str, str]] | None = No
     magnitude, phase = figure.subplots(2, 1, sharex=True)
     style(magnitude, f"{model.name}: Bode plot")
     style(phase, "")
-    for (source, sink), (colour, line) in zip(chosen, looks, strict=False):
+    for (source, sink), (colour, line) in zip(chosen, looks(len(chosen)), strict=True):
         response = model.part(inputs=[source], outputs=[sink]).response(frequencies)[:, 0, 0]
         size = 20 * np.log10(np.maximum(np.abs(response), 1e-30))
         magnitude.semilogx(frequencies, size, line, color=colour, label=f"{source} → {sink}")

@@ -7,9 +7,8 @@ from typing import Literal
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisValues, with_units
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.units import with_units
 
 MANY = 8
 """How many joints, or figures, are told each for itself."""

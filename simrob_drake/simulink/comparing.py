@@ -15,6 +15,7 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.files import column_names, read_columns
 from simrob_drake.folders import filled_at_once
 from simrob_drake.frames import Vector
+from simrob_drake.results.colours import RED
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulink.values.functions import matrix
 from simrob_drake.simulink.values.workspace import variables_of
@@ -173,7 +174,6 @@ def save_differences(differences: list[SignalDifference], folder: Path | str, *,
 
 
 def _save_picture(found: SignalDifference, file: Path) -> None:
-    from simrob_drake.results.plots.grid import RED  # which loads matplotlib
     from simrob_drake.results.plots.own import panels, save_figure
 
     figure, ((upper,), (lower,)) = panels(found.signal, 2, size=(8, 5), sharex=True, height_ratios=(2, 1))

@@ -18,6 +18,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.site import FromState, Site, StationRobot
 from simrob_drake.signals import Role, Signal, applied_signal
 from simrob_drake.stations.config import JointStops
+from simrob_drake.stations.contact import wire_friction, with_friction
 from simrob_drake.stations.drawing import (
     draw_actuator_servos,
     draw_computed_torque,
@@ -25,7 +26,6 @@ from simrob_drake.stations.drawing import (
     draw_integral,
     draw_servos,
 )
-from simrob_drake.stations.friction import wire_friction, with_friction
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque
 from simrob_drake.stations.solver_config import DiscreteSolver

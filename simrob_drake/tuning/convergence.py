@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from simrob_drake.folders import writing
-from simrob_drake.results.plots.grid import COLOURS, style
+from simrob_drake.results.colours import COLOURS
+from simrob_drake.results.plots.grid import style
 
 _SIZE, _DPI = (7.0, 4.0), 110  # inches
 

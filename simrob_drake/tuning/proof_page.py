@@ -9,7 +9,8 @@ from string import Template
 
 from matplotlib.figure import Figure
 
-from simrob_drake.results.plots.grid import COLOURS, style
+from simrob_drake.results.colours import BAD, COLOURS, GOOD
+from simrob_drake.results.plots.grid import style
 from simrob_drake.tuning.conclusion import START, WON, cost_columns
 from simrob_drake.tuning.measures import UNITS, measured
 from simrob_drake.tuning.study import Parameters
@@ -31,7 +32,6 @@ img { max-width: 100% }
 <h2>What is compared</h2>$compared
 </body></html>
 """)
-_GREEN, _RED = "#2a8f3d", "#c0392b"
 _WIDTH, _HEIGHT, _COLUMNS, _DPI = 4.6, 2.8, 3, 100  # inches of a frame, and frames in a row
 _ASIDE = 0.15  # of the two that are compared, so that their dots stand side by side
 
@@ -49,7 +49,7 @@ def page(title: str, proven: bool, words: Sequence[str], rows: Sequence[Row], of
     first, *others = (escape(words[0]), *(f"<p>{escape(sentence)}</p>" for sentence in words[1:]))
     return _PAGE.substitute(
         title=escape(title),
-        colour=_GREEN if proven else _RED,
+        colour=GOOD if proven else BAD,
         conclusion=f"<p><strong>{first}</strong></p>{''.join(others)}",
         doubts=_table(_by_doubt(rows)),
         measures=_table(_by_measure(rows)),

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
-from simrob_drake.results.plots.grid import COLOURS
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.tuning.push_map import PushMap, push_of
 from simrob_drake.tuning.trial import COMPLETED, Row
 

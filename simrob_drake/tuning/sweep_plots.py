@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from simrob_drake.folders import writing
 from simrob_drake.frames import Vector
-from simrob_drake.results.plots.grid import COLOURS, style
+from simrob_drake.results.colours import COLOURS
+from simrob_drake.results.plots.grid import style
 from simrob_drake.tuning.measures import UNITS, measured
 from simrob_drake.tuning.sweep import Sweep
 from simrob_drake.tuning.trial import COMPLETED, Row

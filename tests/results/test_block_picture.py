@@ -19,8 +19,8 @@ from pydrake.systems.primitives import (
 from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.events import EventTimes, SteadySteps
 from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.files import diagrams_root
 from simrob_drake.parts.controllers import KINDS
-from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram.drawing import Drawing
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.layout import Layout, text_width

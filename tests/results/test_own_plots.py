@@ -5,7 +5,7 @@ import pytest
 from matplotlib.text import Text
 
 from simrob_drake.errors import OutputError, UnknownName
-from simrob_drake.results.plots.grid import COLOURS
+from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 
 TIMES = np.linspace(0.0, 1.0, 20)

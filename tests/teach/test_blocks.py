@@ -5,7 +5,7 @@ import re
 import pytest
 import yaml
 
-from simrob_drake.paths import diagrams_root
+from simrob_drake.files import diagrams_root
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.resolve import resolve

@@ -92,6 +92,7 @@ def test_the_script_gives_the_signals_of_the_page(teach):
 def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it(teach, monkeypatch):
     monkeypatch.setattr(pace, "_PATIENCE", 0.0)
     monkeypatch.setattr(pace, "_SLOWEST", 1e6)
+    monkeypatch.setattr(pace, "_OFTEN", 0.0)
     session, _ = teach("irb120_dynamic")
     told = []
     session.listen(lambda topic: topic == "message" and told.append((session.phase, str(session.message))))

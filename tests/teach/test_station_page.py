@@ -12,7 +12,7 @@ from nicegui import ui
 from nicegui.testing import user_simulation
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.paths import diagrams_root
+from simrob_drake.files import diagrams_root
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.schema import station_schema
 from simrob_drake.teach.pages import station

@@ -195,6 +195,7 @@ class StandingBalance(SampledBlock):
             gyroscope: the angular velocity is given in the axes of the root link.
         """
         self.units = {"offset": "rad", "com": "m", "capture_point": "m"}
+        self.components = dict.fromkeys(("com", "capture_point"), ("ahead", "left"))
         self._support, self._answers, self._gyroscope = support, answers, gyroscope
         self._stepper = StepChooser(steps, period)
         super().__init__(

@@ -35,7 +35,8 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         for output, port in wired[name].outputs.items():
             driven = {"offset": section.axes, "target": section.layered}.get(output)
             axes = robot.axes if driven is None else driven(robot)
-            declare_output(site, name, port, wired[name].units.get(output, "1"), robot, axes, called=output)
+            unit, components = wired[name].units.get(output, "1"), wired[name].components.get(output, ())
+            declare_output(site, name, port, unit, robot, axes, called=output, components=components)
     for name, section in loops.items():
         _connect(builder, site, name, section, wired[name])
     for robot in site.plant.robots.values():

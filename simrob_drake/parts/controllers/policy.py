@@ -24,7 +24,7 @@ from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.network import Network
 from simrob_drake.parts.controllers.support import rotation_of
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
-from simrob_drake.robots.axis_values import PositiveAxisValues
+from simrob_drake.robots.axis_map import PositiveAxisValues
 from simrob_drake.sections import Frequency, Number, Positive
 
 _READS = {"position": "position", "velocity": "velocity", "attitude": "orientation"}

@@ -168,6 +168,7 @@ class WalkingLoop(SampledBlock):
     units = MappingProxyType(
         {"target": "rad", "offset_velocity": "rad/s", "capture": "m", "command": "m/s, m/s, rad/s"}
     )
+    components = MappingProxyType({"capture": ("ahead", "left"), "command": ("ahead", "left", "turn")})
 
     def __init__(
         self, section: Walk, engine: Engine, feet: Sequence[str], posture: Vector, commander: Commander

@@ -20,13 +20,14 @@ from pydrake.multibody.plant import ContactResults
 
 from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.frames import Vector
+from simrob_drake.results.colours import FORCE, SUM_OF_FORCES, rgb
 from simrob_drake.results.record.run import RecordedRun
 
 _ARROW, _RADIUS = 0.12, 0.003  # m: length of the arrow of a typical large force, and its thickness
 _LARGE = 95  # percentile of the forces that is drawn at that length: a blow may be longer
-_SPHERE = Rgba(0.95, 0.35, 0.15, 0.6)  # through which the arrow shows
+_SPHERE = Rgba(*rgb(FORCE), 0.6)  # through which the arrow shows
 _SMALLEST = 0.01  # part of that force that is still drawn
-_SUM = Rgba(0.10, 0.35, 0.80, 0.8)
+_SUM = Rgba(*rgb(SUM_OF_FORCES), 0.8)
 _HEAD = 0.02  # m
 
 _Force = tuple[Vector, Vector]  # where it acts, shape (3,) [m], and its size [N]
@@ -53,6 +54,7 @@ def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, sh
         force_threshold=_SMALLEST * large,
         newtons_per_meter=large / _ARROW,
         radius=_RADIUS,
+        color=Rgba(*rgb(FORCE)),
     )
     arrows = ContactVisualizer(meshcat, params)
     context = arrows.CreateDefaultContext()

@@ -20,6 +20,7 @@ from pydrake.geometry import (
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera
+from simrob_drake.results.colours import PATHS, rgb
 from simrob_drake.results.record.run import RecordedRun
 
 Command = str | dict[str, Any]
@@ -29,7 +30,6 @@ Prefixes = Mapping[str, Role]
 
 _TOP, _BOTTOM = [1.0, 1.0, 1.0], [0.86, 0.88, 0.91]  # background
 _AMBIENT = 1.1  # intensity; Meshcat's own leaves steep faces dark
-_PATH_COLOURS = [Rgba(0.10, 0.35, 0.80, 1.0), Rgba(0.80, 0.10, 0.45, 1.0), Rgba(0.10, 0.55, 0.30, 1.0)]
 _IN_PAGE = re.compile(r'fetch\("data:application/octet-binary;base64,([^"]*)"\)')
 _ASSET = re.compile(r'casAssets\["([^"]*)"\] = "([^"]*)";')
 
@@ -109,7 +109,7 @@ def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> N
     for index, robot in enumerate(result.plant.robots.values()):
         if robot.tcp:
             path: Vector = result.pose("tcp", robot.name)[:, :3].T
-            colour = _PATH_COLOURS[index % len(_PATH_COLOURS)]
+            colour = Rgba(*rgb(PATHS[index % len(PATHS)]))
             meshcat.SetLine(f"tool_path/{robot.name}/{number}", np.asfortranarray(path), rgba=colour)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pydrake.geometry import Role
 
 from simrob_drake.frames import Vector
+from simrob_drake.results import colours
 from simrob_drake.results.animation.drawn import Command, placed
 from simrob_drake.results.animation.scene import ViewedStation
 
@@ -12,7 +13,7 @@ GHOSTS = "/drake/ghosts"
 """Where in Meshcat's tree they hang."""
 SHOWN = "/drake/station"
 """Where what they are copies of does."""
-GOOD, BAD = ("#1f9d6b", 0.3), ("#d1495b", 0.12)
+GOOD, BAD = (colours.GOOD, 0.3), (colours.BAD, 0.12)
 """Colour and opacity of a posture that the robot can take, and of one that it cannot."""
 
 _PLAIN = 0.6  # opacity of a marked one

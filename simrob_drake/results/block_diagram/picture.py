@@ -7,8 +7,8 @@ from pathlib import Path
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.files import diagrams_root
 from simrob_drake.folders import replaced_at_once
-from simrob_drake.paths import diagrams_root
 from simrob_drake.results.block_diagram.drawing import Drawing
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.reading import read_blocks

@@ -8,12 +8,13 @@ from matplotlib.figure import Figure
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.results.plots.grid import COLOURS, Curve, Plot, Stack, grid_figure, style, trusted
+from simrob_drake.results.colours import COLOURS
+from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure, style, trusted
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.walks import headings, tilts
 
 _WIDTH, _LEFT, _RIGHT = 11.0, 0.95, 5.2  # inches: of the figure, and where the path begins and ends beside the curves
-_BLUE, _ORANGE, _GREEN, _PURPLE, _FACING, *_ = COLOURS
+_X, _Y, _Z, _FACING, _TILT, *_ = COLOURS
 _PATH = "0.35"
 _NARROWEST = 0.1  # m: a robot that stands is not shown trembling
 _ARROWS = 8  # along the path
@@ -29,9 +30,9 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
     heading = headings(result.plant, robot, pose)
     yaw = np.rad2deg(heading - heading[0])
     plots = [
-        Plot("x, y [m]", [Curve(pose[:, 0], "x", _BLUE), Curve(pose[:, 1], "y", _ORANGE)]),
-        Plot("height z [m]", [Curve(pose[:, 2], "z", _GREEN)]),
-        Plot("tilt [deg]", [Curve(np.rad2deg(tilts(pose)), "tilt", _PURPLE)]),
+        Plot("x, y [m]", [Curve(pose[:, 0], "x", _X), Curve(pose[:, 1], "y", _Y)]),
+        Plot("height z [m]", [Curve(pose[:, 2], "z", _Z)]),
+        Plot("tilt [deg]", [Curve(np.rad2deg(tilts(pose)), "tilt", _TILT)]),
         Plot("yaw [deg]", [Curve(yaw, "yaw", _FACING)]),
     ]
     figure = grid_figure(result, title, [Stack("over time", plots)], width=_WIDTH, legend=_RIGHT + 0.2)

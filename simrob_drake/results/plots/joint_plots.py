@@ -6,16 +6,17 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.results.plots.grid import ERROR, ERROR_HEIGHT, RED, REFERENCE, VALUE, Curve, Plot, Stack, dashed
+from simrob_drake.results.colours import COLOURS, RED
+from simrob_drake.results.plots.grid import ERROR, ERROR_HEIGHT, REFERENCE, VALUE, Curve, Plot, Stack, dashed
 from simrob_drake.results.record.run import RecordedRun
 
-_SIDES = {"right": ("#4f9bd9", 1.5), "left": ("#35721b", 0.8), "middle": ("0.35", 1.0)}
+_SIDES = {"right": (COLOURS[0], 1.5), "left": (COLOURS[2], 0.8), "middle": (COLOURS[7], 1.0)}
 """Colours and weights of lines, so that both sides are seen where they are equal."""
 _NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one further away would flatten the curve
 _QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SideGroup:
     """An axis, or the right and the left one of a name."""
 

@@ -14,12 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
 from simrob_drake.folders import writing
+from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, plot_format
-from simrob_drake.results.plots.grid import COLOURS, style
+from simrob_drake.results.plots.grid import style
 
 DPI = 110
 """Pixels an inch of pictures that are made of pixels."""
 
+_CURVES = 32  # that differ in colour or kind of line
 _BOLD = FontProperties(size=13, weight="bold")
 _PLAIN: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
@@ -45,9 +47,10 @@ def panels(
     """
     figure = Figure(figsize=size, layout="constrained")
     frames = figure.subplots(rows, columns, squeeze=False, **how)
+    colours, lines = zip(*looks(_CURVES), strict=True)
     for index, axes in enumerate(frames.flat):
         style(axes, titles[index] if index < len(titles) else "")
-        axes.set_prop_cycle(color=COLOURS)
+        axes.set_prop_cycle(color=colours, linestyle=lines)
     figure.set_label(title)  # save_figure() writes it: over a legend, if there is one
     return figure, np.asarray(frames)
 

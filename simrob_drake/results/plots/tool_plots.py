@@ -9,28 +9,32 @@ from simrob_drake.results.record.run import RecordedRun
 
 _PARTS = ("x", "y", "z", "Rz", "Ry", "Rx")
 _PLACE, _ORIENTATION = slice(0, 3), slice(3, 6)
+_ERROR_UNITS = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # mm and deg
+_LOCKED = 80.0  # deg of Ry, from where on small turns are large angles Rz and Rx
+_LOCK = "large where Ry is near ±90"
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a run that diverged
 def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     """Return x, y and z of the tool centre point and its angles Rz, Ry and Rx, each with its reference and error.
 
-    The reference is where the axes' references put the tool, on the root link as it stands. The error of an angle is
-    how far the tool must still turn about that axis of the world.
+    The reference is where the axes' references put the tool, on the root link as it stands. Each error is the
+    reference minus what was reached, of the same number.
     """
     reached, desired = matrices_from_xyz_quaternions(result.pose("tcp", robot.name)), reference_tools(result, robot)
-    poses, references = _steady(poses_from_matrices(reached)), _steady(poses_from_matrices(desired))
-    turns = np.round((poses[0] - references[0]) / (2 * np.pi)) * 2 * np.pi
-    turns[_PLACE] = 0.0
-    shown, targets = _for_users(poses), _for_users(references + np.nan_to_num(turns))
-    errors = np.hstack([1e3 * (desired - reached)[:, :3, 3], np.rad2deg(_turns(reached, desired))[:, ::-1]])
+    poses, references = poses_from_matrices(reached), poses_from_matrices(desired)
+    poses[:, _ORIENTATION] = np.unwrap(poses[:, _ORIENTATION], axis=0)
+    references[:, _ORIENTATION] = _nearest(references[:, _ORIENTATION], poses[:, _ORIENTATION])
+    shown, targets = _for_users(poses), _for_users(references)
+    locked = _LOCK if (np.abs(shown[:, _PARTS.index("Ry")]) > _LOCKED).any() else ""
+    errors = (targets - shown) * _ERROR_UNITS
     stacks = []
     for place, part in enumerate(_PARTS):
         label, unit = ("position [m]", "mm") if place < _PLACE.stop else ("orientation [deg]", "deg")
         curves = [Curve(shown[:, place], "tool centre point", VALUE), dashed(targets[:, place], "reference", REFERENCE)]
-        plots = [Plot(label, curves)]
+        plots = [Plot(label, curves, note=locked if part in ("Rz", "Rx") else "")]
         if result.config.mode == "dynamic":
-            error = Curve(errors[:, place], "error (of angles: about the world's z, y, x)", ERROR)
+            error = Curve(errors[:, place], "error: reference - tool centre point", ERROR)
             plots.append(Plot(f"error [{unit}]", [error], ERROR_HEIGHT))
         stacks.append(Stack(part, plots))
     return stacks
@@ -54,19 +58,13 @@ def reference_tools(result: RecordedRun, robot: StationRobot) -> Vector:
     return matrices
 
 
-def _steady(poses: Vector) -> Vector:
-    """Return pose vectors (m, 6) whose angles do not jump by whole turns."""
-    poses[:, _ORIENTATION] = np.unwrap(poses[:, _ORIENTATION], axis=0)
-    return poses
+def _nearest(angles: Vector, reached: Vector) -> Vector:
+    """Return the angles Rz, Ry and Rx (m, 3) [rad] of the same orientations that lie nearest to those reached."""
+    same = np.stack([angles, angles * (1.0, -1.0, 1.0) + np.pi])
+    same += 2 * np.pi * np.round((reached - same) / (2 * np.pi))
+    first, second = np.abs(same - reached).sum(axis=2)
+    return np.asarray(np.where((second < first)[:, np.newaxis], same[1], same[0]))
 
 
 def _for_users(poses: Vector) -> Vector:
     return np.hstack([poses[:, _PLACE], np.rad2deg(poses[:, _ORIENTATION])])
-
-
-def _turns(reached: Vector, desired: Vector) -> Vector:
-    """Return the rotation vectors (m, 3) [rad] in the world's axes that lead from one set of matrices to another."""
-    turn = desired[:, :3, :3] @ np.swapaxes(reached[:, :3, :3], 1, 2)
-    across = np.stack([turn[:, i, j] - turn[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1) / 2
-    sine, cosine = np.linalg.norm(across, axis=1), (np.trace(turn, axis1=1, axis2=2) - 1) / 2
-    return np.asarray(across * (np.arctan2(sine, cosine) / np.maximum(sine, np.finfo(float).tiny))[:, np.newaxis])

@@ -9,6 +9,7 @@ from typing import Any
 
 from nicegui import context, ui
 
+from simrob_drake.results.colours import looks
 from simrob_drake.teach.pages.phrases import Phrases
 from simrob_drake.teach.pages.words import Words
 from simrob_drake.teach.session import Session
@@ -19,8 +20,8 @@ _POINTS = 120  # of a curve: more than that does not show in it
 _POSE = 7  # numbers of a pose: of these the position is drawn
 _SAME = 1e-9  # s
 _AT_ONCE = 6  # curves of a signal that are drawn until others are chosen
-_COLOURS = ("#2f86d0", "#d97706", "#3f9b2f", "#c44fae", "#d9534f", "#0d9aa0", "#888888", "#8a7fe0")
-"""They can be told apart on white and on black."""
+_LINES: dict[str, Any] = {"-": "solid", "--": "dashed", "-.": [6, 3, 1, 3], ":": "dotted"}
+"""Kinds of line as ECharts calls them."""
 _AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
 Row = tuple[float, Any]
@@ -107,7 +108,9 @@ class _Scope:
         with self._legend:
             for column in chosen:
                 with ui.row().classes("items-center gap-1 no-wrap"):
-                    ui.element("span").style(f"width: 1.2em; height: 3px; background: {_colour(column)}")
+                    colour, line = _style(column)
+                    kind = "dashed" if line == "-." else _LINES[line]
+                    ui.element("span").style(f"width: 1.4em; border-top: 3px {kind} {colour}")
                     ui.label(self._choice.options[column])
         self._drawn = None
 
@@ -122,7 +125,7 @@ class _Scope:
         rows = thinned(newest(ring), _POINTS)
         source = [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
         names = [self._choice.options[column] for column in chosen]
-        self._chart.props["options"] = _picture(names, [_colour(column) for column in chosen], source)
+        self._chart.props["options"] = _picture(names, [_style(column) for column in chosen], source)
 
 
 def _title(t: Words, signal: Mapping[str, Any]) -> str:
@@ -132,8 +135,8 @@ def _title(t: Words, signal: Mapping[str, Any]) -> str:
     return f"{whose}: {words}" if whose and words != signal["title"] else words
 
 
-def _colour(column: int) -> str:
-    return _COLOURS[column % len(_COLOURS)]
+def _style(column: int) -> tuple[str, str]:
+    return looks(column + 1)[column]
 
 
 def short(names: Sequence[str]) -> list[str]:
@@ -170,7 +173,9 @@ def thinned(rows: list[Row], count: int) -> list[Row]:
     return [rows[round(number * (len(rows) - 1) / (count - 1))] for number in range(count)]
 
 
-def _picture(names: Sequence[str], colours: Sequence[str], source: Sequence[Sequence[float]]) -> dict[str, Any]:
+def _picture(
+    names: Sequence[str], shown: Sequence[tuple[str, str]], source: Sequence[Sequence[float]]
+) -> dict[str, Any]:
     """Return what ECharts draws: a curve for each column of the rows behind the first, which is the time [s]."""
     faint = {"splitLine": {"lineStyle": {"color": "#8884"}}, "axisLine": {"lineStyle": {"color": "#888"}}}
     ends = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True}}
@@ -178,10 +183,13 @@ def _picture(names: Sequence[str], colours: Sequence[str], source: Sequence[Sequ
     look = {"type": "line", "showSymbol": False, "silent": True}
     return {
         "animation": False,
-        "color": list(colours),
+        "color": [colour for colour, _ in shown],
         "grid": {"left": 56, "right": 12, "top": 12, "bottom": 40},
         "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax", **name, **faint, **ends},
         "yAxis": {"type": "value", "scale": True, **faint},
         "dataset": {"source": list(source)},
-        "series": [{**look, "name": name, "encode": {"x": 0, "y": row + 1}} for row, name in enumerate(names)],
+        "series": [
+            {**look, "name": name, "encode": {"x": 0, "y": row + 1}, "lineStyle": {"type": _LINES[line]}}
+            for row, (name, (_, line)) in enumerate(zip(names, shown, strict=True))
+        ],
     }

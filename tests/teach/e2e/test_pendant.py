@@ -1,5 +1,6 @@
 """The pendant as its users meet it: a browser in front of ``simrob teach``."""
 
+import os
 import re
 import subprocess
 import sys
@@ -169,7 +170,9 @@ def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_p
     ran(page)
     script, signals = taken(page, "script"), taken(page, "signals")
     run = [sys.executable, str(script)]
-    subprocess.run(run, cwd=tmp_path, check=True, capture_output=True, timeout=120, env={"PYTHONPATH": str(ROOT)})
+    subprocess.run(
+        run, cwd=tmp_path, check=True, capture_output=True, timeout=120, env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
     made = next(tmp_path.rglob("signals.csv"))
     assert made.read_text() == signals.read_text()
     assert "push" in taken(page, "The program (YAML)").read_text()

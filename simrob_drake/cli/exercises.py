@@ -1,0 +1,118 @@
+"""The command of the course: course list, start and check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isinf
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.options import Force
+from simrob_drake.cli.screen import console, errors
+from simrob_drake.course.checking import MEMORY, SECONDS, CheckedPoint, checked_points
+from simrob_drake.course.exercise import Language, exercise_of, exercises
+from simrob_drake.course.measuring import Reading
+
+_ExerciseArgument = Annotated[
+    str, typer.Argument(metavar="EXERCISE", help="A number of `simrob course list`, or the folder of one of your own.")
+]
+_Spoken = Annotated[Language, typer.Option("--language", help="Of titles, templates and points.")]
+_WORDS = {
+    "en": {
+        "ok": "ok", "missing": "missing", "measured": "measured", "asked": "asked", "near": "{} to {}",
+        "most": "at most {}", "least": "at least {}", "unwritten": "not written yet", "points": "{} of {} points hold",
+    },
+    "es": {
+        "ok": "bien", "missing": "falta", "measured": "medido", "asked": "se pide", "near": "de {} a {}",
+        "most": "como mucho {}", "least": "al menos {}", "unwritten": "aún sin escribir",
+        "points": "se cumplen {} de {} puntos",
+    },
+}  # fmt: skip
+
+
+def teaching() -> None:
+    """Work through the course: list its exercises, start an answer, check it."""
+
+
+def list_exercises(language: _Spoken = "en") -> None:
+    """List the exercises, and how long each takes a student."""
+    table = Table("", "exercise", "hours", box=None, pad_edge=False)
+    for entry in exercises():
+        one = entry.exercise
+        table.add_row(str(one.number), one.title.of(language), f"{one.hours:g}")
+    console.print(table)
+
+
+def start(
+    exercise: _ExerciseArgument,
+    out: Annotated[Path, typer.Option(help="Folder that takes the template, as answer.py.")] = Path(),
+    language: _Spoken = "en",
+    force: Force = False,
+) -> None:
+    """Begin an answer: copy the template of an exercise.
+
+    For example:
+
+        simrob course start 3 --out exercise_3
+    """
+    answer = exercise_of(exercise).start(out, language, force=force)
+    console.print(f"answer  {answer}", soft_wrap=True, highlight=False)
+    next_step = f"simrob course check {exercise} {answer} --allow-code"
+    console.print(f"next    {next_step}", soft_wrap=True, highlight=False)
+
+
+def check(
+    exercise: _ExerciseArgument,
+    answer: Annotated[Path, typer.Argument(metavar="ANSWER", help="A Python file, which is run.")],
+    allow_code: Annotated[bool, typer.Option("--allow-code", help="Run the code of the answer.")] = False,
+    language: _Spoken = "en",
+    seconds: Annotated[float, typer.Option(min=1, max=86400, help="That all points may take [s].")] = SECONDS,
+    memory: Annotated[float, typer.Option(min=0.6, max=1000, help="That the answer may take [GB].")] = MEMORY,
+) -> ExitCode:
+    """Measure an answer, in one line a point; the exit code is 0 if all hold, and 4 if one is missing.
+
+    The answer runs in a process of its own, with limits of time and memory.
+
+    For example:
+
+        simrob course check 3 exercise_3/answer.py --allow-code
+    """
+    entry, words = exercise_of(exercise), _WORDS[language]
+    texts, held = entry.exercise.points, 0
+    with errors.status(Text(f"{entry.exercise.title.of(language)}: {answer}")):
+        for point in checked_points(entry, answer, allow_code=allow_code, seconds=seconds, memory=memory):
+            held += point.ok
+            console.print(_line(point, texts[point.name].of(language), words), soft_wrap=True, highlight=False)
+    console.print(words["points"].format(held, len(texts)), highlight=False)
+    return ExitCode.DONE if held == len(texts) else ExitCode.BEYOND
+
+
+def _line(point: CheckedPoint, text: str, words: dict[str, str]) -> Text:
+    """Return what is said of a point: what was asked, and what was measured."""
+    found = point.problem or words["unwritten"]
+    if point.reading is not None:
+        value = _with_unit(f"{point.reading.value:.4g}", point.reading.unit)
+        found = f"{words['measured']} {value}; {words['asked']} {_bounds(point.reading, words)}"
+    mark, style = (words["ok"], "green") if point.ok else (words["missing"], "red")
+    return Text.assemble((f"{mark:8}", style), f"{text}: {found}")
+
+
+def _bounds(reading: Reading, words: dict[str, str]) -> str:
+    kind = "most" if isinf(reading.least) else "least" if isinf(reading.most) else "near"
+    ends = [f"{bound:.4g}" for bound in (reading.least, reading.most) if not isinf(bound)]
+    return _with_unit(words[kind].format(*ends), reading.unit)
+
+
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text} {unit}".strip()
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"course": teaching}
+SUBCOMMANDS: dict[str, dict[str, Callable[..., Any]]] = {
+    "course": {"list": list_exercises, "start": start, "check": check}
+}
