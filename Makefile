@@ -57,6 +57,12 @@ pictures: $(TOOLS)  ## renew the block pictures beside the stations, the schemas
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
 	$(BIN)/simrob walk roid1_dynamic --steps 20 --out runs/docs --force
 	cp runs/docs/film_strip.png docs/roid1_walk.png
+	$(BIN)/simrob compare irb120_force_stop --out runs/engines --force
+	cp runs/engines/engines.png docs/engines.png
+	rm -rf runs/pushes && $(BIN)/simrob pushes zjudancer_dynamic --set gait.name=walk --out runs/pushes
+	cp runs/pushes/pushes.png docs/zjudancer_pushes.png
+	rm -rf runs/gains && $(BIN)/simrob sweep irb120_dynamic --vary servo.kp=log:100:10000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
+	cp runs/gains/plots/map.png docs/gains_map.png
 	-$(BIN)/python -m docs.teach_pictures  # which needs a browser
 
 hooks: $(TOOLS)  ## let git run ruff and mypy before each commit
