@@ -221,9 +221,8 @@ class Layout:
 
     def _stretch(self, bar: Placed) -> None:
         """Let a bar be as high as what it is connected to."""
-        neighbours = [(n, other, comes_in) for n, other, comes_in in self._ends(bar) if abs(other.column - bar.column) == 1]
-        incoming = bar.blocks[0].shape == "mux"
-        ends = [other for _, other, comes_in in neighbours if comes_in == incoming]
+        many = [other for _, other, comes_in in self._ends(bar) if comes_in == (bar.blocks[0].shape == "mux")]
+        ends = [other for other in many if abs(other.column - bar.column) == 1]
         if ends:
             top, bottom = min(end.y for end in ends), max(end.y for end in ends)
             bar.y, bar.height = (top + bottom) / 2, bottom - top + 2 * PITCH
