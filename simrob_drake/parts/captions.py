@@ -15,8 +15,8 @@ MANY = 8
 
 _WIDTH = 26
 
-BlockRole = Literal["reference", "loop", "servo", "robot", "scene", "sensor", "own"]
-"""What a block is for, in the order of the signal flow; it makes the cluster and the colour in the picture."""
+BlockRole = Literal["reference", "loop", "own", "servo", "force", "robot", "scene", "sensor"]
+"""What a block is for, in the order of the signal flow; it makes the column and the colour in the picture."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,16 @@ class Drawn:
         role: what it is for.
         label: its lines.
         robot: whose it is; empty for what the robots share, and where there is one only.
+        inside: what happens in it, one after the other.
+        within: the key of the block whose system does its work, as the plant's does that of servos in its actuators.
     """
 
     key: str
     role: BlockRole
     label: str
     robot: str = ""
+    inside: tuple[str, ...] = ()
+    within: str = ""
 
 
 def wrapped(text: str) -> str:
