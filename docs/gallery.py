@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 
 from simrob_drake import LeggedRobot, SimulationResult, load_station, simulate, station_names
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.animation.pictures import Studio, film_strip
 from simrob_drake.results.whole import joined

@@ -1,4 +1,4 @@
-"""Write verdicts.md, the verdicts of the package's stations as they are: ``python docs/verdicts.py`` renews it."""
+"""Write results/verdicts.md, the verdicts of the stations of the package: ``python docs/verdicts.py`` renews it."""
 
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ COLUMNS = {
 HEADING = """# Verdicts
 
 What becomes of each station of the package when it is run as it is, `simrob run STATION`: the worst of all its axes,
-bodies and feet. [Stations](stations.md#verdict) tells what the measures mean and how a station sets its bounds.
+bodies and feet. [Stations](../stations.md#verdict) tells what the measures mean and how a station sets its bounds.
 `python docs/verdicts.py` writes this page.
 """
 BOARD = {"parent": "world", "pose": [-0.2, -0.2, 0.1, 0, 0, 0]}
@@ -54,7 +54,7 @@ BEFORE = """
 * A piece that is not free and names no parent is refused, with what it could hang on; `simrob check` lists where each
   piece hangs.
 * A first station (`simrob station FILE`) is kept from floor and self, stands on the ends of its legs, and ends at a
-  fall; where no such posture is found, the file and the screen say what it lacks ([Robots](robots.md)).
+  fall; where no such posture is found, the file and the screen say what it lacks ([Robots](../robots.md)).
 * A run that makes less than 0.02 × real time for 5 s says which part holds it up and what to set, as of a parcel that
   is let go on a pallet under `radau3`: the contact of the two, and `solver.scheme=cenic`.
 """
@@ -83,4 +83,4 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    (DOCS / "verdicts.md").write_text(page(), encoding="utf-8")
+    (DOCS / "results" / "verdicts.md").write_text(page(), encoding="utf-8")

@@ -25,6 +25,7 @@ class Panel:
         title: of the panel.
         label: of its upright axis, with the unit.
         columns: of the result.
+        components: what the curves are called; as the columns end unless given.
     """
 
     figure: str
@@ -32,6 +33,7 @@ class Panel:
     title: str
     label: str
     columns: tuple[str, ...]
+    components: tuple[str, ...] = ()
 
 
 class Recorded(Protocol):

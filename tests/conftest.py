@@ -1,7 +1,6 @@
 """What several tests share: a one-joint arm as a URDF text and as a plant, and the plant of the IRB120."""
 
 import gc
-import shutil
 import signal
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
@@ -15,7 +14,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, RotationalInertia, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
@@ -61,19 +60,24 @@ _module: Path | None = None  # whose tests are run
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what needs a program that is not there; look for no rubbish in what the modules before have left."""
+    """Look for no rubbish in what the modules before have left."""
     global _module  # noqa: PLW0603  # a process runs one test at a time
     if item.path != _module:
         _module = item.path
         gc.collect()
         gc.freeze()  # else a third of the time goes into looking through the imported libraries, again and again
-    if item.get_closest_marker("graphviz") and shutil.which("dot") is None:
-        pytest.skip("needs Graphviz, whose program `dot` is not found")
+
+
+BY_THE_CLOCK = ("e2e", "test_server", "test_kills", "test_live", "test_cli_interrupts", "test_study", "test_sweep")
+"""Folders and files whose tests press, kill and await other processes: on a busy machine one may come too late."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the folders whose files take longest, or at the end one process waits for the other."""
     items.sort(key=lambda item: item.path.parent.name not in ("e2e", "tuning"))
+    for item in items:
+        if {item.path.stem, item.path.parent.name} & set(BY_THE_CLOCK):
+            item.add_marker(pytest.mark.flaky(reruns=1))  # said in the last line as "rerun"
 
 
 def pytest_configure() -> None:

@@ -17,7 +17,7 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.tables import _pose_differences
 from simrob_drake.errors import SimrobError
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import load_robot
 
 pytestmark = pytest.mark.usefixtures("no_plots")
@@ -143,7 +143,7 @@ def test_check_tells_what_an_arm_can_carry(capsys):
 
 
 def test_check_shows_a_urdf(capsys):
-    from simrob_drake.paths import models_root
+    from simrob_drake.files import models_root
 
     assert run_command(["check", str(models_root() / "irb120" / "irb120.urdf")]) == 0
     assert "joint_6" in capsys.readouterr().out
@@ -177,7 +177,7 @@ def test_help_keeps_its_units(capsys, command, unit):
 def test_help_has_its_commands_under_titles_and_flags_without_a_type(capsys, asked):
     assert run_command([asked]) == 0
     shown = capsys.readouterr().out
-    titles = ["Stations", "Robots", "Many runs", "Exchange and other engines"]
+    titles = ["Stations", "Robots", "Many runs", "Exchange and other engines", "Teaching"]
     assert re.findall(r"^╭─ ([\w ]+) ─", shown, re.MULTILINE) == ["Options", *titles]
     assert run_command(["run", asked]) == 0
     assert "<bool>" not in shown + capsys.readouterr().out
@@ -414,3 +414,10 @@ def test_check_says_what_a_file_is_that_is_no_station(file, said, capsys):
 def test_check_says_nothing_ok_that_is_none(station, setting, said, capsys):
     assert run_command(["check", station, "--set", setting]) == ExitCode.BAD_INPUT
     assert said in capsys.readouterr().err
+
+
+def test_the_main_job_is_one_command(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):  # the result before is replaced
+        assert run_command(["demo"]) == 0
+        assert (tmp_path / "runs/demo/recording.html").as_uri() in "".join(capsys.readouterr().out.split("\n"))

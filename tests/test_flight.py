@@ -15,7 +15,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.steps import apply_solver
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 SPIN = [1.0, 2.0, 0.5]  # rad/s

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from simrob_drake import station_names
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import robot_names
 from tests.test_readme import PAGES, ROOT
 

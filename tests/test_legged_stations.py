@@ -14,7 +14,7 @@ from simrob_drake.stations.checks import holding_torque
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solve import apply_solver
+from simrob_drake.stations.steps import apply_solver
 
 LEGGED = ("humanoid_dynamic", "roid1_dynamic", "zjudancer_dynamic", "yobotics_dynamic")
 

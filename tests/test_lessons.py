@@ -13,6 +13,7 @@ PAGES = [
     *sorted((ROOT / "docs" / "lessons").glob("0*.md")),
     *sorted((ROOT / "docs" / "es" / "lecciones").glob("0*.md")),
 ]
+LONG = {"tune_it", "humanoid_steps"}
 NUMBER = r"(?<![\w_])-?\d+(?:\.\d+)?(?![\w_])"
 
 pytestmark = pytest.mark.usefixtures("no_plots")
@@ -26,7 +27,10 @@ def page_of(script, language):
     return page.read_text()
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem in LONG else []) for file in SCRIPTS],
+)
 def test_a_lesson_prints_what_its_pages_say(script, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run_path(str(script))["main"]()

@@ -7,7 +7,7 @@ from pathlib import Path
 from simrob_drake import errors
 from tests.modules_passed import modules_passed
 
-BOUNDS = {"Arm.move_j, the first": 99, "Arm.move_j, the second": 70}
+BOUNDS = {"Arm.move_j, the first": 88, "Arm.move_j, the second": 57}
 
 
 def test_moves_pass_few_modules():

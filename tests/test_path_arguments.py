@@ -10,8 +10,8 @@ import pytest
 from simrob_drake import load_station
 from simrob_drake.comparison.saving import save_comparison
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.files import models_root
 from simrob_drake.importer.importing import examine_robot, import_robot, robot_from_file
-from simrob_drake.paths import models_root
 from simrob_drake.robots.catalog import load_robot_file, load_robot_from_urdf
 from simrob_drake.simulink.comparing import read_log, save_differences
 from simrob_drake.simulink.fmi.writing import write_fmu

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from simrob_drake import build_station, load_station, simulate
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.paths import diagrams_root
+from simrob_drake.files import diagrams_root
 from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.stations.checks import holding_torque
 

@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -86,6 +86,8 @@ class SampledBlock(Block):
 
     units: Mapping[str, str] = MappingProxyType({})
     """The unit of each output that is a signal; ``1`` unless named."""
+    components: Mapping[str, Sequence[str]] = MappingProxyType({})
+    """What the numbers of an output are called in pictures, where they are not one for each axis."""
 
     def __init__(
         self,

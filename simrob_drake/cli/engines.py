@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +14,7 @@ from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh
 from simrob_drake.cli.screen import console, errors
 from simrob_drake.cli.simulink import compare_with_log
 from simrob_drake.cli.tables import in_units
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.extras import require
 from simrob_drake.folders import check_folder
 from simrob_drake.stations.config import StationConfig
 
@@ -34,10 +33,7 @@ def export(
 
         simrob export irb120_dynamic --mjcf irb120.xml
     """
-    if find_spec("mujoco") is None:
-        raise InvalidParameter(
-            "simrob export", "without mujoco", "installed with the extra mujoco: simrob-drake[mujoco]"
-        )
+    require("simrob export", "mujoco", "mujoco")
     from simrob_drake.mujoco.export import save_mjcf
 
     for written in save_mjcf(station_from(station, set_), mjcf, step=step, force=force):
@@ -99,7 +95,7 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
     for name, why in found_by.missing.items():
         console.print(f"{name}: {why}", soft_wrap=True, highlight=False)
     if out is not None:
-        save_comparison(found_by.accounts, found, out, force=force)
+        save_comparison(found_by.accounts, found, out, station=config.name, force=force)
         console.print(f"result   {out}", soft_wrap=True, highlight=False)
 
 

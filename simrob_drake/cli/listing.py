@@ -6,7 +6,7 @@ from typing import Any
 from rich.table import Table
 
 from simrob_drake.cli.screen import console
-from simrob_drake.paths import piece_files, robot_files, station_files
+from simrob_drake.files import piece_files, robot_files, station_files
 from simrob_drake.yaml_files import read_yaml
 
 

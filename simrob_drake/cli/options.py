@@ -10,9 +10,9 @@ from typing import Annotated, Any, get_type_hints
 import typer
 from pydantic.fields import FieldInfo
 
+from simrob_drake.files import station_files
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granting
-from simrob_drake.paths import station_files
 from simrob_drake.results.files import Saved
 from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.sections import field_texts, validated

@@ -96,6 +96,16 @@ def run(
     return _converged(result) if converge and code == ExitCode.DONE else code
 
 
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder of the result, which is replaced.")] = Path("runs/demo"),
+) -> int:
+    """Run the main job: an IRB120 moves by joint torque; the recording opens in any browser."""
+    config = station_from("irb120_dynamic", None)
+    saving = Saving(out=out, force=True)
+    folder = prepared_folder(config, saving)
+    return saved(_simulated(config, live=False), folder, saving)
+
+
 @with_import_options("mesh_path", "estimate_inertia", "xacro_arg", "drop_loops")
 def check(
     *,
@@ -146,7 +156,9 @@ def check(
 @with_mesh_path
 def diagram(
     station: StationArgument,
-    out: Annotated[Path | None, typer.Option(help="FILE.svg, .dot or .mmd; DOT on the screen unless given.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="FILE.svg, .png, .pdf, .dot or .mmd; DOT on the screen unless given.")
+    ] = None,
     set_: Settings = None,
     force: Force = False,
     allow_code: AllowCode = False,
@@ -200,4 +212,4 @@ def _converged(result: SimulationResult) -> ExitCode:
     return exit_code(tight)
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"run": run, "check": check, "diagram": diagram}
+COMMANDS: dict[str, Callable[..., Any]] = {"demo": demo, "run": run, "check": check, "diagram": diagram}

@@ -8,7 +8,7 @@ import typer
 
 from simrob_drake.cli.options import AllowCode, with_mesh_path
 from simrob_drake.cli.screen import console
-from simrob_drake.errors import SimrobError
+from simrob_drake.extras import needed
 
 
 @with_mesh_path
@@ -31,10 +31,8 @@ def teach(
 
         simrob teach humanoid
     """
-    try:
+    with needed("the teach pendant", "gui"):
         import nicegui  # noqa: F401
-    except ImportError as problem:
-        raise SimrobError('the teach pendant needs another package: pip install "simrob-drake[gui]"') from problem
     from simrob_drake.teach.server import serve
 
     more = [f"what is taught is kept in {folder}; end with Ctrl+C"]

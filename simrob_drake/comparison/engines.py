@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -12,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from simrob_drake.comparison.account import FINER, Account, Quantity
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import SimrobError
+from simrob_drake.extras import require
 from simrob_drake.frames import Vector
 from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.result import SimulationResult
@@ -92,8 +92,7 @@ def _of_motion(name: str, config: StationConfig) -> Account:
 
 
 def _in_mujoco(name: str, config: StationConfig) -> Account:
-    if find_spec("mujoco") is None:
-        raise SimrobError("it is not installed; the extra mujoco brings it: simrob-drake[mujoco]")
+    require("it", "mujoco", "mujoco")
     from simrob_drake.mujoco.inverse import inverse_run
     from simrob_drake.mujoco.runner import MujocoRunner
 

@@ -8,9 +8,8 @@ from typing import Literal
 from pydantic import Field
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.files import text_of
+from simrob_drake.files import EXERCISE_FILE, exercise_files, text_of
 from simrob_drake.folders import written_at_once
-from simrob_drake.paths import EXERCISE_FILE, exercise_files
 from simrob_drake.sections import Integer, Number, Strict, validated
 from simrob_drake.yaml_files import read_yaml
 

@@ -15,7 +15,7 @@ import yaml
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
-from simrob_drake.files import NotRead, opened, text_of
+from simrob_drake.files import ROBOT_FILE, NotRead, opened, text_of
 from simrob_drake.folders import cache_entry, filled_at_once
 from simrob_drake.importer.gains import first_gains
 from simrob_drake.importer.meshes.places import mesh_files
@@ -31,7 +31,6 @@ from simrob_drake.importer.repairs.materials import repair_materials
 from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.repairs.structure import repair_structure
 from simrob_drake.importer.trees import HOME, KD, KP, Notes, take_notes
-from simrob_drake.paths import ROBOT_FILE
 from simrob_drake.robots.catalog import RobotModel, described_robot, load_robot_from_urdf
 from simrob_drake.robots.urdf import LARGEST_URDF, with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf

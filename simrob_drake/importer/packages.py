@@ -18,9 +18,8 @@ from typing import Any
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidConfig, InvalidModel, UnknownName, shortened
-from simrob_drake.files import NotRead, opened
+from simrob_drake.files import NotRead, diagrams_root, models_root, opened
 from simrob_drake.folders import cache_root
-from simrob_drake.paths import diagrams_root, models_root
 
 MANIFEST = "package.xml"
 MODEL_MANIFEST = "model.config"

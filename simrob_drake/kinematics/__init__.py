@@ -1,6 +1,7 @@
 """Kinematics of a robot: its chain of joints, forward, and inverse by four solvers with one interface."""
 
 from simrob_drake.kinematics.analytic import AnalyticSolver as AnalyticSolver
+from simrob_drake.kinematics.analytic import make_solver as make_solver
 from simrob_drake.kinematics.chain import Chain as Chain
 from simrob_drake.kinematics.chain import UnsupportedChain as UnsupportedChain
 from simrob_drake.kinematics.constrained import ConstrainedSolver as ConstrainedSolver
@@ -15,7 +16,6 @@ from simrob_drake.kinematics.numeric import NumericSolver as NumericSolver
 from simrob_drake.kinematics.poses import Targets as Targets
 from simrob_drake.kinematics.poses import pose_errors as pose_errors
 from simrob_drake.kinematics.poses import pose_matrices as pose_matrices
-from simrob_drake.kinematics.registry import make_solver as make_solver
 from simrob_drake.kinematics.six_axis_arm import NoClosedForm as NoClosedForm
 from simrob_drake.kinematics.solver import Solutions as Solutions
 from simrob_drake.kinematics.solver import Solver as Solver

@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.errors import InvalidConfig, UnknownName, one_of
+from simrob_drake.files import models_root
 from simrob_drake.importer.packages import Border
 from simrob_drake.learning.episode import policies_of
 from simrob_drake.learning.rewards import TERMS
 from simrob_drake.parts.forces.push import Push
-from simrob_drake.paths import models_root
 from simrob_drake.sections import Boolean, Duration, Instant, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station

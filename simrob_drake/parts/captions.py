@@ -7,17 +7,16 @@ from typing import Literal
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisValues, with_units
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.units import with_units
 
 MANY = 8
 """How many joints, or figures, are told each for itself."""
 
 _WIDTH = 26
 
-BlockRole = Literal["reference", "loop", "servo", "robot", "scene", "sensor", "own"]
-"""What a block is for, in the order of the signal flow; it makes the cluster and the colour in the picture."""
+BlockRole = Literal["reference", "loop", "own", "servo", "force", "robot", "scene", "sensor"]
+"""What a block is for, in the order of the signal flow; it makes the column and the colour in the picture."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +28,16 @@ class Drawn:
         role: what it is for.
         label: its lines.
         robot: whose it is; empty for what the robots share, and where there is one only.
+        inside: what happens in it, one after the other.
+        within: the key of the block whose system does its work, as the plant's does that of servos in its actuators.
     """
 
     key: str
     role: BlockRole
     label: str
     robot: str = ""
+    inside: tuple[str, ...] = ()
+    within: str = ""
 
 
 def wrapped(text: str) -> str:

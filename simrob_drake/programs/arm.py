@@ -12,7 +12,7 @@ import numpy.typing as npt
 from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike
-from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.programs.arm_geometry import ArmGeometry
 from simrob_drake.programs.arm_program import perform, rehearse
 from simrob_drake.programs.automatic import pace_of, run_cells

@@ -11,8 +11,8 @@ from pydrake.math import RigidTransform
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector, as_transform
+from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
 from simrob_drake.programs.branches import Branch, Branches
 from simrob_drake.programs.cell_robot import CellRobot

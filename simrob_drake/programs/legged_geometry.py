@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform
 from simrob_drake.kinematics import Chain, NumericSolver, require
-from simrob_drake.kinematics.registry import SolverLike, solver_for
+from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.programs.cell_robot import CellRobot
 from simrob_drake.programs.stateful_station import one_posture
 from simrob_drake.programs.targets import PoseTargets, is_place, is_single, world_poses

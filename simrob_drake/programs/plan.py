@@ -11,8 +11,7 @@ from pydrake.trajectories import Trajectory
 
 from simrob_drake.errors import shortened
 from simrob_drake.frames import Vector
-from simrob_drake.programs.segments import named_point
-from simrob_drake.programs.trajectories import Stretch, trajectory
+from simrob_drake.programs.segments import Stretch, named_point, trajectory
 
 Check = Literal["nothing", "limits", "collision"]
 """What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions."""

@@ -4,7 +4,7 @@ from typing import Unpack
 
 import numpy.typing as npt
 
-from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.programs.moves.move_c import plan_move_c
 from simrob_drake.programs.moves.move_j import plan_move_j

@@ -14,8 +14,8 @@ from pydrake.math import RigidTransform
 from simrob_drake.arguments import whole
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector
+from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.checks import check_limits, check_rates
 from simrob_drake.programs.plan import Check, Plan, target_name

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.programs.gaits.registry import Gaits
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel

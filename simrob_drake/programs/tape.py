@@ -13,8 +13,8 @@ from pydrake.math import RigidTransform
 from simrob_drake.arguments import seconds
 from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.programs.plan import Plan
+from simrob_drake.programs.segments import Stretch, trajectory
 from simrob_drake.programs.targets import WorkObject, pose_numbers
-from simrob_drake.programs.trajectories import Stretch, trajectory
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import ReferenceLike, simulate

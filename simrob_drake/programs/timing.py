@@ -13,8 +13,7 @@ from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, numbers
 from simrob_drake.programs.checks import rate_ratio
 from simrob_drake.programs.plan import Check, Plan
-from simrob_drake.programs.segments import Segment
-from simrob_drake.programs.trajectories import Stretch, by_law
+from simrob_drake.programs.segments import Segment, Stretch, by_law
 
 POINT_TIME = 0.1
 """Time that a point of a move takes unless something else is asked [s]; Ts in SimRob."""

@@ -1,18 +1,21 @@
-"""Between the axes of a robot, in their order and sense, and the joints of a plant that holds it."""
+"""The axes of a robot: their order, names and units, and how values are laid out over them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import AfterValidator
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, ModelInstanceIndex
 from pydrake.systems.framework import Context
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
+from simrob_drake.sections import Number
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,3 +125,55 @@ class AxisMap:
         matrix = np.zeros((len(places), columns))
         matrix[np.arange(len(places)), places] = self.signs
         return matrix
+
+
+AxisValues = Number | list[Number] | dict[str, Number]
+"""One number for all axes, a list in axis order, or a mapping by axis name or alias."""
+
+
+def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
+    """Check every number of values per axis; ``meaning`` says which are accepted."""
+
+    def checked(values: AxisValues) -> AxisValues:
+        listed = values.values() if isinstance(values, dict) else values if isinstance(values, list) else [values]
+        if not all(map(accepts, listed)):
+            raise ValueError(meaning)
+        return values
+
+    return AfterValidator(checked)
+
+
+NotNegativeAxisValues = Annotated[AxisValues, every_axis(lambda value: value >= 0, "it must not be negative")]
+PositiveAxisValues = Annotated[AxisValues, every_axis(lambda value: value > 0, "it must be positive")]
+
+
+@dataclass(frozen=True)
+class AxisUnit:
+    """In what an axis is measured.
+
+    Attributes:
+        size: of a user's unit of position in SI.
+        name: of the user's unit, and ``si`` of the one that Drake has.
+        effort: unit of its torque or force.
+        digits: how its positions are written.
+    """
+
+    size: float
+    name: str
+    si: str
+    effort: str
+    digits: str
+
+    def shown(self, position: float) -> str:
+        """Return a position [rad or m] in the user's unit: "110.0 deg"."""
+        return f"{position / self.size:{self.digits}} {self.name}"
+
+
+REVOLUTE = AxisUnit(float(np.deg2rad(1.0)), "deg", "rad", "N·m", ".1f")
+PRISMATIC = AxisUnit(1.0, "m", "m", "N", ".4g")
+
+
+def with_units(values: Vector, units: Sequence[str], written: Callable[[Vector], str]) -> str:
+    """Return values (n,) or (n, k) as ``written`` writes them, those of each unit together with it."""
+    kinds = list(dict.fromkeys(units))
+    return ", ".join(f"{written(values[[unit == kind for unit in units]])} {kind}" for kind in kinds)

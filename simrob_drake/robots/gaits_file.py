@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import RobotModel, robot_names
 from simrob_drake.sections import Number, validated
 from simrob_drake.yaml_files import read_yaml

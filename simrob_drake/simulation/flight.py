@@ -9,8 +9,8 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from simrob_drake.stations.solve import bound_steps
 from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.stations.steps import bound_steps
 
 _IN_FLIGHT = (1e-3, 1e-3)
 """Longest step [s] and coarsest accuracy: a humanoid that moves its legs then keeps its momentum within 0.1 %."""

@@ -11,8 +11,7 @@ from simrob_drake.progress import Advance
 from simrob_drake.simulation.slow import Slow
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solve import controlled_by
-from simrob_drake.stations.steps import DISCRETE
+from simrob_drake.stations.steps import DISCRETE, controlled_by
 
 _OVER = 100  # steps
 _CREEPING = 1e-5

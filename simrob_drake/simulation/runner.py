@@ -17,8 +17,7 @@ from simrob_drake.parts.forces.push import Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.arguments import ReferencesLike, by_robot, with_duration, with_pushes
-from simrob_drake.simulation.built import StationDiagrams
-from simrob_drake.simulation.by_hand import ByHand, Hands
+from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
 from simrob_drake.simulation.fork import Fork
 from simrob_drake.simulation.run import OnStep, Run
 from simrob_drake.simulation.stepping import Stepper, Ticks

@@ -25,9 +25,8 @@ from simrob_drake.results.record.state import State
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solve import apply_solver, controlled_by
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
-from simrob_drake.stations.steps import DISCRETE, stiffest
+from simrob_drake.stations.steps import DISCRETE, apply_solver, controlled_by, stiffest
 
 _TRIAL = 0.3  # s of a clock, each
 _GAIN = 3.0

@@ -22,8 +22,7 @@ from simrob_drake.simulation.flight import Flight
 from simrob_drake.simulation.pace import creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solve import apply_solver, controlled_by, stepped_by
-from simrob_drake.stations.steps import likely_cause
+from simrob_drake.stations.steps import apply_solver, controlled_by, likely_cause, stepped_by
 
 _ROUNDING = 1e-9  # s
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition

@@ -6,11 +6,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from simrob_drake.errors import SimrobError
+from simrob_drake.files import ROBOT_FILE
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import resolved
-from simrob_drake.paths import ROBOT_FILE
 from simrob_drake.robots.catalog import RobotModel, load_robot_file
 from simrob_drake.robots.pieces import described_piece
 from simrob_drake.robots.urdf import mesh_file

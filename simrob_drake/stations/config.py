@@ -23,7 +23,7 @@ from simrob_drake.parts.references import ReferenceConfig
 from simrob_drake.parts.references.hold import Hold
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
-from simrob_drake.robots.axis_values import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
+from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.drives import Drives
 from simrob_drake.robots.pieces import FrameSeries
 from simrob_drake.sections import (

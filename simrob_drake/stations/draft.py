@@ -24,9 +24,8 @@ from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solve import apply_solver
 from simrob_drake.stations.stances import Stance, Stances
-from simrob_drake.stations.steps import step_findings
+from simrob_drake.stations.steps import apply_solver, step_findings
 
 _MOVE = 1.5  # s
 _TRIALS = 4  # stances that are tried

@@ -8,8 +8,8 @@ from pydrake.systems.primitives import PassThrough
 from simrob_drake.blocks.events import SteadySteps
 from simrob_drake.blocks.wiring import joined, mapped
 from simrob_drake.parts.site import StationPlant
+from simrob_drake.stations.contact import with_friction
 from simrob_drake.stations.dynamic import add_motion, declare_torque
-from simrob_drake.stations.friction import with_friction
 from simrob_drake.stations.ports import StationPorts
 
 STEP = 0.01

@@ -13,9 +13,9 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from simrob_drake.arguments import as_path, instance
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
+from simrob_drake.files import diagrams_root, station_files
 from simrob_drake.importer.packages import Border
 from simrob_drake.parts import references
-from simrob_drake.paths import diagrams_root, station_files
 from simrob_drake.sections import validated
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.located import located, located_program

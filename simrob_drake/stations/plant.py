@@ -28,8 +28,7 @@ from simrob_drake.parts.targets import FLOOR
 from simrob_drake.robots.drives import add_play
 from simrob_drake.robots.feet import put_on_feet
 from simrob_drake.robots.parse import add_urdf
-from simrob_drake.robots.piece_urdf import FRICTION, add_piece, piece_robot
-from simrob_drake.robots.pieces import TCP
+from simrob_drake.robots.pieces import FRICTION, TCP, add_piece, piece_robot
 from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes

@@ -16,12 +16,12 @@ from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.sensors import SensorConfig
 from simrob_drake.parts.sensors.sampled import SampledSensor
 from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.pieces import TCP, PieceModel
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
-from simrob_drake.stations.piece_sources import piece_of
+from simrob_drake.stations.poses import piece_of
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.solver_config import DiscreteSolver
 from simrob_drake.yaml_files import YAML_SUFFIXES

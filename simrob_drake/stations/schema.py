@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from simrob_drake.files import diagrams_root
 from simrob_drake.parts import forces, monitors, sensors
-from simrob_drake.paths import diagrams_root
 from simrob_drake.stations.config import RobotConfig, StationConfig
 
 SCHEMA_FILE = "station.schema.json"

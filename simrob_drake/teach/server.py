@@ -17,8 +17,8 @@ from fastapi.staticfiles import StaticFiles
 from nicegui import ui
 
 from simrob_drake.errors import OutputError
+from simrob_drake.files import models_root
 from simrob_drake.folders import writing
-from simrob_drake.paths import models_root
 from simrob_drake.results.animation.window import Board, is_short
 from simrob_drake.teach.guard import Guard
 from simrob_drake.teach.pages import shell

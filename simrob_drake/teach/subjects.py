@@ -9,10 +9,10 @@ import yaml
 from pydantic import TypeAdapter
 
 from simrob_drake.errors import InvalidConfig, UnknownName, one_of
+from simrob_drake.files import diagrams_root
 from simrob_drake.folders import written_at_once
 from simrob_drake.importer.packages import is_robot_file, robot_file
 from simrob_drake.parts.sensors import Sensors
-from simrob_drake.paths import diagrams_root
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel, load_robot, robot_names
 from simrob_drake.stations.config import StationConfig

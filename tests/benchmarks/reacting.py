@@ -1,4 +1,4 @@
-"""What walks that are made while they go can do: tables of docs/walking.md.
+"""What walks that are made while they go can do: tables of docs/results/walking.md.
 
 Run it with ``python -m tests.benchmarks.reacting [ROBOT [WHAT | FILE]...]``. WHAT is among the keys of :func:`tasks`,
 or ``falls``; ``WHAT:20`` does it with 20 draws of robot and floor. A FILE of settings, such as

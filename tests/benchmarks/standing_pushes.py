@@ -1,4 +1,4 @@
-"""The largest push of 0.1 s that each humanoid withstands where it stands: tables of docs/standing.md.
+"""The largest push of 0.1 s that each humanoid withstands where it stands: tables of docs/results/standing.md.
 
 Run it with ``python -m tests.benchmarks.standing_pushes [NAME]...``; it takes some minutes. A robot withstands a push
 if it stands as before 3 s later, and so it does after a few smaller ones.

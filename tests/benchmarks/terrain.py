@@ -1,4 +1,4 @@
-"""How a trot crosses seeded fields of steps and a soft patch, with touchdown and without: a table of docs/walking.md.
+"""How a trot crosses seeded fields of steps and a soft patch, with touchdown and without: for docs/results/walking.md.
 
 Run it with ``python -m tests.benchmarks.terrain [FIELDS] [SETTING]...``; twenty fields take some minutes a setting.
 """

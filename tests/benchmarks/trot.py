@@ -1,4 +1,4 @@
-"""What yobotics withstands while it trots by the walking engine, each seed a little other: a table of docs/walking.md.
+"""What yobotics withstands while it trots by the walking engine, each seed a little other: for docs/results/walking.md.
 
 Run it with ``python -m tests.benchmarks.trot [NEWTON [SEEDS [KEY=VALUE]...]]``: pushes of 0.1 s from four sides, each
 seed with a posture off by 0.5°, masses of all links by 5 %, a friction of 0.5 to 1.2, and a phase of the step. With

@@ -1,4 +1,4 @@
-"""How far the robots walk in a minute, with two lengths of steps: the table of docs/walking.md.
+"""How far the robots walk in a minute, with two lengths of steps: the table of docs/results/walking.md.
 
 Run it with ``python -m tests.benchmarks.walking [NAME]...``; it takes some minutes.
 """

@@ -1,4 +1,4 @@
-"""Falls of walking robots, and in how many of them the head meets the floor: a table of docs/walking.md.
+"""Falls of walking robots, and in how many of them the head meets the floor: a table of docs/results/walking.md.
 
 Run it with ``python -m tests.benchmarks.walking_falls [NAME]...``; it takes some minutes. Each seed draws
 a push of 0.1 s from anywhere, at any moment of two steps, how far each joint is off, the mass of each link and the
@@ -20,14 +20,14 @@ from xml.etree import ElementTree
 import numpy as np
 
 from simrob_drake import simulate
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.yaml_files import read_yaml
 
-WITHSTANDS = {  # push of 0.1 s ahead, back, to the left and to the right: docs/walking.md [N]
+WITHSTANDS = {  # push of 0.1 s ahead, back, to the left and to the right: docs/results/walking.md [N]
     "zjudancer walk": (11.0, 18.0, 11.0, 11.0),
     "roid1 walk": (4.0, 7.0, 5.0, 4.0),
     "humanoid walk": (9.5, 11.5, 5.8, 14.0),

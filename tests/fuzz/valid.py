@@ -13,8 +13,8 @@ import trimesh
 from scipy.io import savemat
 
 import simrob_drake
+from simrob_drake.files import diagrams_root, models_root
 from simrob_drake.learning.writing import write_network
-from simrob_drake.paths import diagrams_root, models_root
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
 from simrob_drake.tuning.study import Study

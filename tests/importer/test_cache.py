@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from simrob_drake.errors import InvalidModel
+from simrob_drake.files import models_root
 from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.importer import importing
 from simrob_drake.importer.importing import import_summary, robot_from_file
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.paths import models_root
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
 

@@ -401,7 +401,7 @@ def test_what_makes_another_motion_is_told(tmp_path, here):
 
 def test_without_mujoco_the_way_to_it_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(reading, "find_spec", lambda _: None)
-    with pytest.raises(SimrobError, match=r'needs another package: pip install "simrob-drake\[mujoco\]"'):
+    with pytest.raises(SimrobError, match=r'needs the extra mujoco: pip install "mujoco'):
         imported(tmp_path)
 
 

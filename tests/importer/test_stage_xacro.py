@@ -125,7 +125,7 @@ def test_without_xacro_one_line_says_how(tmp_path, monkeypatch, text):
     monkeypatch.setattr(xacro.importlib.util, "find_spec", lambda name: None)
     path = tmp_path / "arm.xacro"
     path.write_text(text)
-    assert refusal(path).endswith('is a xacro file, which needs another package: pip install "simrob-drake[xacro]"')
+    assert refusal(path).endswith('is a xacro file, which needs the extra xacro: pip install "xacro>=2.1"')
 
 
 def test_a_folder_called_xacro_is_not_taken_for_the_package(tmp_path):

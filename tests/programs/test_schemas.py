@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.schemas import model_schemas

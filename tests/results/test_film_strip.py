@@ -99,7 +99,7 @@ def test_a_video_that_breaks_off_is_said_and_leaves_the_old_one(result, tmp_path
 
 def test_a_missing_package_is_named_with_what_to_type(result, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(SimrobError, match=r'pip install "simrob-drake\[video\]"'):
+    with pytest.raises(SimrobError, match=r'a video needs the extra video: pip install "imageio-ffmpeg>='):
         save_video(result, tmp_path / "run.mp4")
 
 

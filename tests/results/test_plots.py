@@ -351,23 +351,100 @@ def test_sensors_share_a_figure_which_tells_why_the_run_was_stopped(drawn):
 
 
 def test_many_curves_of_a_panel_are_told_apart(standing, drawn):
-    axes = standing.plant.robots["robot"].axes
-    columns = tuple(f"tau.{axis}" for axis in axes)
+    axes = standing.plant.robots["robot"].axes[:-1]
+    columns = (*(f"tau.{axis}" for axis in axes), "base.z")  # not of the axes alone, which would be drawn one by one
     panels = (
         Panel("own", "a block", "drive", "torque [N·m]", columns),
         Panel("own", "a block", "one", "u", columns[:1]),
     )
-    signals = tuple(Signal(panel.columns, ("1",) * len(panel.columns), "own", panel=panel) for panel in panels)
+    signals = tuple(Signal(panel.columns, ("1",) * len(panel.columns), "motion", panel=panel) for panel in panels)
     figure = drawn(replace(standing, signals=signals))["own"]
     assert "a block" in texts(figure)
     lines = figure.axes[0].get_lines()
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(columns) == 18
     figure.draw_without_rendering()
     legend = figure.axes[0].get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == axes
+    assert [text.get_text() for text in legend.get_texts()] == [*axes, "z"]
     box, frame = legend.get_window_extent(), figure.axes[0].get_window_extent()
     assert frame.x1 <= box.x0 < box.x1 <= figure.bbox.x1
     assert frame.y0 <= box.y0
+
+
+def sheet(run, *entries, role="own"):
+    """Return the run with panels of a block, each a title, columns with their units, and perhaps names of these."""
+    signals = []
+    for title, units, *components in entries:
+        panel = Panel("controller_b", "the block 'b'", title, f"{title} [{', '.join(units.values())}]", tuple(units))
+        panel = replace(panel, components=components[0]) if components else panel
+        signals.append(Signal(panel.columns, tuple(units.values()), role, panel=panel))
+    return replace(run, signals=tuple(signals))
+
+
+def test_what_a_loop_gives_each_axis_is_shown_joint_by_joint(standing, drawn):
+    """Right and left share a panel; those that do not move are named, and numbers that are no axes stand apart."""
+    axes = standing.plant.robots["robot"].axes
+    time = standing.times
+    moved = changed(
+        standing,
+        **{f"q__{axis}": np.full(len(time), 0.3) for axis in axes},
+        **{f"v__{axis}": 1e-3 * np.sin(9 * time) for axis in axes},  # a noise beside what moves
+    )
+    moved = changed(moved, **{f"tau__{axis}": 2.0 for axis in axes})
+    moved = changed(moved, q__right_knee=0.5 + time, v__right_knee=1 + 8 * time, q__left_knee=0.5 - time)
+    run = sheet(
+        moved,
+        ("target", {f"q.{axis}": "rad" for axis in axes}),
+        ("rate", {f"v.{axis}": "rad/s" for axis in axes}),
+        ("height", {"base.z": "m"}),
+        ("effort", {f"tau.{axis}": "N·m" for axis in axes}),
+    )
+    figures = drawn(run)
+    assert {"controller_b", "controller_b_axes"} <= set(figures)
+    target, rate = figures["controller_b_axes"].axes
+    assert target.get_title(loc="left") == "knee"
+    assert (target.get_ylabel(), rate.get_ylabel()) == ("target [deg]", "rate [rad/s]")
+    assert labels(target) == labels(rate) == ["right", "left"]
+    np.testing.assert_allclose(curve(target, "left").get_ydata(), np.rad2deg(0.5 - time))
+    said = texts(figures["controller_b_axes"]).replace("\n", " ")
+    assert "left out, as they hardly change: shoulder_pitch, shoulder_roll, elbow" in said
+    assert "effort of every axis" in said
+    assert "knee" not in said
+    assert figures["controller_b_axes"].get_size_inches()[0] < 7.5
+
+
+def test_constants_of_a_block_are_named_and_its_numbers_have_names_and_units_of_their_own(result, drawn):
+    time = result.times
+    columns = {"tcp.x": "m/s", "tcp.y": "m/s", "tcp.z": "rad"}
+    run = changed(result, tcp__x=time, tcp__y=0.25 + 0 * time, tcp__z=0.1 * time, tau__joint_1=3.0 + 0 * time)
+    run = sheet(run, ("command", columns, ("ahead", "left", "turn")), ("count", {"tau.joint_1": "1"}))
+    figure = drawn(run)["controller_b"]
+    assert [panel.get_ylabel() for panel in figure.axes] == ["command [m/s]", "command [deg]"]
+    assert [labels(panel) for panel in figure.axes] == [["ahead"], ["turn"]]
+    assert "left out, as it does not change: command left 0.25 m/s, count 3" in texts(figure)
+    every = drawn(replace(run, signals=tuple(replace(one, role="motion") for one in run.signals)))["controller_b"]
+    assert [labels(panel) for panel in every.axes] == [["ahead", "left"], ["turn"], ["joint_1"]]
+
+
+def test_what_a_loop_tells_before_its_first_sample_sets_no_scale(result, drawn):
+    target = np.where(result.times > 0, 100.0 + result.times, 0.0)
+    (panel,) = drawn(sheet(changed(result, tcp__x=target), ("target", {"tcp.x": "N"})))["controller_b"].axes
+    assert panel.get_ylim()[0] > 99
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ((0.0, 2.5e-7, 5e-7), ["0", "2.5e-07", "5e-07"]),
+        ((1e9, 1.5e9), ["1e+09", "1.5e+09"]),
+        ((999999.25, 999999.5), ["999999.25", "999999.50"]),
+        ((-0.025, 0.0, 0.025), ["-0.025", "0.000", "0.025"]),
+    ],
+)
+def test_numbers_at_an_axis_need_no_power_of_ten_over_it(values, texts, result):
+    stack = Stack("one", [Plot("u", [Curve(result.times, "u", "0")])])
+    shown = grid_figure(result, "numbers", [stack]).axes[0].yaxis.get_major_formatter()
+    assert [text.replace("\N{MINUS SIGN}", "-") for text in shown.format_ticks(list(values))] == texts
+    assert shown.get_offset() == ""
 
 
 def test_a_constant_is_drawn_whatever_its_size(result, drawn):

@@ -13,13 +13,13 @@ from pydrake.multibody.tree import FrameIndex
 from simrob_drake.errors import InvalidConfig, InvalidModel, UnknownName
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.robots.parse import add_urdf
-from simrob_drake.robots.piece_urdf import piece_robot
 from simrob_drake.robots.pieces import (
     PieceModel,
     described_piece,
     load_piece,
     piece_file,
     piece_names,
+    piece_robot,
     weighed,
     with_changes,
 )

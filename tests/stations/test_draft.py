@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from simrob_drake.files import models_root
 from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.importer.options import ImportOptions
-from simrob_drake.paths import models_root
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import draft_station

@@ -255,7 +255,7 @@ def test_the_package_is_quick_to_import_without_the_mesh_library() -> None:
     import subprocess
     import sys
 
-    code = "import sys, simrob_drake.stations.piece_sources; sys.exit('trimesh' in sys.modules)"
+    code = "import sys, simrob_drake.stations.poses; sys.exit('trimesh' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -169,4 +169,4 @@ def test_a_taken_port_or_a_bad_subject_or_language_is_one_line(tmp_path, capsys)
 def test_without_the_extra_one_line_names_it(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "nicegui", None)
     assert run_command(["teach", "irb120"]) == 2
-    assert 'pip install "simrob-drake[gui]"' in capsys.readouterr().err
+    assert 'the teach pendant needs the extra gui: pip install "nicegui>=' in capsys.readouterr().err

@@ -12,7 +12,7 @@ from nicegui import ui
 from nicegui.testing import user_simulation
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.paths import diagrams_root
+from simrob_drake.files import diagrams_root
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.schema import station_schema
 from simrob_drake.teach.pages import station
@@ -206,6 +206,10 @@ def test_the_blocks_of_a_picture_are_buttons():
     assert drawn.startswith("<svg")
     assert drawn.count('role="button"') == drawn.count('tabindex="0"') == len(labels)
     assert drawn.count('aria-pressed="true"') == 1
+
+
+def test_a_picture_is_never_too_small_to_be_read():
+    assert '<svg style="min-width: calc(0.9 * 1316px); max-width: calc(2 * 1316px)" ' in with_buttons(SVG)
 
 
 def test_both_languages_have_the_words():

@@ -17,8 +17,8 @@ import yaml
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, OutputError, SimrobError
+from simrob_drake.files import diagrams_root
 from simrob_drake.folders import alone_in
-from simrob_drake.paths import diagrams_root
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.tuning.doubts import drawn
@@ -238,7 +238,7 @@ def test_several_costs_end_as_a_front_of_trades(tmp_path):
 def test_gaussian_processes_need_torch(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     costs, *_ = bowl(3)
-    with pytest.raises(SimrobError, match="method gp needs other packages: pip install"):
+    with pytest.raises(SimrobError, match="method gp needs the extra rl: pip install"):
         search("gp", np.full(6, 0.8), costs, together=2, seed=0)
 
 

@@ -18,7 +18,7 @@ from distributed import LocalCluster
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError
-from simrob_drake.paths import diagrams_root
+from simrob_drake.files import diagrams_root
 from simrob_drake.tuning import cluster
 from simrob_drake.tuning.cluster import Cluster
 from simrob_drake.tuning.journal import ROWS

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from simrob_drake.errors import shortened
+from simrob_drake.extras import lacking
 from simrob_drake.files import content_of
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, UnreadableMesh
 from simrob_drake.importer.meshes.parts import mean_colour, usable
@@ -63,7 +64,7 @@ def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: Impo
         InvalidModel: MuJoCo is not installed or refuses it, or it holds no robot.
     """
     if find_spec("mujoco") is None:
-        raise report.refusal("", 'is an MJCF file, which needs another package: pip install "simrob-drake[mujoco]"')
+        raise report.refusal("", lacking("is an MJCF file, which", "mujoco"))
     source = _Source(root, MeshPlaces(path, options.mesh_path), report)
     source.put_in_includes(root)
     if root.find(".//attach") is not None or root.find("asset/model") is not None:

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.errors import InvalidModel, shortened
+from simrob_drake.extras import lacking
 from simrob_drake.files import NotRead, text_of
 from simrob_drake.importer.meshes.places import unknown_package
 from simrob_drake.importer.options import ImportOptions, ImportReport
@@ -49,7 +50,7 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
     """
     package = importlib.util.find_spec("xacro")
     if package is None or package.origin is None:  # a robot's folder of that name has no origin
-        raise report.refusal("", 'is a xacro file, which needs another package: pip install "simrob-drake[xacro]"')
+        raise report.refusal("", lacking("is a xacro file, which", "xacro"))
     path = path.absolute()
     files = _Files({str(path): text}, Border(path, options.mesh_path), report)
     arguments = _arguments(options, report)

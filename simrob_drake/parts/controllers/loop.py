@@ -1,7 +1,7 @@
 """What the kinds of loop share: whom they drive, what they read, and how several mix."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Annotated, ClassVar, Literal, Protocol
 
@@ -18,11 +18,12 @@ from simrob_drake.sections import Integer, Number, Positive, Strict
 
 @dataclass(frozen=True)
 class Wired:
-    """A loop in a diagram: its ports by name, and the units of its outputs; ``1`` unless named."""
+    """A loop in a diagram: its ports by name, units of its outputs, ``1`` unless named, and names of their numbers."""
 
     inputs: Mapping[str, InputPort]
     outputs: Mapping[str, OutputPort]
     units: Mapping[str, str]
+    components: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 ASKED = "asked"
@@ -44,6 +45,8 @@ class LoopSection(Strict):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()
     """Inputs of robots that it drives beside the reference."""
+    stages: ClassVar[tuple[str, ...]] = ()
+    """What it does at each sample, one after the other, as the block picture shows it."""
     uppermost: ClassVar[bool] = False
     """Whether it lies above all others, whatever their priorities."""
 
@@ -117,7 +120,10 @@ class LoopSection(Strict):
         inputs = [block.get_input_port(index) for index in range(block.num_input_ports())]
         outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
         return Wired(
-            {port.get_name(): port for port in inputs}, {port.get_name(): port for port in outputs}, block.units
+            {port.get_name(): port for port in inputs},
+            {port.get_name(): port for port in outputs},
+            block.units,
+            block.components,
         )
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:

@@ -28,8 +28,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
 from simrob_drake.parts.monitors.force_limit import force_limit
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
-from simrob_drake.robots.axis_map import AxisMap
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisMap, AxisValues
 from simrob_drake.sections import NotNegative, Positive
 
 _GUARDS, _WARNS, _GIVES_WAY, _STOPPED = 0.0, 1.0, 2.0, 3.0
@@ -43,6 +42,8 @@ class MotorProtection(LoopSection):
     """
 
     uppermost: ClassVar[bool] = True
+
+    stages: ClassVar[tuple[str, ...]] = ("Heat of the motors", "Stage\nwatch, give way, stop", "Offsets of the joints")
 
     kind: Literal["motor_protection"]
     limit: AxisValues | None = None

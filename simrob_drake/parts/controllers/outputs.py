@@ -19,11 +19,12 @@ def declare_output(
     axes: Collection[str] | None = None,
     *,
     called: str = "",
+    components: Sequence[str] = (),
 ) -> None:
     """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
 
     Of a robot's axes those are told that are named. It is called as its port is unless said. Units that differ are
-    told one by one, as "m/s, rad/s".
+    told one by one, as "m/s, rad/s". Pictures call its numbers by the names of its components, if there are any.
     """
     called = called or port.get_name()
     output, size = f"{name}.{called}", port.size()
@@ -33,7 +34,7 @@ def declare_output(
     every = size == 1 or axes is None or by_axis is None
     indices = tuple(index for index, entry in enumerate(entries) if every or entry in (axes or ()))
     names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in indices)
-    panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names)
+    panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names, tuple(components))
     picked = indices if len(indices) < size else None
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(names)
     site.add(output, port, Signal(names, units, "own", output, picked, part=name, panel=panel))

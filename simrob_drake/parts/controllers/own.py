@@ -153,7 +153,8 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
         site.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
         for port in _outputs(block):
             if port.get_name() not in site.inputs:
-                declare_output(site, name, port, str(getattr(block, "units", {}).get(port.get_name(), "1")))
+                unit, components = (getattr(block, key, {}).get(port.get_name()) for key in ("units", "components"))
+                declare_output(site, name, port, str(unit or "1"), components=components or ())
 
 
 def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -24,7 +24,7 @@ from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.network import Network
 from simrob_drake.parts.controllers.support import rotation_of
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
-from simrob_drake.robots.axis_values import PositiveAxisValues
+from simrob_drake.robots.axis_map import PositiveAxisValues
 from simrob_drake.sections import Frequency, Number, Positive
 
 _READS = {"position": "position", "velocity": "velocity", "attitude": "orientation"}
@@ -34,6 +34,8 @@ _REMEMBERED = ("action", "clock", "goal")
 
 class Policy(LoopSection):
     """A network that was learnt: it observes the robot, and moves its axes from their reference."""
+
+    stages: ClassVar[tuple[str, ...]] = ("Observation", "Network", "Scale of each joint")
 
     kind: Literal["policy"]
     rate: Positive = 50.0

@@ -91,7 +91,7 @@ class FlowForce(Strict):
             builder.Connect(ports[output], block.get_command_input_port())
             site.spatial_forces.append(block.get_spatial_forces_output_port())
             what, unit = ("torque", "N·m") if turns else ("force", "N")
-            site.draw(output, "robot", f"{what.capitalize()} '{name}'\nat {self.at}")
+            site.draw(output, "force", f"{what.capitalize()} '{name}'\nat {self.at}")
             title = f"applied {what} '{name}' at {self.at}, in its axes"
             site.add(output, ports[output], applied_signal(output, unit, title, part=name))
 

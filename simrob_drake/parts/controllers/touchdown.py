@@ -33,6 +33,8 @@ class Touchdown(LoopSection):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
 
+    stages: ClassVar[tuple[str, ...]] = ("Touch of each foot", "Phase\nfollow, hold, stand", "Legs\nseek the ground")
+
     kind: Literal["touchdown"]
     force: Positive = 15.0
     """Force from which a foot touches [N]."""
@@ -85,7 +87,7 @@ class UnknownGround(SampledBlock):
     def __init__(self, section: Touchdown, limbs: Mapping[str, Limb], size: int) -> None:
         """Make the block of a section, for legs by the names of their k feet, of a robot of n axes."""
         period, self.units = 1 / section.rate, {"offset": "rad", "offset_velocity": "rad/s", "feedforward": "N·m"}
-        self._limbs, self._section = dict(limbs), section
+        self._limbs, self._section, self.components = dict(limbs), section, {"phase": tuple(limbs)}
         self._keeps, self._stays = np.exp(-period / section.release), np.exp(-period / section.settle)
         zero, feet = np.zeros(size), np.zeros(len(limbs))
         memory = {"offset": zero, "offset_velocity": zero, "feedforward": zero}

@@ -7,10 +7,10 @@ import numpy as np
 
 from simrob_drake.blocks.monitor import Condition
 from simrob_drake.errors import UnknownName
+from simrob_drake.files import models_root
 from simrob_drake.frames import Vector
 from simrob_drake.parts.monitors.monitor import SensorMonitorSection, worst
 from simrob_drake.parts.site import Surroundings
-from simrob_drake.paths import models_root
 from simrob_drake.sections import Positive, Strict, validated
 from simrob_drake.yaml_files import read_yaml
 

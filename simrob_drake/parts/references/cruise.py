@@ -11,7 +11,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import shown_positions
 from simrob_drake.parts.references.reference import ReferenceSection, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.robots.axis_values import AxisValues, PositiveAxisValues
+from simrob_drake.robots.axis_map import AxisValues, PositiveAxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Instant
 

@@ -9,7 +9,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import shown_positions
 from simrob_drake.parts.references.reference import ReferenceSection, si_positions
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.sections import Strict
 
 

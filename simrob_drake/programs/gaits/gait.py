@@ -12,7 +12,7 @@ from simrob_drake.arguments import number
 from simrob_drake.errors import UnknownName
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.walker import Walker
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Integer, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.walking.parameters import REACTING, Bearing

@@ -8,10 +8,10 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.blocks.references import hermite
+from simrob_drake.files import ROBOT_FILE, models_root
 from simrob_drake.frames import Vector, poses_from_matrices
 from simrob_drake.parts.monitors.fall import Fall
-from simrob_drake.paths import ROBOT_FILE, models_root
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, load_station

@@ -18,7 +18,7 @@ from simrob_drake.programs.gaits.gait import Gait, Pace
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import check_steps, samples
 from simrob_drake.programs.gaits.walker import Walker, mirrored
-from simrob_drake.robots.axis_values import AxisValues
+from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import Boolean, Integer
 

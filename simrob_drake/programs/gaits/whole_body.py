@@ -21,7 +21,7 @@ from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.phases import SAMPLE, GaitPlan
 from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.programs.gaits.zmp import com_from_zmp, whole_body_zmp
-from simrob_drake.rows import parts
+from simrob_drake.results.record.history import parts
 
 AHEAD, LEFT = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 ROUNDS = 4

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Self, cast
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.kinematics.registry import SolverLike, SolverName
+from simrob_drake.kinematics.analytic import SolverLike, SolverName
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.moves.move import ArmStation, Move, Run, plain
 from simrob_drake.programs.plan import Check, Plan

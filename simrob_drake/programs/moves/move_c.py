@@ -7,7 +7,7 @@ from typing import ClassVar
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import Arc, stacked, turn
-from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion, recorded
 from simrob_drake.programs.plan import Plan, target_name
 from simrob_drake.programs.planning import ARC_POINTS, Planning, points_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, ToolMotion, recorded
 from simrob_drake.programs.moves.move_abs_j import plan_move_abs_j
 from simrob_drake.programs.plan import Plan, target_name

@@ -10,7 +10,7 @@ import numpy as np
 
 from simrob_drake.frames import Vector
 from simrob_drake.interpolation import poses as poses_between
-from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.kinematics.analytic import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, ToolMotion, recorded
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning, points_of

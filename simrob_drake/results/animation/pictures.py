@@ -21,7 +21,8 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.extras import needed
 from simrob_drake.folders import replaced_at_once
 from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import (
@@ -150,10 +151,8 @@ def frame_writer() -> Callable[..., Any]:
     Raises:
         SimrobError: the package is not installed.
     """
-    try:
+    with needed("a video", "video"):
         import imageio_ffmpeg
-    except ImportError as problem:
-        raise SimrobError('videos need another package: pip install "simrob-drake[video]"') from problem
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
     return writer
 

@@ -26,7 +26,6 @@ _SYMBOLS = {  # of a station's ports; the first that a signal has is its name
     "feedforward": "τ_ff",
     "external_force": "F",
     "external_torque": "M",
-    "felt_torque": "e",
 }
 _PORT_SYMBOLS = {
     "geometry_pose": "poses",
@@ -73,7 +72,7 @@ class _Reader:
         for name in self._systems:
             self._connect(name)
         self._draw_outputs()
-        self.graph.tidy()
+        self.graph.dissolve_bars()
         for signals in self.graph.arrows.values():
             signals.sort(key=lambda signal: _ORDER.index(signal) if signal in _ORDER else len(_ORDER))
 
@@ -81,9 +80,15 @@ class _Reader:
         place = self._places[name]
         if place is None:
             return
-        new = DrawnBlock(place.key, place.role, place.robot, shape=place.shape)
+        new = DrawnBlock(
+            place.key, place.role, place.robot, shape=place.shape, inside=place.inside, within=place.within
+        )
         block = self.graph.blocks.setdefault(place.key, new)
-        block.systems.append(name)
+        if place.within:  # another system does its work
+            self.graph.connect(place.key, place.within, ["τ"])
+            self.graph.connect(place.within, place.key, _STATE)
+        else:
+            block.systems.append(name)
         if place.label not in block.label:
             block.label = f"{block.label}, {place.label}" if block.label else place.label
 
@@ -92,7 +97,11 @@ class _Reader:
         for index in range(self._systems[name].num_input_ports()):
             if place is not None and (name, index) in self._feeds:
                 for source, signals in self._origins(*self._feeds[name, index]):
-                    self.graph.connect(source, place.key, self._signals(name, "in", index) or signals)
+                    carried = self._signals(name, "in", index) or signals
+                    if carried or place.role != "force" or self.graph.blocks[source].role != "robot":
+                        self.graph.connect(
+                            source, place.key, carried
+                        )  # that a force knows where bodies are goes without
 
     def _origins(self, name: str, output: int) -> list[tuple[str, Signals]]:
         """Return the drawn blocks that an output comes from, through wiring, each with what the signals are called."""
@@ -129,7 +138,7 @@ class _Reader:
         for (system, _, index), aliases in names.items():
             key, robot = f"output {aliases[0]}", self._robot(aliases[0])
             short = sorted((name.removeprefix(f"{robot}.") for name in aliases), key=len)
-            self.graph.blocks[key] = DrawnBlock(key, "sensor", robot, "\n".join(short), "port")
+            self.graph.blocks[key] = DrawnBlock(key, "sensor", robot, " = ".join(short), "port")
             for source, signals in self._origins(system, index):
                 self.graph.connect(source, key, signals)
 
@@ -165,6 +174,8 @@ class SystemPlace:
     label: str = ""
     robot: str = ""  # empty for what the robots share
     shape: Shape = "block"
+    inside: tuple[str, ...] = ()
+    within: str = ""
 
 
 def place_of(name: str, system: System, ports: StationPorts) -> SystemPlace | None:
@@ -176,7 +187,7 @@ def place_of(name: str, system: System, ports: StationPorts) -> SystemPlace | No
     if isinstance(system, _SILENT) or drawn is None:
         return None
     if isinstance(drawn, Drawn):
-        return SystemPlace(drawn.key, drawn.role, drawn.label, drawn.robot)
+        return SystemPlace(drawn.key, drawn.role, drawn.label, drawn.robot, "block", drawn.inside, drawn.within)
     if _is_wire(local, system):
         return None
     bars: list[tuple[type, Shape, str]] = [(Multiplexer, "mux", ""), (Selector, "bus", ""), (Adder, "sum", "+")]

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import Formatter, MaxNLocator
 
 from simrob_drake.frames import Vector
 from simrob_drake.results.colours import COLOURS, RED
@@ -37,6 +37,9 @@ _SMALLEST = {"m": 1e-3, "mm": 0.1, "deg": 0.1, "N": 0.01, "N·m": 0.01, "m/s": 1
 _TRUSTED = 0.95  # the part of a diverging run that sets the scale
 _HUGE = 1e9  # nobody reads larger values off a plot
 _MOST = 48  # stacks of a figure; 300 would take a minute and half a gigabyte
+_PLAIN = 1e-4, 1e6  # numbers from and to which nobody needs powers of ten
+_STILL = 1e-6  # of a value: what differs by less does not differ
+_GREY = "0.35"
 _INK = 25.0  # curves that go up and down more often than this per plot are drawn thin
 
 
@@ -86,6 +89,7 @@ def grid_figure(
     width: float = 8.0,
     legend: float = 0.0,
     span: Span | None = None,
+    remark: str = "",
 ) -> Figure:
     """Draw stacks side by side in rows, under a title, a legend, and the reason of a stop.
 
@@ -97,19 +101,20 @@ def grid_figure(
         width: of the figure, at least [inches].
         legend: room to the right of each stack [inches]; with some, plots of several curves have their legend there.
         span: the part of the run to show; all of it unless given.
+        remark: on what is shown, below the title.
     """
     if len(stacks) > _MOST:
         title, stacks = f"{title}: the first {_MOST} of {len(stacks)}", stacks[:_MOST]
     columns = columns or (len(stacks) if len(stacks) <= 3 else int(np.ceil(np.sqrt(len(stacks)))))
     grid = _Grid(result, stacks, columns)
     grid.draw(span or (0.0, result.stop_time), legends=legend > 0)
-    grid.arrange(title, max(_FRAME, width / columns - 0.8 - legend), legend)
+    grid.arrange(title, max(_FRAME, width / columns - 0.8 - legend), legend, remark)
     return grid.figure
 
 
 def is_dense(plots: Iterable[Plot]) -> bool:
     """Tell whether curves go up and down so often that lines of the usual width would run together; noise does not."""
-    return any(_turns(curve.values, _smallest(plot.label)) > _INK for plot in plots for curve in plot.curves)
+    return any(_turns(curve.values, smallest(plot.label)) > _INK for plot in plots for curve in plot.curves)
 
 
 def style(axes: Axes, title: str) -> None:
@@ -117,7 +122,7 @@ def style(axes: Axes, title: str) -> None:
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=_TICK)
-    axes.ticklabel_format(axis="y", useOffset=False)
+    axes.yaxis.set_major_formatter(_Numbers())
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_title(title, loc="left", fontsize=10, y=1.0)  # matplotlib would measure for a place
 
@@ -125,6 +130,25 @@ def style(axes: Axes, title: str) -> None:
 def trusted(result: RecordedRun, values: Vector) -> Vector:
     """Return the samples, along the last axis, that set a scale: not those that a run diverges with."""
     return values[..., : max(int(_TRUSTED * values.shape[-1]), 1)] if result.stopped_by == DIVERGED else values
+
+
+class _Numbers(Formatter):
+    """Numbers at an axis as they are: no power of ten stands over it, where titles are."""
+
+    def __call__(self, value: float, pos: int | None = None) -> str:
+        """Return one of them."""
+        return f"{value:g}"
+
+    def format_ticks(self, values: Sequence[float]) -> list[str]:
+        """Return what stands at each: as many digits as tell them apart."""
+        largest = max(map(abs, values), default=0.0)
+        step = float(np.diff(np.sort(values)).min()) if len(values) > 1 else largest
+        kind = "f" if largest == 0 or _PLAIN[0] <= largest < _PLAIN[1] else "g"
+        for digits in range(16):
+            texts = [f"{value:.{digits}{kind}}" for value in values]
+            if np.abs(np.array(texts, dtype=float) - values).max(initial=0.0) <= 1e-3 * step:
+                break
+        return [self.fix_minus(text) for text in texts]
 
 
 class _Grid:
@@ -147,7 +171,7 @@ class _Grid:
                 lines = self._draw_curves(axes, plot, within, 0.8 if thin else 1.6)
                 axes.set_xlim(begin, begin + 1.04 * (end - begin)) if end > begin else axes.set_xlim(-0.1, 1.0)
                 axes.tick_params(labelbottom=axes is frames[-1])
-                axes.set_ylabel(plot.label if self._is_labelled(index) else "")
+                axes.set_ylabel(plot.label if self._is_labelled(index) else "", fontsize=9)
                 if not legends:
                     self._explained |= lines
                 elif len(lines) > 1:
@@ -159,14 +183,16 @@ class _Grid:
             for axes in self.figure.axes:
                 self._explained["stop"] = axes.axvline(self._result.stop_time, **looks)
 
-    def arrange(self, title: str, frame: float, legend: float) -> None:
+    def arrange(self, title: str, frame: float, legend: float, remark: str) -> None:
         """Give the figure its head and size, and the frames, of a width [inches], and their labels a place."""
         numbers = max(map(_width_of_numbers, self.figure.axes))
         labels = any(self._is_labelled(index) for index in range(len(self._stacks)) if index % self._columns)
         left, pitch = _MARGIN + _LABEL + numbers, frame + legend + _GAP + numbers + _LABEL * labels
         width = left + (self._columns - 1) * pitch + frame + max(legend, _MARGIN)
-        reason = textwrap.wrap(_reason(self._result), int(14 * width))
-        tops, down = self._tops(_HEAD + _LEGEND * bool(self._explained) + _LINE * len(reason))
+        words = ((remark, _GREY), (self._result.end_in_words if self._result.stopped_by else "", RED))
+        lines = [(line, colour) for text, colour in words for line in textwrap.wrap(text, int(14 * width))]
+        head = _HEAD + _LEGEND * bool(self._explained)
+        tops, down = self._tops(head + _LINE * len(lines))
         height = down + _LABEL
         self.figure.set_size_inches(width, height)
         for index, (stack, frames) in enumerate(zip(self._stacks, self._frames, strict=True)):
@@ -175,7 +201,7 @@ class _Grid:
                 axes.set_position((x / width, y / height, frame / width, plot.height / height))
                 axes.yaxis.set_label_coords(-(numbers + 0.08) / frame, 0.5)
                 axes.xaxis.set_label_coords(0.5, -_BELOW / plot.height)
-        self._write_head(f"{self._result.config.name}: {title}", reason)
+        self._write_head(f"{self._result.config.name}: {title}", lines, head)
 
     def _tops(self, down: float) -> tuple[dict[Axes, float], float]:
         """Return how far below the top of the figure the frames begin, the first row at ``down``, and where all end."""
@@ -190,7 +216,7 @@ class _Grid:
             down += _BELOW - _BETWEEN
         return tops, down
 
-    def _write_head(self, title: str, reason: list[str]) -> None:
+    def _write_head(self, title: str, lines: list[tuple[str, str]], head: float) -> None:
         width, height = self.figure.get_size_inches()
 
         def place(down: float, left: float = _MARGIN) -> Span:
@@ -199,8 +225,8 @@ class _Grid:
         looks: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": place(0.54, 0.1)}
         self.figure.text(*place(0.25), title, va="center", fontsize=13, fontweight="bold")
         _write_legend(self.figure, self._explained, 9, ncols=len(self._explained), **looks)
-        for number, line in enumerate(reason):
-            self.figure.text(*place(0.8 + number * _LINE), line, va="center", fontsize=9, color=RED)
+        for number, (line, colour) in enumerate(lines):
+            self.figure.text(*place(head + 0.05 + number * _LINE), line, va="center", fontsize=9, color=colour)
 
     def _draw_curves(self, axes: Axes, plot: Plot, within: npt.NDArray[np.bool_], width: float) -> dict[str, Line2D]:
         """Draw what a plot shows, with lines of a width [points]; return them by label."""
@@ -226,17 +252,12 @@ def _write_legend(where: Axes | Figure, lines: dict[str, Line2D], size: float, *
     where.legend(list(lines.values()), list(lines), fontsize=size, frameon=False, **place)
 
 
-def _reason(result: RecordedRun) -> str:
-    """Return why a run was stopped, if it was."""
-    by = f"stopped by {result.stopped_by}: " if result.ending == "monitor" else ""
-    return f"{by}{result.message}" if result.stopped_by else ""
-
-
 def _limits(curves: Vector, label: str) -> Span:
     """Return what shows all of the curves, shape (k, m), with some room, but no noise at full height."""
     values = _readable(curves)
     middle = (values.min() + values.max()) / 2
-    half = max(0.54 * np.ptp(values), (_smallest(label) or 1e-6 + 1e-6 * abs(middle)) / 2)
+    still = 1.0 if np.ptp(values) <= _STILL * abs(middle) else 0.0  # a constant, as computed
+    half = max(0.54 * np.ptp(values), (smallest(label) or still + _STILL * abs(middle)) / 2)
     return middle - half, middle + half
 
 
@@ -246,17 +267,19 @@ def _width_of_numbers(axes: Axes) -> float:
     return _DIGIT * max(map(len, texts), default=0) + 0.08
 
 
-def _smallest(label: str) -> float:
+def smallest(label: str) -> float:
     """Return the span of a plot below which curves are noise, by the unit in its label; 0 of units without any."""
     return _SMALLEST.get(label.rpartition("[")[2].rstrip("]"), 0.0)
 
 
-def _turns(values: Vector, smallest: float) -> float:
-    """Return how often a curve goes through its whole height, or through the ``smallest`` span that is shown."""
+def _turns(values: Vector, least: float) -> float:
+    """Return how often a curve goes through its whole height, or through the ``least`` span that is shown."""
     curve = _readable(values)
-    height = max(float(np.ptp(curve)), smallest)
+    height = max(float(np.ptp(curve)), least)
     return float(np.abs(np.diff(curve)).sum() / height) if height > 0 else 0.0
 
 
 def _readable(values: Vector) -> Vector:
-    return np.asarray(np.clip(np.nan_to_num(values), -_HUGE, _HUGE))
+    """Return values that can be read off a plot, one after the other; 0 where there are none."""
+    found = values[~np.isnan(values)]
+    return np.asarray(np.clip(found, -_HUGE, _HUGE)) if found.size else np.zeros(1)

@@ -16,7 +16,7 @@ _NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one furt
 _QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SideGroup:
     """An axis, or the right and the left one of a name."""
 

@@ -15,7 +15,6 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
-from simrob_drake.rows import parts
 
 Rates = Callable[[Vector], Vector]
 RUNAWAY = 1e8
@@ -252,3 +251,11 @@ def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_sl
     return np.asarray(
         left**2 * ((1 + 2 * part) * low + part * low_slope) + part**2 * ((3 - 2 * part) * high - left * high_slope)
     )
+
+
+_PART = 1000
+
+
+def parts(count: int) -> list[slice]:
+    """Cut rows into parts of a thousand, so that what is computed of each takes little memory at once."""
+    return [slice(first, first + _PART) for first in range(0, count, _PART)]

@@ -12,8 +12,7 @@ from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site
-from simrob_drake.results.record.history import PlantSlice, StateHistory, plant_slice
-from simrob_drake.rows import parts
+from simrob_drake.results.record.history import PlantSlice, StateHistory, parts, plant_slice
 
 
 class Sampler:

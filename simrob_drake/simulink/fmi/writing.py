@@ -7,6 +7,7 @@ from pathlib import Path
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, OutputError
+from simrob_drake.extras import needed
 from simrob_drake.folders import replaced_at_once, writing
 from simrob_drake.simulink.fmi.unit import SteppedStation
 from simrob_drake.simulink.writing.names import plain
@@ -73,12 +74,8 @@ def write_fmu(config: StationConfig, target: Path | str, *, force: bool = False)
         InvalidParameter: a kinematic station, a target of another ending, or pythonfmu is not installed.
         OutputError: the file is there, or the disk does not take it.
     """
-    try:
+    with needed("simrob fmu", "fmi"):
         from pythonfmu import FmuBuilder
-    except ImportError as problem:
-        raise InvalidParameter(
-            "simrob fmu", "without pythonfmu", "installed with the extra fmi: simrob-drake[fmi]"
-        ) from problem
     target = as_path(target, "target")
     if target.suffix != ".fmu":
         raise InvalidParameter("--out", str(target), "a file that ends in .fmu")

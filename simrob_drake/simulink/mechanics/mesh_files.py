@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from simrob_drake.extras import lacking
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import mend
 from simrob_drake.importer.meshes.reading import read_mesh
@@ -116,7 +117,7 @@ def load_mesh(file: Path) -> Triangles:
 def _from_step(file: Path, _changed: int) -> Triangles:
     """Return the faces of a STEP file [m], made by a process of its own, which a damaged file may end."""
     if find_spec("cascadio") is None:
-        raise UnreadableMesh("is STEP, which needs: pip install 'simrob-drake[step]'")
+        raise UnreadableMesh(lacking("is STEP, which", "step"))
     with TemporaryDirectory() as folder:
         target = Path(folder) / "part.glb"
         try:

@@ -7,8 +7,8 @@ import numpy as np
 import yaml
 from pydrake.math import RigidTransform
 
+from simrob_drake.files import PIECE_FILE
 from simrob_drake.frames import Vector, pose_from_transform
-from simrob_drake.paths import PIECE_FILE
 from simrob_drake.simulink.mechanics.shapes import Weight
 from simrob_drake.simulink.mechanics.solids import SolidBody, moved, possible_moments, together
 from simrob_drake.simulink.model.nodes import Node

@@ -11,8 +11,8 @@ import yaml
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.constants import STANDARD_GRAVITY
+from simrob_drake.files import PIECE_FILE, ROBOT_FILE
 from simrob_drake.importer.options import ImportReport
-from simrob_drake.paths import PIECE_FILE, ROBOT_FILE
 from simrob_drake.simulink.mechanics.bodies import PUSH
 from simrob_drake.simulink.mechanics.joints import Freedom
 from simrob_drake.simulink.mechanics.solids import SolidBody

@@ -9,7 +9,7 @@ from nicegui import Client, context, ui
 from nicegui.language import Language
 
 from simrob_drake.errors import SimrobError
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.stations.load import station_names
 from simrob_drake.teach.pages import arm, legs, runbar, station, view

@@ -3,7 +3,7 @@
 import pytest
 
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.paths import models_root
+from simrob_drake.files import models_root
 from simrob_drake.programs.gaits.registry import KINDS, Gaits, gaits_of, load_gaits
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.gaits_file import GAITS_FILE
