@@ -243,6 +243,33 @@ def test_a_loop_shows_what_it_does_at_each_sample() -> None:
         assert kind in ("own", "signal_flow") or section.stages, kind
 
 
+def test_a_signal_flow_is_drawn_block_by_block() -> None:
+    of = {"error": {"kind": "sum", "of": [{"q_ref.joint_2": 1, "q.joint_2": -1}]}}
+    of |= {"limit": {"kind": "saturation", "of": "error", "lower": -5, "upper": 5}}
+    law = {"kind": "signal_flow", "blocks": of, "torque": {"joint_2": "limit"}}
+    graph, _ = graph_of(load_station("double_pendulum", {"controllers": {"law": law}}))
+    ends = {source: target for source, target in graph.arrows if "law." in source and "output" not in target}
+    assert ends == {"controller.law.error": "controller.law.limit", "controller.law.limit": "controller.law.torque",
+                    "controller.law.torque": "joint_signals"}  # fmt: skip
+    assert graph.arrows["plant", "controller.law.error"] == ["q"]
+    assert graph.arrows["reference_source", "controller.law.error"] == ["q_ref"]
+    assert ("controller.law.limit", "output law.limit") in graph.arrows
+    assert graph.blocks["controller.law.limit"].label == "limit\nsaturation"
+
+
+@pytest.mark.parametrize("realization", ["per_joint", "vector", "implicit"])
+def test_what_feeds_torques_forward_leads_to_the_servos(realization: str) -> None:
+    law = {"kind": "signal_flow", "torque": {"joint_2": {"one": 1}}}
+    config = load_station("double_pendulum", {"servo.realization": realization, "controllers": {"law": law}})
+    graph, _ = graph_of(config)
+    (servo,) = graph.targets("controller.law.torque")
+    assert graph.blocks[servo].role == "servo"
+    assert servo in graph.targets("reference_source")
+    text = dot_text(graph)
+    assert f'"controller.law.torque" -> "{servo}"' in text
+    assert f'"reference_source" -> "{servo}"' in text
+
+
 def test_of_many_joints_the_first_and_the_last_are_drawn(tmp_path: Path) -> None:
     station = tmp_path / "chain.yaml"
     station.write_text(f"robot: {{urdf: {chain_urdf(tmp_path, 12).name}}}\n", encoding="utf-8")

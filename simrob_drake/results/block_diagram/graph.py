@@ -2,15 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import get_args
 
-from simrob_drake.parts.captions import BlockRole
+from simrob_drake.parts.captions import BlockRole, Shape
 
 ROLES: tuple[BlockRole, ...] = get_args(BlockRole)
 """In the order of the signal flow."""
-
-Shape = Literal["block", "mux", "bus", "port", "sum"]
-"""Of them two are thin bars: a mux brings signals together, a bus hands them out."""
 
 BARS: tuple[Shape, ...] = ("mux", "bus")
 
@@ -88,12 +85,13 @@ class BlockGraph:
         return drawn
 
     def dissolve_bars(self) -> None:
-        """Take out bars that have one source, or one target, in their way; others get the role of their ends."""
+        """Take out bars that do not gather, or hand out, what is alike; the others get the role of their ends."""
         for key in [key for key, block in self.blocks.items() if block.shape in BARS]:
             bar, sources, targets = self.blocks[key], self.sources(key), self.targets(key)
             many = sources if bar.shape == "mux" else targets
-            if len(many) > 1:
-                bar.role = self.blocks[many[0]].role
+            roles = {self.blocks[end].role for end in many}
+            if len(many) > 1 and len(roles) == 1:
+                bar.role = roles.pop()
                 continue
             for source in sources:
                 for target in targets:

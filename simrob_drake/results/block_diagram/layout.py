@@ -21,7 +21,7 @@ _COLUMNS: tuple[tuple[BlockRole, ...], ...] = (
     ("robot",),
     ("sensor", "scene"),
 )
-_GAP, _MARGIN, _BAR, _ROUNDS = 14.0, 7.0, 5.0, 12
+_GAP, _MARGIN, _BAR, _ROUNDS = 14.0, 7.0, 5.0, 13
 _NARROW, _WIDE = " ijl.,:;'|()[]/!frt⋮-", "mwMW@±√ΣΔ%"
 
 
@@ -103,8 +103,9 @@ class Layout:
             self._settle(column, lambda placed: 0.0)
         for turn in range(_ROUNDS):
             self._set_ports()
-            for column in self.columns if turn % 2 == 0 else reversed(self.columns):
-                self._align(column, order=turn < _ROUNDS // 2)
+            ahead = turn % 2 == 0
+            for column in self.columns if ahead else reversed(self.columns):
+                self._align(column, ahead, order=turn < _ROUNDS // 2)
         self._set_ports()
         self._straighten()
 
@@ -190,21 +191,22 @@ class Layout:
         rows = [bar.row(block.key) for block in bar.blocks if block.key in self.nets[number].targets]
         return rows[0], rows[-1]
 
-    def _align(self, column: list[Placed], *, order: bool) -> None:
-        """Place what stands in a column level with what it is connected to in the columns beside it."""
+    def _align(self, column: list[Placed], ahead: bool, *, order: bool) -> None:
+        """Place a column level with what it is connected to: on its left where one goes ahead, else on its right."""
 
         def desired(placed: Placed) -> float:
             if placed.bar:
                 return placed.y
-            near, far = [], []
+            sides: dict[bool, list[float]] = {True: [], False: []}
+            far = []
             for number, other, comes_in in self._ends(placed):
                 there, here = (other.right, placed.left) if comes_in else (other.left, placed.right)
                 if placed.ports or not self._next(placed, other):
                     far.append(other.y)
                 elif not other.ports and not other.force:
                     below = placed.height / 2 + 2 * PITCH if placed.force else 0.0  # of the way of the torques
-                    near.append(other.y + there[number] - here[number] + below)
-            found = near or far
+                    sides[comes_in == ahead].append(other.y + there[number] - here[number] + below)
+            found = sides[True] or sides[False] or far
             return sum(found) / len(found) if found else placed.y
 
         if order:
