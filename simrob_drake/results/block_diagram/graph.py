@@ -1,7 +1,7 @@
 """The blocks and arrows of a block picture."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import get_args
 
 from simrob_drake.parts.captions import BlockRole, Shape
@@ -98,3 +98,18 @@ class BlockGraph:
                     self.connect(source, target, self.arrows[key, target] or self.arrows[source, key])
             self.arrows = {ends: signals for ends, signals in self.arrows.items() if key not in ends}
             del self.blocks[key]
+
+    def folded(self) -> "BlockGraph":
+        """Return it with those outputs of a robot that come from the same blocks as one block."""
+        groups: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        for key, block in self.blocks.items():
+            if block.role == "sensor" and block.shape == "port":
+                groups.setdefault((block.robot, tuple(self.sources(key))), []).append(key)
+        first = {key: keys[0] for keys in groups.values() for key in keys}
+        graph = BlockGraph(self.title, self.description, self.robots)
+        graph.blocks = {key: replace(block) for key, block in self.blocks.items() if first.get(key, key) == key}
+        for keys in groups.values():
+            graph.blocks[keys[0]].label = "\n".join(self.blocks[key].label for key in keys)
+        for (source, target), signals in self.arrows.items():
+            graph.connect(source, first.get(target, target), signals)
+        return graph
