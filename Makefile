@@ -2,7 +2,9 @@
 PYTHON ?= $(shell .ci/python)
 VENV ?= .venv
 BIN := $(VENV)/bin
+# what runs a station, and what tests, checks and documents it besides
 READY := $(VENV)/.ready
+TOOLS := $(VENV)/.tools
 
 # The matrices of a robot are small: more threads only wait for each other.
 export OPENBLAS_NUM_THREADS ?= 1
@@ -14,31 +16,31 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(READY)  ## run the main job and print where its recording is
 	$(BIN)/simrob demo
 
-test: $(READY)  ## run all tests, or those of TESTS=...
+test: $(TOOLS)  ## run all tests, or those of TESTS=...
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)
 
-test-long: $(READY)  ## run those tests that take long or repeat themselves
+test-long: $(TOOLS)  ## run those tests that take long or repeat themselves
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile -m long $(TESTS)
 
-lint: $(READY)
+lint: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(READY)
+types: $(TOOLS)
 	$(BIN)/mypy
 
 check: lint types test
 
-bench: $(READY)  ## measure speed and memory
+bench: $(TOOLS)  ## measure speed and memory
 	$(BIN)/python -m tests.benchmarks
 
-fuzz: $(READY)  ## give a thousand hostile files and options to the command line
+fuzz: $(TOOLS)  ## give a thousand hostile files and options to the command line
 	$(BIN)/python -m tests.fuzz
 
-wheel: $(READY)
+wheel: $(TOOLS)
 	$(BIN)/python -m build --wheel --outdir dist .
 
-docs: $(READY)  ## build the site of docs/ in both languages into build/site; warnings are errors
+docs: $(TOOLS)  ## build the site of docs/ in both languages into build/site; warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict --config-file mkdocs.es.yml
 	$(BIN)/python -m docs.site.links build/site
@@ -46,7 +48,7 @@ docs: $(READY)  ## build the site of docs/ in both languages into build/site; wa
 docs-serve: docs  ## show the site on this machine
 	$(BIN)/python -m http.server --bind 127.0.0.1 --directory build/site 8000
 
-pictures: $(READY)  ## renew the block pictures beside the stations, the schemas, and the pictures of README and docs
+pictures: $(TOOLS)  ## renew the block pictures beside the stations, the schemas, and the pictures of README and docs
 	$(BIN)/python -m simrob_drake.results.block_diagram.picture
 	$(BIN)/python -m simrob_drake.stations.schema
 	$(BIN)/python -m simrob_drake.programs.schemas
@@ -55,9 +57,15 @@ pictures: $(READY)  ## renew the block pictures beside the stations, the schemas
 	cp runs/readme/film_strip.png docs/irb120_dynamic.png
 	$(BIN)/simrob walk roid1_dynamic --steps 20 --out runs/docs --force
 	cp runs/docs/film_strip.png docs/roid1_walk.png
+	$(BIN)/simrob compare irb120_force_stop --out runs/engines --force
+	cp runs/engines/engines.png docs/engines.png
+	rm -rf runs/pushes && $(BIN)/simrob pushes zjudancer_dynamic --set gait.name=walk --out runs/pushes
+	cp runs/pushes/pushes.png docs/zjudancer_pushes.png
+	rm -rf runs/gains && $(BIN)/simrob sweep irb120_dynamic --vary servo.kp=log:100:10000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
+	cp runs/gains/plots/map.png docs/gains_map.png
 	-$(BIN)/python -m docs.teach_pictures  # which needs a browser
 
-hooks: $(READY)  ## let git run ruff and mypy before each commit
+hooks: $(TOOLS)  ## let git run ruff and mypy before each commit
 	$(BIN)/pre-commit install
 
 lock:  ## pin the newest packages that pyproject.toml allows
@@ -69,9 +77,12 @@ $(READY): pyproject.toml requirements.lock requirements-3.11.lock
 	  { echo "simrob_drake needs Python 3.11 or newer; name one: make PYTHON=python3.13 ..."; exit 1; }; \
 	"$$python" -m venv --clear $(VENV)
 	$(BIN)/python -c 'import sys; print("requirements" + "-3.11" * (sys.version_info < (3, 12)) + ".lock")' > $(VENV)/lock
-	$(BIN)/python -m pip install --quiet --requirement "$$(cat $(VENV)/lock)"
-	$(BIN)/python -m pip install --quiet --no-deps --editable .
+	$(BIN)/python -m pip install --quiet --constraint "$$(cat $(VENV)/lock)" --editable .
 	@touch $(READY)
+
+$(TOOLS): $(READY)
+	$(BIN)/python -m pip install --quiet --requirement "$$(cat $(VENV)/lock)"
+	@touch $(TOOLS)
 
 clean:
 	rm -rf $(VENV) .venv-other build dist .mypy_cache .ruff_cache .pytest_cache

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from simrob_drake import extras, load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.comparison.account import Account, Quantity, apart, differences, quantities
 from simrob_drake.comparison.engines import _in_mujoco, compare_engines, other_scheme
+from simrob_drake.comparison.saving import save_comparison
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 
 Q, TAU = Quantity("q", "rad"), Quantity("tau", "N·m")
@@ -112,3 +114,25 @@ def test_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ):
         assert run_command(command) == 2
         assert told in capsys.readouterr().err
+
+
+def test_the_picture_says_in_words_what_is_compared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
+    times = np.linspace(0.0, 1.0, 3)
+    place = Quantity("left.tcp", "m")
+    first, other = (
+        Account(name, times, {Q: part, place: part}, {Q: 0.1, place: 0.1}, "")
+        for name, part in (("Drake", np.zeros((3, 1))), ("MuJoCo", np.ones((3, 1))))
+    )
+    save_comparison([first, other], differences(first, [other]), tmp_path / "out", station="two_arms")
+    (figure,) = figures
+    assert figure.get_label() == "two_arms: difference from Drake, the largest of all axes"
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [
+        "joint positions [rad]",
+        "left: place of the tool [m]",
+    ]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "MuJoCo",
+        "numerical errors of both: below they agree",
+    ]

@@ -1,11 +1,10 @@
 """Put the IRB 120 on the carriage of the belt: ``python models/irb120_on_belt/make_urdf.py [FOLDER]``.
 
-The URDF is made of those of the two robots, so that all figures stand in one place; the arm's meshes are copied.
+The URDF is made of those of the two robots, so that all figures stand in one place; the meshes are the arm's own.
 """
 
 from __future__ import annotations
 
-import shutil
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -18,7 +17,7 @@ NOTE = "\n  Made by make_urdf.py of belt.urdf and irb120.urdf: an ABB IRB 120 on
 
 
 def main(folder: Path = HERE) -> None:
-    """Write the URDF and the meshes into a folder."""
+    """Write the URDF into a folder beside that of the arm."""
     robot = ET.Element("robot", name="irb120_on_belt")
     robot.append(ET.Comment(NOTE))
     belt, arm = (ET.parse(file).getroot() for file in (BELT, ARM))
@@ -28,10 +27,11 @@ def main(folder: Path = HERE) -> None:
     ET.SubElement(mount, "child", link="base_link")
     ET.SubElement(mount, "origin", MOUNT)
     robot.extend(arm)
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", f"../{ARM.parent.name}/{mesh.get('filename')}")
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
     (folder / "irb120_on_belt.urdf").write_text(f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8")
-    shutil.copytree(ARM.parent / "meshes", folder / "meshes", dirs_exist_ok=True)
 
 
 if __name__ == "__main__":

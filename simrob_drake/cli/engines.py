@@ -95,7 +95,7 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
     for name, why in found_by.missing.items():
         console.print(f"{name}: {why}", soft_wrap=True, highlight=False)
     if out is not None:
-        save_comparison(found_by.accounts, found, out, force=force)
+        save_comparison(found_by.accounts, found, out, station=config.name, force=force)
         console.print(f"result   {out}", soft_wrap=True, highlight=False)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from simrob_drake.errors import InvalidModel, one_of, shortened
-from simrob_drake.files import NotRead, text_of
+from simrob_drake.files import NotRead, models_root, text_of
 
 LARGEST_URDF = 10_000_000
 """Of a description [bytes]: published ones stay far below, for meshes are files of their own."""
@@ -149,7 +149,7 @@ def drop_collision(robot: ET.Element) -> None:
 
 
 def mesh_file(uri: str, folder: Path) -> Path:
-    """Return the file of a mesh that is named relative to a folder.
+    """Return the file of a mesh that is named relative to a folder; robots that ship may share theirs.
 
     Raises:
         InvalidModel: it is missing, outside the folder, or in a format that Drake does not read.
@@ -163,7 +163,8 @@ def mesh_file(uri: str, folder: Path) -> Path:
         raise InvalidModel(
             folder, f"mesh '{uri}'", "packages are not resolved here; name the mesh relative to the URDF"
         )
-    if not path.is_relative_to(folder.resolve()):
+    border = models_root() if folder.resolve().is_relative_to(models_root()) else folder.resolve()
+    if not path.is_relative_to(border):
         raise InvalidModel(folder, f"mesh '{uri}'", "lies outside the robot's folder; copy it there")
     if not found:
         raise InvalidModel(folder, f"mesh '{uri}'", f"there is no file {path}")

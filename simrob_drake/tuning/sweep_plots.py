@@ -104,7 +104,7 @@ def _map(first: Variation, second: Variation, axes: Axes, rows: Sequence[Row], n
     axes.set_ylabel(second.key)
     figure = axes.get_figure()
     assert figure is not None  # it was made with one
-    figure.colorbar(image, ax=axes)
+    figure.colorbar(image, ax=axes, label=axes.get_title(loc="left"))
 
 
 def _spread(axes: Axes, rows: Sequence[Row], name: str) -> None:
