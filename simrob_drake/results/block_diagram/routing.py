@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from itertools import permutations
 from typing import NamedTuple
 
-from simrob_drake.results.block_diagram.layout import PITCH, ROW, Layout, Net, Placed, text_width
+from simrob_drake.results.block_diagram.flow import Net
+from simrob_drake.results.block_diagram.layout import PITCH, ROW, Layout, Placed, text_width
 
 Point = tuple[float, float]
 
@@ -61,9 +62,9 @@ class _Far(NamedTuple):
     number: int
     first: int
     last: int
-    upper: bool
-    back: bool
     ends: list[int]
+    back: bool = False
+    upper: bool = True
 
 
 class Routing:
@@ -71,7 +72,7 @@ class Routing:
 
     Attributes:
         lines: of each net.
-        size: width and height of all [px]; the top is at 0.
+        width: of all [px].
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -91,6 +92,11 @@ class Routing:
         self._spread()
         self.lines = [self._drawn(number, net) for number, net in enumerate(layout.nets)]
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """Top and bottom of all [px]."""
+        return min(self._tops), max(self._bottoms)
+
     def _ends(self, number: int, net: Net) -> dict[int, dict[float, Placed]]:
         """Return where a net comes in, by columns."""
         ends: dict[int, dict[float, Placed]] = defaultdict(dict)
@@ -109,8 +115,8 @@ class Routing:
             self._taken[column] += [(number, level) for level in levels]
         ahead, back = ([c for c in ends if c > start], [c for c in ends if c < start])
         upper = all(self._layout.is_upper(placed) for column in back for placed in ends[column].values())
-        tasks = [_Far(number, start, max(ahead), True, False, sorted(ahead))] if ahead else []
-        return tasks + ([_Far(number, min(back), start, upper, True, back)] if back else [])
+        tasks = [_Far(number, start, max(ahead), sorted(ahead))] if ahead else []
+        return tasks + ([_Far(number, min(back), start, back, True, upper)] if back else [])
 
     def _lay(self, far: _Far) -> None:
         """Lay a way: ahead between what is in the way where that has room for it, else over or under it."""
@@ -189,20 +195,16 @@ class Routing:
                     order.insert(order.index(other), one)
         for place, number in enumerate(order):
             trunk = trunks[number]
-            others = [
-                trunks[o].track + 1 for o in order[:place] if _meet(trunk, trunks[o]) or _before(trunks[o], trunk)
-            ]
-            trunk.track = max(others, default=0)
+            left = [trunks[other] for other in order[:place]]
+            trunk.track = max((o.track + 1 for o in left if _meet(trunk, o) or _before(o, trunk)), default=0)
 
     def _spread(self) -> None:
         """Set the places from left to right, and the tracks between them."""
         x, self._tracks = 0.0, list[float]()
         for channel, trunks in enumerate(self._trunks):
             own = [net for net in self._layout.nets if self._layout.places[net.source].column == channel - 1]
-            names = max(
-                (text_width(net.text, 10) + 2 * _LABEL + (_HEAD if net.both else 0) for net in own if net.text),
-                default=0.0,
-            )
+            widths = (text_width(net.text, 10) + 2 * _LABEL + _HEAD * net.both for net in own if net.text)
+            names = max(widths, default=0.0)
             upright = [trunk.track for trunk in trunks.values() if not trunk.level]
             self._tracks.append(x + names + _TRACK)
             x += (names + _TRACK * (max(upright, default=-1) + 2) + _HEAD) if trunks else 0.0
@@ -212,23 +214,13 @@ class Routing:
                 for placed in column:
                     placed.x = x + (width - placed.width) / 2
                 x += width
-        for column in self._layout.columns:
-            for placed in column:
-                placed.y -= min(self._tops)
-        top = min(self._tops)
-        for number, lanes in self._lanes.items():
-            self._lanes[number] = [(level - top, first, last) for level, first, last in lanes]
-        for trunks in self._trunks:
-            for trunk in trunks.values():
-                trunk.from_left = [level - top for level in trunk.from_left]
-                trunk.from_right = [level - top for level in trunk.from_right]
-        self.size = x, max(self._bottoms) - top
+        self.width = x
 
     def _drawn(self, number: int, net: Net) -> Lines:
         """Return the lines of a net."""
         source, lines = self._layout.places[net.source], Lines()
         begin = (source.x + source.width, source.y + source.right[number])
-        lines.label = begin[0] + _LABEL + (_HEAD if net.both else 0), begin[1] - 3.5
+        lines.label = begin[0] + _LABEL + _HEAD * net.both, begin[1] - 3.5
         lanes, trunks = self._lanes[number], {c: t[number] for c, t in enumerate(self._trunks) if number in t}
         upright = {c: self._tracks[c] + _TRACK * trunk.track for c, trunk in trunks.items()}
         lines.ways = [[begin, (upright[source.column + 1], begin[1])]]
