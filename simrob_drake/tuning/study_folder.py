@@ -195,6 +195,8 @@ class StudyFolder:
         return {key: record.rows[0][key] for key in self.study.vary}, *self.study.mean(record.rows)
 
     def _proof(self, workers: Engine) -> list[Row]:
+        if self.study.proof is None:
+            return []
         found = self._runs(workers, [self.study.start, self.best[0]], self.study.proof)
         return [
             {"of": of, **row, **named(self.study.judged(row)[0])}

@@ -1,6 +1,6 @@
 """Steps of environments a second of processor time: ``python -m tests.benchmarks.learning [SECONDS]``.
 
-Each task with its own solver and with the one that its station has, in turns, so that their ratio holds on a busy machine.
+Each task with its own solver and with the one that its station has, in turns, so that a busy machine treats them alike.
 """
 
 from __future__ import annotations
