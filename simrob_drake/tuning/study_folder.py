@@ -140,7 +140,8 @@ class StudyFolder:
                 for _ in self._make(workers_, points[: study.trials - first], add):
                     if move:
                         least = np.min([cost for _, cost in self.trials], axis=0)
-                        move(self._started, f"least cost {', '.join(f'{cost:.4g}' for cost in least)}")
+                        cost = ", ".join(f"{one:.4g}" for one in least)
+                        move(self._started, f"least cost {cost} after {self._started}")
                 if self._started - first < len(points) or self._started == study.trials:
                     raise Enough
                 made = [self._tried[number] for number in range(first + 1, self._started + 1)]
